@@ -30,6 +30,7 @@ from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
+from toolkit.evaluation.joints import visible_joints
 from toolkit.files import save_bytes
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.landmarks.graph import Workspace
@@ -43,7 +44,6 @@ from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.testing.scene_scores import seen_joints
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import ROOT, WORK
@@ -308,7 +308,7 @@ def count_found(recording: Recording, stride: int) -> dict[str, np.ndarray]:
         (sighting,) = finder.find(depth, float(recording.timestamps[i]), {})
         truth = recording.joints[i].astype(np.float64)
         rows = upper.ROWS[[0, *range(upper.HANDS.start, upper.HANDS.stop)]]
-        if not seen_joints(truth, depth / 1000.0, recording.camera)[rows].all():
+        if not visible_joints(truth, depth / 1000.0, recording.camera)[rows].all():
             continue
         step = max(1, sighting.camera.width // WIDTH)
         cloud = Cloud.from_depth(sighting.depth[::step, ::step], sighting.camera.subsampled(step), rotation)

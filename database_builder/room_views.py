@@ -210,7 +210,7 @@ class RoomPainter:
         joints, in_view = np.zeros((len(skeleton.REPORTED), 3)), np.zeros(len(skeleton.REPORTED), dtype=bool)
         if people:
             joints = camera.to_level(people[0].joints)
-            in_view = _seen_joints(joints, corner, inverse, owners)
+            in_view = _in_view(joints, corner, inverse, owners)
         if rng.random() < self._settings.room.cut:
             depth = _cut_out(depth, owners, rng)
         first = int((owner == SUBJECT).argmax()) if people else 0
@@ -301,7 +301,7 @@ def _cosines(level: np.ndarray, faces: np.ndarray, triangle: np.ndarray, corner:
     return np.where(triangle >= 0, np.abs(along) / np.sqrt(1.0 + x * x + y * y), 0.0)
 
 
-def _seen_joints(joints: np.ndarray, corner: np.ndarray, inverse: np.ndarray, owners: np.ndarray) -> np.ndarray:
+def _in_view(joints: np.ndarray, corner: np.ndarray, inverse: np.ndarray, owners: np.ndarray) -> np.ndarray:
     """Bool (20,): joints (20, 3), level frame, inside the image with nothing foreign before them."""
     seen = project_level(joints)
     u, v = np.rint(seen[:, :2] - corner).astype(int).T

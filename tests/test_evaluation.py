@@ -92,15 +92,36 @@ def test_unknown_truth_is_left_out_of_every_figure() -> None:
     assert np.isnan(joints.accuracy_per_joint(errors)[5])
 
 
-def test_a_joint_behind_another_limb_or_outside_the_image_is_hidden() -> None:
-    depth = np.zeros(CAMERA.shape, dtype=np.float32)
-    depth[20:40, 30:50] = 2.0
-    points = np.full((20, 3), np.nan)
-    points[0] = (0.0, 0.0, 2.1)  # inside the torso that is seen
-    points[1] = (0.0, 0.0, 2.6)  # far behind it
-    points[2] = (5.0, 0.0, 2.0)  # outside the image
-    points[3] = (0.7, 0.0, 2.0)  # where nothing was measured
-    assert joints.visible_joints(points, depth, CAMERA).tolist() == [True] + [False] * 19
+def test_a_joint_is_seen_where_a_surface_as_near_as_its_limb_is_thick_is_measured() -> None:
+    depth = np.full(CAMERA.shape, 2.0, dtype=np.float32)
+    depth[:, :20] = 1.0  # something nearer
+    depth[30, 60] = 0.0  # a hole among measurements
+    depth[40:, 50:] = 0.0  # nothing is measured
+    pelvis, hand = skeleton.REPORTED.index("pelvis"), skeleton.REPORTED.index("left_hand")
+    places = {
+        (40, 30, 2.11): (True, True),
+        (40, 30, 2.15): (True, False),
+        (40, 30, 2.3): (False, False),
+        (40, 30, 1.75): (False, False),
+        (10, 30, 2.1): (False, False),
+        (22, 30, 2.1): (True, True),
+        (17, 30, 2.1): (False, False),
+        (60, 30, 2.1): (True, True),
+        (70, 55, 2.1): (False, False),
+        (-1, 30, 2.0): (False, False),
+        (80, 30, 2.0): (False, False),
+        (40, 60, 2.0): (False, False),
+        (40, 30, -1.0): (False, False),
+        (np.nan, 30, 2.0): (False, False),
+    }
+    people = np.full((len(places), 20, 3), np.nan)
+    for person, (u, v, z) in zip(people, places, strict=True):
+        person[[pelvis, hand]] = (u - 40) / 100 * z, (v - 30) / 100 * z, z
+    seen = joints.visible_joints(people, depth, CAMERA)
+    assert seen[:, [pelvis, hand]].tolist() == [list(expected) for expected in places.values()]
+    assert seen.sum() == sum(map(sum, places.values()))
+    np.testing.assert_array_equal(joints.visible_joints(people[1], depth, CAMERA), seen[1])
+    assert not joints.visible_joints(people[:0], depth, CAMERA).size
 
 
 def test_overlap_and_residual_compare_two_depth_images() -> None:

@@ -17,7 +17,7 @@ from toolkit.people.known import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.testing.calibration import calibration_error
 from toolkit.testing.identities import identities_of
-from toolkit.testing.scene_scores import SEEN_REACH, scene_figures, score_scene, seen_joints
+from toolkit.testing.scene_scores import scene_figures, score_scene
 from toolkit.track import EMPTY, TRACKED, Track
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 81, 61)
@@ -57,39 +57,6 @@ def track_of(joints: np.ndarray, state: np.ndarray | int = TRACKED, confidence: 
 def moved(x: float, frames: int = 4) -> np.ndarray:
     """The person standing `x` metres to the right for some frames: (T, 20, 3)."""
     return np.tile(PERSON + [x, 0.0, 0.0], (frames, 1, 1))
-
-
-def test_a_joint_is_seen_where_the_first_surface_on_its_ray_is_near_it() -> None:
-    depth = np.full(CAMERA.shape, 2.0, dtype=np.float32)
-    depth[:, :20] = 1.0  # something nearer
-    depth[30, 60] = 0.0  # a hole among measurements
-    depth[40:, 50:] = 0.0  # nothing is measured
-    at = np.array(
-        [
-            [40, 30, 2.1],
-            [40, 30, 2.3],
-            [40, 30, 1.85],
-            [10, 30, 2.1],
-            [60, 30, 2.1],
-            [70, 55, 2.1],
-            [81, 30, 2.0],
-            [40, 30, -1],
-        ]
-    )
-    joints = np.stack([(at[:, 0] - 40) / 100 * at[:, 2], (at[:, 1] - 30) / 100 * at[:, 2], at[:, 2]], axis=1)
-    expected = [True, False, True, False, True, False, False, False]
-    assert seen_joints(joints, depth, CAMERA).tolist() == expected
-    joints[0] = np.nan
-    assert seen_joints(joints[None], depth, CAMERA).tolist() == [[False, *expected[1:]]]
-
-
-@settings(deadline=None)
-@given(st.floats(-0.19, 0.19), st.floats(-0.14, 0.14), st.floats(1.7, 2.3))
-def test_seen_is_measured_along_the_ray(x: float, y: float, z: float) -> None:
-    joint = np.array([x * z, y * z, z])
-    surface = joint * 2.0 / z
-    seen = seen_joints(joint[None], np.full(CAMERA.shape, 2.0, dtype=np.float32), CAMERA)[0]
-    assert bool(seen) == bool(np.linalg.norm(surface - joint) <= SEEN_REACH)
 
 
 @settings(deadline=None)

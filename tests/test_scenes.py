@@ -15,11 +15,11 @@ from benchmarks import _record
 from benchmarks import scenes as bench
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
+from toolkit.evaluation.joints import visible_joints
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.recordings.opening import open_recording
 from toolkit.testing import suite
 from toolkit.testing.casting import listed
-from toolkit.testing.scene_scores import seen_joints
 from toolkit.testing.scenes import EMPTY_ROOMS, GROUPS, VIEWS, chosen_scenes, record_scene, scenes
 from toolkit.track import EMPTY, TRACKED
 
@@ -65,7 +65,7 @@ def test_every_motion_of_the_scenes_exists(shared_data: Path) -> None:
 
 def test_from_the_waist_up_the_head_is_seen_and_the_feet_are_not(bundled: Path) -> None:
     recording = open_recording(record_scene(chosen_scenes("tune", ("waist",), 1)[0], bundled, frames=2))
-    seen = seen_joints(recording.joints[0], recording.depth(0) / 1000.0, recording.camera)
+    seen = visible_joints(recording.joints[0], recording.depth(0) / 1000.0, recording.camera)
     assert seen[3] and not seen[[14, 15, 18, 19]].any()
 
 

@@ -69,28 +69,25 @@ def frame_errors(errors: np.ndarray) -> np.ndarray:
 
 
 def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """Which joints the camera sees: bool (20,).
+    """Which joints the camera sees: bool (..., 20).
 
     A joint is seen if a surface is measured within `SURFACE_WINDOW` pixels of its projection and within
-    `SURFACE_REACH` of it along z. Joints outside the image, behind another limb or in a hole of the measurement are
-    hidden.
+    `SURFACE_REACH` of it along z. Joints outside the image, behind another limb, another person or furniture, or in a
+    hole of the measurement are hidden.
 
     Parameters
     ----------
-    joints_camera : (20, 3), metres, true joints; NaN counts as hidden
+    joints_camera : (..., 20, 3), metres, true joints of one person or of several; NaN counts as hidden
     depth_m : float32 (H, W), metres along z, 0 = nothing measured
     camera : of that image
     """
-    pixels = camera.project(joints_camera)
-    seen = np.zeros(len(joints_camera), dtype=bool)
-    height, width = depth_m.shape
-    for j, (u, v) in enumerate(pixels):
-        if not (np.isfinite(u) and np.isfinite(v) and -0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
-            continue
-        column, row = round(u), round(v)
-        window = depth_m[
-            max(0, row - SURFACE_WINDOW) : row + SURFACE_WINDOW + 1,
-            max(0, column - SURFACE_WINDOW) : column + SURFACE_WINDOW + 1,
-        ]
-        seen[j] = bool(((window > 0) & (np.abs(window - joints_camera[j, 2]) < SURFACE_REACH[j])).any())
+    joints = np.asarray(joints_camera, dtype=np.float64)
+    pixels = np.rint(np.nan_to_num(camera.project(joints), nan=-1.0))
+    inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1)
+    column, row = pixels[inside].astype(np.int64).T
+    padded = np.pad(depth_m, SURFACE_WINDOW)
+    around = np.stack([padded[row + i, column + j] for i, j in np.ndindex(*2 * (2 * SURFACE_WINDOW + 1,))])
+    reach = np.broadcast_to(SURFACE_REACH, inside.shape)[inside]
+    seen = np.zeros(inside.shape, dtype=bool)
+    seen[inside] = ((around > 0) & (np.abs(around - joints[inside, 2]) < reach)).any(axis=0)
     return seen

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.evaluation.joints import CAP, NEAR
+from toolkit.evaluation.joints import CAP, NEAR, visible_joints
 from toolkit.people.known import assigned
-from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.testing.calibration import calibration_error
 from toolkit.testing.identities import Identities, identities_of
@@ -25,9 +24,6 @@ CONFIDENT = 0.5
 """Confidence above which a joint that is not seen is taken at its word."""
 CONFIDENCE_WITHIN = 0.05
 """Metres: what a confidence is the probability of (`FrameResult.confidence`)."""
-SEEN_REACH = 0.22
-"""Metres from a joint to the first surface on its ray within which a joint of a scene counts as seen, no matter whose
-surface it is: the joints of large people and of people in thick clothes lie that deep."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +34,7 @@ class SceneScore:
     ----------
     name : of the recording
     errors : float64 (T, N, 20), metres, capped at 1 m, which is also the error of who is not found; NaN = truth unknown
-    seen : bool (T, N, 20), what the camera sees (`seen_joints`)
+    seen : bool (T, N, 20), what the camera sees (`visible_joints`)
     confidence : float64 (T, N, 20), NaN for who is not found
     identities : matches and counts within the gate
     delays : float64 (N,), seconds from a person's coming to their being found, inf = never, NaN = never there
@@ -72,7 +68,7 @@ def score_scene(recording: Recording, tracks: Sequence[Track]) -> SceneScore:
     truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
     truth = truth.swapaxes(0, 1).astype(np.float64)
     seen = np.array(
-        [seen_joints(j, d / 1000.0, recording.camera) for j, d in zip(truth, recording.frames(), strict=True)]
+        [visible_joints(j, d / 1000.0, recording.camera) for j, d in zip(truth, recording.frames(), strict=True)]
     )
     joints, confidence, states = _stacked(tracks, len(truth))
     active = states != EMPTY
@@ -92,37 +88,6 @@ def score_scene(recording: Recording, tracks: Sequence[Track]) -> SceneScore:
         numbers_right=(there.sum(axis=1) <= reported) & (reported <= present.sum(axis=1)),
         tracked=(states == TRACKED).any(axis=1),
     )
-
-
-def seen_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """Which joints of the people in a scene are seen: bool (..., 20).
-
-    Seen is a joint inside the image for which the first surface on its ray is within `SEEN_REACH`. Where the joint's
-    pixel holds no measurement, the median of those around it stands for it.
-
-    Parameters
-    ----------
-    joints_camera : (..., 20, 3), metres, true joints; NaN is not seen
-    depth_m : float32 (H, W), metres along z, 0 = nothing measured
-    camera : of that image
-    """
-    joints = np.asarray(joints_camera, dtype=np.float64)
-    height, width = depth_m.shape
-    pixels = np.nan_to_num(np.rint(camera.project(joints)), nan=-1.0)
-    inside = ((pixels >= 0) & (pixels < [width, height])).all(axis=-1)
-    column, row = pixels[inside].astype(np.int64).T
-    measured = np.pad(np.where(depth_m > 0, depth_m, np.nan), 1, constant_values=np.nan)
-    around = np.stack([measured[row + i, column + j] for i in range(3) for j in range(3)])
-    known = np.isfinite(around)
-    ordered = np.sort(around, axis=0)  # NaN last
-    middle = ordered[np.maximum(known.sum(axis=0) - 1, 0) // 2, np.arange(around.shape[1])]
-    surface = np.where(known[4], around[4], middle)
-    points = joints[inside]
-    with np.errstate(invalid="ignore"):
-        near = np.abs(surface / points[:, 2] - 1.0) * np.linalg.norm(points, axis=1) <= SEEN_REACH
-    seen = np.zeros(joints.shape[:-1], dtype=bool)
-    seen[inside] = near
-    return seen
 
 
 def _stacked(tracks: Sequence[Track], frames: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
