@@ -27,7 +27,6 @@ from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.stabilising.allocation import Allocation, allocate
-from toolkit.stabilising.demands import floor_of
 from toolkit.stabilising.expectation import Told
 from toolkit.stabilising.gaps import Gap
 from toolkit.stabilising.limbs import ENTRIES, LIMBS, OUTER
@@ -275,8 +274,8 @@ def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
 
 def test_the_floor_is_that_of_the_run_else_below_the_soles(road: Path):
     source = open_source(road / "run")
-    assert floor_of(replace(source, info=replace(source.info, floor=[1.2]))) == (-1.2, "run")
-    found = floor_of(source)
+    assert replace(source, info=replace(source.info, floor=[1.2])).floor == (-1.2, "run")
+    found = source.floor
     lowest = min(Sole.of(source.body, leg).at(source.body, pose)[:, 1].min() for leg in FEET for pose in
                  source.track.pose)  # fmt: skip
     assert found.source == "soles" and lowest <= found.height <= lowest + 0.1

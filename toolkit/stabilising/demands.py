@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole
-from toolkit.errors import RecordingError
 from toolkit.fitting.priors import ResidualTerm
-from toolkit.people.up import find_vertical
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
 from toolkit.spans import spans
@@ -20,8 +17,6 @@ from toolkit.stabilising.limbs import ENTRIES, LIMBS, LIMBS_OF_FEATURE
 from toolkit.stabilising.marks import DEMANDED, FORWARDS, rests
 from toolkit.stabilising.source import SourceRun
 
-SOLES = 0.05
-"""Share of the tracked soles that may lie below the floor where none is seen."""
 BEFORE = 0.125
 """Seconds over which a hand has to move: half of what the velocity of these features is averaged over."""
 WEIGHT, SIGMA = 1.0, 0.1
@@ -81,32 +76,7 @@ class Demands:
         return ResidualTerm(WEIGHT, SIGMA, ENTRIES[limb], residuals)
 
 
-class FloorHeight(NamedTuple):
-    """Metres, y of the floor in the level frame, and how it is known."""
-
-    height: float
-    source: str
-
-
-def floor_of(source: SourceRun) -> FloorHeight:
-    """The floor under the person: as the run or the recording knows it, else below nearly all tracked soles."""
-    if source.info.floor:
-        return FloorHeight(-source.info.floor[0], "run")
-    try:
-        seen = find_vertical(source.recording).height
-    except RecordingError:
-        seen = None
-    if seen is not None:
-        return FloorHeight(-seen, "recording")
-    soles = [Sole.of(source.body, leg) for leg in FEET]
-    present = source.track.pose[source.present]
-    heights = [sole.at(source.body, pose)[:, 1].min() for pose in present for sole in soles]
-    return FloorHeight(float(np.quantile(heights, SOLES)) if heights else 0.0, "soles")
-
-
-def marked_terms(
-    source: SourceRun, told: Told, priors: np.ndarray, floor: FloorHeight
-) -> dict[int, list[ResidualTerm]]:
+def marked_terms(source: SourceRun, told: Told, priors: np.ndarray) -> dict[int, list[ResidualTerm]]:
     """Frame -> terms on the limbs that are hidden in it.
 
     Parameters
@@ -114,7 +84,6 @@ def marked_terms(
     source : the run
     told : its track, and where its limbs are hidden
     priors : int8 (40, T), tracking priors
-    floor : under the feet
     """
     found: dict[int, list[ResidualTerm]] = {}
     demands = Demands(source.body, told.poses, told.times)
@@ -124,14 +93,12 @@ def marked_terms(
             if term is not None:
                 found.setdefault(frame, []).append(term)
     for leg in FEET:
-        for frame, resting in _resting(source, told, rests(priors, leg), leg, floor).items():
+        for frame, resting in _resting(source, told, rests(priors, leg), leg).items():
             found.setdefault(frame, []).append(resting)
     return found
 
 
-def _resting(
-    source: SourceRun, told: Told, resting: np.ndarray, leg: str, floor: FloorHeight
-) -> Mapping[int, ResidualTerm]:
+def _resting(source: SourceRun, told: Told, resting: np.ndarray, leg: str) -> Mapping[int, ResidualTerm]:
     """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
     found, sole = {}, Sole.of(source.body, leg)
     for span in spans(resting):
@@ -141,7 +108,7 @@ def _resting(
         seen = np.flatnonzero(~hidden) + span.start
         places = np.array([sole.at(source.body, told.poses[frame]) for frame in seen])
         rest = np.median(places, axis=0) if len(seen) else None
-        term = floor_term(source.body, leg, ENTRIES[leg], floor.height, rest)
+        term = floor_term(source.body, leg, ENTRIES[leg], source.floor.height, rest)
         found.update(dict.fromkeys((np.flatnonzero(hidden) + span.start).tolist(), term))
     return found
 

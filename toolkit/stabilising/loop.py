@@ -20,7 +20,7 @@ from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.spans import spans
 from toolkit.stabilising.allocation import allocate, unknown_rows
-from toolkit.stabilising.demands import FloorHeight, floor_of, marked_terms
+from toolkit.stabilising.demands import marked_terms
 from toolkit.stabilising.expectation import Told
 from toolkit.stabilising.gaps import Gap, find_gaps
 from toolkit.stabilising.limbs import OUTER
@@ -111,12 +111,11 @@ class FilledGap:
 
 
 class Known(NamedTuple):
-    """What all rounds know: the classes, labelled stretches or None, MT priors, and the floor."""
+    """What all rounds know: the classes, labelled stretches or None, and MT priors."""
 
     classes: tuple[MotionClass, ...]
     segments: Sequence[Segment] | None
     marks: Marks
-    floor: FloorHeight
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +168,7 @@ def stabilise(
         Segments that overlap, end after the track, or bear an unknown label.
     """
     settings = settings or StabiliseSettings()
-    known = Known(tuple(classes), segments, marks or marks_of_classes(classes), floor_of(source))
+    known = Known(tuple(classes), segments, marks or marks_of_classes(classes))
     track, rounds = source.track, list[Round]()
     for number in range(settings.rounds):
         found = _round(source, track, known, settings, partial(progress, f"round {number + 1}"))
@@ -202,7 +201,7 @@ def _round(
     if not ways:  # nothing is hidden, or nothing is known of what is
         return Round(annotation, labelled, (), track, 0.0, priors)
     bad = bad_frames(told.hidden)
-    marked = marked_terms(source, told, priors, known.floor) if settings.marks else {}
+    marked = marked_terms(source, told, priors) if settings.marks else {}
     guide = GapGuide(ways, whole_priors(told, bad), track.timestamps, marked)
     again = retrack(source, track.pose, ways, _around(bad, WIDENED), guide, progress)
     paths = [choose(*of_gap) for of_gap in zip(ways, again.distances, again.angles, strict=True)]

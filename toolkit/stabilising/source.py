@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.body.sole import FEET, Sole
 from toolkit.door import is_inside
-from toolkit.errors import TrackError, UsageError
+from toolkit.errors import RecordingError, TrackError, UsageError
 from toolkit.hybrid.tracker import HybridTracker
+from toolkit.people.up import find_vertical
 from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.recording import Recording
 from toolkit.track import TRACKED, RunInfo, Track
+
+SOLES = 0.05
+"""Share of the tracked soles that may lie below the floor where none is seen."""
+
+
+class FloorHeight(NamedTuple):
+    """Metres, y of the floor in the level frame, and how it is known."""
+
+    height: float
+    source: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +54,21 @@ class SourceRun:
     def present(self) -> np.ndarray:
         """Bool (T,): frames in which the person was followed."""
         return self.track.state == TRACKED
+
+    @cached_property
+    def floor(self) -> FloorHeight:
+        """The floor under the person: as the run or the recording knows it, else below nearly all tracked soles."""
+        if self.info.floor:
+            return FloorHeight(-self.info.floor[0], "run")
+        try:
+            seen = find_vertical(self.recording).height
+        except RecordingError:
+            seen = None
+        if seen is not None:
+            return FloorHeight(-seen, "recording")
+        soles = [Sole.of(self.body, leg) for leg in FEET]
+        heights = [sole.at(self.body, pose)[:, 1].min() for pose in self.track.pose[self.present] for sole in soles]
+        return FloorHeight(float(np.quantile(heights, SOLES)) if heights else 0.0, "soles")
 
 
 def open_source(

@@ -16,7 +16,6 @@ from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.templates import WILDCARD
-from toolkit.stabilising.demands import floor_of
 from toolkit.stabilising.loop import Round, StabiliseSettings, best_round, stabilise
 from toolkit.stabilising.marks import load_marks
 from toolkit.stabilising.page import write_page
@@ -146,7 +145,7 @@ def result_of(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSet
             for found in rounds
         ],
         "result": rounds.index(best_round(rounds)) + 1,
-        "floor": floor_of(source)._asdict(),
+        "floor": source.floor._asdict(),
     }
 
 
