@@ -134,7 +134,7 @@ def on_floor(take: Scene) -> bool:
     """Whether the floor of a take stays where it is."""
     actor = take.actor
     body = subject_body(actor.body, seed=take.seed)
-    poses = suite.motion_of(actor.motion, body, seed=take.seed, fast=take.group == "fast").poses
+    poses = suite.motion_of(actor.clip, body, seed=take.seed, fast=take.group == "fast").poses
     way = suite.cut(poses, actor.start, take.frames)[:, [0, 2]]
     return actor.spin == 0.0 and float(np.ptp(way, axis=0).max()) <= suite.TREADMILL
 

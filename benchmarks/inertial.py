@@ -270,7 +270,7 @@ def error_figures(
 def tracked(split: str, count: int, work: Path, poses: PoseDatabase) -> list[Any]:
     """Takes of the suite, tracked: the name, its run folder and who was recorded."""
     actor = ACTORS[split]
-    chosen = [take for take in takes(split) if take.actor.motion.startswith(actor)][:count]
+    chosen = [take for take in takes(split) if take.actor.clip.startswith(actor)][:count]
     found = []
     for take in chosen:
         (person,) = people_of(take, take.frames)

@@ -95,7 +95,7 @@ def test_every_split_has_at_least_24_takes_in_five_groups_with_names_of_their_ow
 
 def test_no_actor_of_a_take_is_in_the_database_or_in_the_other_split() -> None:
     splits = [listed("clean", split) for split in ("tune", "report")]
-    actors = [{take.actor.motion.split("_")[0] for take in split} for split in splits]
+    actors = [{take.actor.clip.split("_")[0] for take in split} for split in splits]
     assert actors == [{"bk"}, {"dg", "02", "49"}]
 
 
@@ -108,7 +108,7 @@ def test_the_database_is_made_of_other_actors(shared_data: Path) -> None:
 @pytest.mark.shared_data
 def test_every_motion_of_the_suite_exists(shared_data: Path) -> None:
     for take in takes("tune") + takes("report"):
-        assert len(suite.motion_files(take.actor.motion)) == 1, take.name
+        assert len(suite.motion_files(take.actor.clip)) == 1, take.name
 
 
 def test_takes_that_two_benchmarks_need_at_once_are_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

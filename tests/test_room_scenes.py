@@ -56,7 +56,7 @@ def test_the_splits_have_the_same_groups_and_share_neither_rooms_nor_bodies() ->
 def test_every_motion_of_the_scenes_exists(shared_data: Path) -> None:
     for split in ("tune", "report"):
         for actor in (actor for scene in scenes(split, ROOM_GROUPS) for actor in scene.actors):
-            assert actor.motion.startswith("bundled_") or len(suite.motion_files(actor.motion)) == 1, actor.motion
+            assert actor.clip.startswith("bundled_") or len(suite.motion_files(actor.clip)) == 1, actor.clip
 
 
 @pytest.mark.parametrize("kind", acts.PATHS)

@@ -47,7 +47,7 @@ def test_a_split_has_its_groups_and_a_third_of_it_each_way_of_being_cut_out(spli
 def test_the_splits_share_neither_actors_nor_adult_bodies_nor_rooms() -> None:
     splits = [listed("recorded", split) for split in ("tune", "report")]
     cast = [[actor for scene in split for actor in scene.actors] for split in splits]
-    assert [{actor.motion.split("_")[0] for actor in actors} for actors in cast] == [{"bk"}, {"dg", "02", "49"}]
+    assert [{actor.clip.split("_")[0] for actor in actors} for actors in cast] == [{"bk"}, {"dg", "02", "49"}]
     bodies = [{actor.body for actor in actors if actor.body != "child"} for actors in cast]
     assert not bodies[0] & bodies[1]
     statures = [{actor.stature for actor in actors if actor.stature} for actors in cast]
@@ -60,7 +60,7 @@ def test_the_splits_share_neither_actors_nor_adult_bodies_nor_rooms() -> None:
 def test_every_motion_of_the_scenes_exists(shared_data: Path) -> None:
     for scene in scenes("tune") + scenes("report"):
         for actor in scene.actors:
-            assert len(suite.motion_files(actor.motion)) == 1, actor.motion
+            assert len(suite.motion_files(actor.clip)) == 1, actor.clip
 
 
 def test_from_the_waist_up_the_head_is_seen_and_the_feet_are_not(bundled: Path) -> None:

@@ -12,8 +12,8 @@ from toolkit.testing.casting import Actor, Scene, listed
 @pytest.fixture
 def listing(monkeypatch: pytest.MonkeyPatch) -> None:
     entries = [
-        {"motion": "wave", "body": "child", "at": [0, 1.5], "distance": 2.0, "boxes": [[[0, 0, 0], [1, 2, 3]]]},
-        {"sensor": "kinect", "actors": [{"motion": "a", "body": "b"}, {"motion": "c", "body": "d", "holds": "box"}]},
+        {"clip": "wave", "body": "child", "at": [0, 1.5], "distance": 2.0, "boxes": [[[0, 0, 0], [1, 2, 3]]]},
+        {"sensor": "kinect", "actors": [{"clip": "a", "body": "b"}, {"clip": "c", "body": "d", "holds": "box"}]},
     ]
     suites = {
         "made": {"defaults": {"sensor": "tof", "distance": 3.0}, "tune": {"waist": entries, "empty": [{"actors": []}]}}
@@ -43,4 +43,4 @@ def test_a_scene_is_called_by_who_is_in_it_or_by_its_seed(listing: None) -> None
 def test_every_suite_has_two_splits_of_the_same_groups_and_as_many_scenes_in_each(suite: str) -> None:
     tune, report = (listed(suite, split) for split in ("tune", "report"))
     assert [scene.group for scene in tune] == [scene.group for scene in report]
-    assert all(actor.body and actor.motion for scene in tune + report for actor in scene.actors)
+    assert all(actor.body and actor.clip for scene in tune + report for actor in scene.actors)

@@ -11,6 +11,7 @@ from typing import Any
 from toolkit.errors import UsageError
 from toolkit.plain import read_yaml
 from toolkit.simulation.furniture import Box
+from toolkit.simulation.person import SimulatedPerson
 
 FILE = Path(__file__).with_name("scenes.yaml")
 LONGEST = 90
@@ -18,35 +19,25 @@ LONGEST = 90
 
 
 @dataclass(frozen=True)
-class Actor:
-    """A person in a scene before they are made.
+class Actor(SimulatedPerson):
+    """A person in a scene before they are made: what is not said here is as of `SimulatedPerson`.
 
     Attributes
     ----------
-    motion : `bk_squat_013` (HDM05 actor, motion, number), `02_05` (CMU) or `bundled_archery` (procedural)
+    clip : `bk_squat_013` (HDM05 actor, motion, number), `02_05` (CMU) or `bundled_archery` (procedural)
     body : name of a subject
-    at, yaw, stature, furniture, clothes, enters : as of `Person`
     path : "stays" in place; "walks" as the motion does, and back while others are there; or "passes" once, and is gone.
         Out of `acts.PATHS`, out of sight at the `side` first. "hug" or "give": meets another actor of the same path at
         the same place and parts again
     side : -1 comes from the left or stands there, 1 at the right
-    holds : out of `holding.HOLDINGS`; who gives has it until the middle, who is given it from then on
     start : seconds of the motion that are skipped
     spin : degrees by which they are turned evenly until the last frame
     """
 
-    motion: str
-    body: str
-    at: tuple[float, float] = (0.0, 0.0)
-    yaw: float = 0.0
-    stature: float | None = None
-    seated: bool = False
-    furniture: tuple[str, ...] = ()
-    clothes: tuple[str, ...] = ()
-    enters: float = 0.0
+    clip: str
+    body: str = "neutral"
     path: str = "stays"
     side: float = -1.0
-    holds: str | None = None
     start: float = 0.0
     spin: float = 0.0
 
@@ -90,7 +81,7 @@ class Scene:
         """What the recording is called."""
         if len(self.actors) != 1:
             return f"{self.group}_{self.seed:03d}_{self.view}"
-        return f"{self.group}_{self.actor.motion}_{self.actor.body}_{self.sensor}"
+        return f"{self.group}_{self.actor.clip}_{self.actor.body}_{self.sensor}"
 
 
 def listed(suite: str, split: str) -> list[Scene]:

@@ -12,7 +12,7 @@ absent, bundled `subject` motions take its place.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, replace
+from dataclasses import astuple, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +108,7 @@ def _view(scene: Scene, number: int) -> str:
 def _bundled(scene: Scene, number: int) -> Scene:
     """The scene with bundled motions instead of mocap."""
     names = [f"bundled_{SUBJECT_MOTIONS[(number + k) % len(SUBJECT_MOTIONS)]}" for k in range(len(scene.actors))]
-    actors = (replace(actor, motion=name, start=0.0) for actor, name in zip(scene.actors, names, strict=True))
+    actors = (replace(actor, clip=name, start=0.0) for actor, name in zip(scene.actors, names, strict=True))
     return replace(scene, actors=tuple(actors))
 
 
@@ -175,7 +175,7 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
         if actor.stature is not None:
             own = grown_to(own, actor.stature)
         late = min(round(actor.enters * RATE), frames // 2)
-        poses = motion_of(actor.motion, own, seed=scene.seed, fast=scene.group == "fast").poses
+        poses = motion_of(actor.clip, own, seed=scene.seed, fast=scene.group == "fast").poses
         shortest = frames - late if actor.path in MOVED else SHORTEST
         cast.append((actor, own, late, cut(poses, actor.start, frames - late, shortest), poses))
     length = max((late + len(once) for _, _, late, once, _ in cast), default=0)
@@ -189,20 +189,12 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
             yaw = float(np.degrees(facing_of(played[0])))
         middle = (late + 0.5 * (length - late)) / RATE
         halves = {-1.0: (0.0, middle), 1.0: (middle, np.inf)}
-        people.append(
-            SimulatedPerson(
-                PoseClip(actor.motion, played, RATE, ""),
-                own,
-                at,
-                yaw,
-                seated=actor.seated,
-                furniture=actor.furniture,
-                clothes=actor.clothes,
-                enters=late / RATE,
-                holds=actor.holds,
-                held=halves[actor.side] if actor.path == "give" else (0.0, np.inf),
-            )  # fmt: skip
-        )
+        made = {field.name: getattr(actor, field.name) for field in fields(SimulatedPerson)}
+        made |= {"clip": PoseClip(actor.clip, played, RATE, ""), "body": own, "stature": None}
+        made |= {"at": at, "yaw": yaw, "enters": late / RATE}
+        if actor.path == "give":
+            made["held"] = halves[actor.side]
+        people.append(SimulatedPerson(**made))
     return people
 
 

@@ -42,8 +42,8 @@ def upper_scenes(split: str, groups: tuple[str, ...] = GROUPS, count: int | None
 def _aimed(scene: Scene, seed: int) -> Scene:
     """The scene with its seed, and the camera's height and tilt, which depend on the body."""
     actor = scene.actor
-    if not suite.has_mocap() and not actor.motion.startswith("bundled"):
-        actor = replace(actor, motion=f"bundled_{SUBJECT_MOTIONS[seed % len(SUBJECT_MOTIONS)]}", start=0.0)
+    if not suite.has_mocap() and not actor.clip.startswith("bundled"):
+        actor = replace(actor, clip=f"bundled_{SUBJECT_MOTIONS[seed % len(SUBJECT_MOTIONS)]}", start=0.0)
     body = subject_body(actor.body, seed=seed)
     neck = neck_height(body, seated=actor.seated)
     height = neck + scene.height
