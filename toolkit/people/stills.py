@@ -42,18 +42,22 @@ def people_and_furniture(
         possible_height(head, floor) and alone_log_odds(shape, said, lowness(head, floor)) > 0
         for head, shape, said in zip(heads, shaped, judged, strict=True)
     ]
+    arms = [
+        said is not None and said > 0 and not shape and lens.area(view.depth[mask]) < LARGEST_ARM
+        for said, shape, mask in zip(judged, shaped, shared, strict=True)
+    ]
     people: list[np.ndarray] = []
-
-    def a_part(k: int) -> bool:
-        """Whether a head is a part of one of the people: a lower one on the body, or a hand beside the head."""
-        said = judged[k]
-        arm = said is not None and said > 0 and not shaped[k] and lens.area(view.depth[shared[k]]) < LARGEST_ARM
-        return any(_below(heads[k], person) for person in people) or (arm and _reached(view, lens, people, heads[k]))
-
+    surfaces: list[np.ndarray] = []  # of the people so far, asked for hands only
     for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # those with a shape first, the highest first
-        if good[k] and not a_part(k) and not any(_below(person, heads[k]) for person in people):
+        covered = any(_below(person, heads[k]) for person in people)
+        if good[k] and not covered and not _part_of(view, heads[k], arms[k], people, surfaces):
             people.append(heads[k])
-    furniture = [head for k, head in enumerate(heads) if not good[k] and not a_part(k)]  # keeps its own pixels
+            surfaces = hanging_on(view, lens, people) if any(arms) else []
+    furniture = [  # keeps its own pixels
+        head
+        for head, right, arm in zip(heads, good, arms, strict=True)
+        if not right and not _part_of(view, head, arm, people, surfaces)
+    ]
     labels = np.zeros(view.depth.shape, dtype=np.int32)
     for k, mask in enumerate(hanging_on(view, lens, [*people, *furniture]), start=1):
         labels[mask] = k
@@ -66,6 +70,17 @@ def hanging_on(view: View, lens: Lens, heads: list[np.ndarray]) -> list[np.ndarr
     head_seeds(view, heads, seeds)
     labels = share_out(view, lens, seeds, heads, bridge=BRIDGE_ROOM)
     return [labels == k + 1 for k in range(len(heads))]
+
+
+def _part_of(view: View, place: np.ndarray, arm: bool, people: list[np.ndarray], surfaces: list[np.ndarray]) -> bool:
+    """Whether what looks like a head is a part of one of the people: lower on the body, or the hand of an `arm`.
+
+    A hand lies on the surface (h, w) of one of the people.
+    """
+    if any(_below(place, person) for person in people):
+        return True
+    near = near_head(view, place) & view.foreground
+    return arm and any(bool((mask & near).any()) for mask in surfaces)
 
 
 def _below(place: np.ndarray, head: np.ndarray) -> bool:
@@ -91,12 +106,6 @@ def _shaped(
             others = [other for other, has in zip(heads, own, strict=True) if has and not _below(other, head)]
             found[k] = not any((mask & near_head(view, other)).any() for other in others)
     return found
-
-
-def _reached(view: View, lens: Lens, people: list[np.ndarray], place: np.ndarray) -> bool:
-    """Whether one of the people's surfaces holds what is at a place."""
-    near = near_head(view, place) & view.foreground
-    return bool(people) and any(bool((mask & near).any()) for mask in hanging_on(view, lens, people))
 
 
 def large_enough(view: View, lens: Lens, mask: np.ndarray, *, cut_out: bool = False) -> bool:
