@@ -9,7 +9,7 @@
   the share whose `in_view` is on the right side of a half, and the area under its ROC curve.
 - `people [--split report]`: does it tell people from rooms? Rooms that it was not trained on, furnished at random, seen
   by the two sensors of the simulator from 0.5 to 2.5 m above the floor, with people in them: standing, seated, and
-  nobody. For pixels, and for surfaces (everybody, and every patch of 64 pixels that shows nobody): the area under the
+  no person. For pixels, and for surfaces (all people, and every patch of 64 pixels without one): the area under the
   ROC curve, the expected calibration error at even odds (people and the rest weigh alike), and the shares that are
   over one half. Times are per thousand pixels.
 """
@@ -213,12 +213,12 @@ def area_under_roc(score: np.ndarray, positive: np.ndarray) -> float:
 PIXELS = 2000
 """Of each image that are asked."""
 PATCH = 8
-"""Pixels along the side of a patch of nobody's."""
+"""Pixels along the side of a patch of no person."""
 BINS = 10
 
 
 def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, Any]:
-    """A simulated frame of a room and its simulation; `kind` is "standing", "seated" or "nobody"."""
+    """A simulated frame of a room and its simulation; `kind` is "standing", "seated" or "empty"."""
     height = float(rng.uniform(0.5, 2.5))
     distance = float(rng.uniform(1.6, 4.0))
     tilt = float(np.degrees(np.arctan2(height - 0.9, distance)) + rng.normal(0.0, 5.0))
@@ -228,7 +228,7 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
         sensor=sensor, distance=distance, height=height, tilt=tilt, room=room, seconds=1 / 30, seed=seed
     )  # fmt: skip
     people = []
-    if kind != "nobody":
+    if kind != "empty":
         body = subject_body(BODIES[rng.integers(len(BODIES))], seed=int(rng.integers(1 << 30)))
         clip = PoseClip("still", poses[rng.integers(len(poses))][None], 30.0, "")
         at = (float(rng.uniform(-0.3, 0.3) * distance), float(rng.uniform(-0.6, 0.2)))
@@ -288,9 +288,9 @@ def people(parser: argparse.ArgumentParser) -> None:
     regressor = PoseDatabase.load(poses_of(options)).regressor
     if regressor is None:
         parser.error("the database has no regressor; build it again with `depthmocap database build`")
-    poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "nobody": np.empty(0)}
+    poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "empty": np.empty(0)}
     rng = np.random.default_rng([17, options.split == "report"])
-    asked(regressor, "nobody", poses["nobody"], np.random.default_rng(0))  # compiled before times are taken
+    asked(regressor, "empty", poses["empty"], np.random.default_rng(0))  # compiled before times are taken
     views = [asked(regressor, kind, own, rng) for kind, own in poses.items() for _ in range(options.views)]
     columns = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
     figures: dict[str, Any] = {name: figures_of(columns, name) for name in ("pixel", "surface")}

@@ -104,7 +104,7 @@ LINES = {
     "furnished rooms": ("rooms",),
     "stills": ("stills",),
     "all in rooms": ROOM_GROUPS[:-1],
-    "nobody in rooms": ("vacant",),
+    "rooms without people": ("vacant",),
 }
 """Rows of the table, of which groups."""
 LINE_VIEWS = {"cut out before": "cut", "with empty scene": "background", "with neither": "room"}

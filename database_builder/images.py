@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from database_builder.room_views import NOBODY, SHELL, RoomPainter
+from database_builder.room_views import NO_PERSON, SHELL, RoomPainter
 from database_builder.views import FOCAL, CroppedView, ViewSettings, body_labels, draw_view, is_seated
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels.learning import forest
@@ -14,7 +14,7 @@ from toolkit.progress import Count
 
 BALANCE = 0.7
 """Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""
-OF_NOBODY = 0.5
+OF_NO_PERSON = 0.5
 """Share of the training pixels of a room with a person in it that are of no person."""
 OF_WALLS = 0.25
 """Share of those pixels that show floor, walls and ceiling: in rooms most pixels do, and most of them are easy."""
@@ -31,7 +31,7 @@ class TrainingImages:
     windows : int32 (I, 4): first and last column, first and last row of the image, in pixels of the crop
     in_view : bool (I, 20): joints inside the image with nothing but the person before them
     sample_image, sample_u, sample_v : int32 (S,): crop and pixel of each sample
-    labels : uint8 (S,): see `body_labels`, `NOBODY` for what is no person
+    labels : uint8 (S,): see `body_labels`, `NO_PERSON` for what is no person
     points : float32 (S, 3), of each sample, metres, level frame
     joints : float32 (I, 20, 3), of each image's person, metres, level frame
     """
@@ -90,10 +90,10 @@ class ImageSource:
         view = self._rooms.draw(rng)
         labels = self._rooms.label_image(view)
         measured = (view.depth > 0) & (view.depth < forest.UNOBSERVED)
-        person, other = measured & (labels != NOBODY), measured & view.nobody
+        person, other = measured & (labels != NO_PERSON), measured & view.no_person
         chosen, wanted = [], pixels
         if person.sum() >= 0.5 * pixels:
-            wanted = round(OF_NOBODY * pixels) if other.any() else 0
+            wanted = round(OF_NO_PERSON * pixels) if other.any() else 0
             rows = np.flatnonzero(person)
             chosen.append(rows[_balanced(labels.ravel()[rows], min(pixels - wanted, len(rows)), rng)])
         for kind, count in ((other & (view.owner == SHELL), round(OF_WALLS * wanted)), (other, wanted)):

@@ -15,7 +15,7 @@ from database_builder.growing import grow_trees, together
 from database_builder.images import TrainingImages, draw_images
 from database_builder.kept import KeptFile
 from database_builder.processes import process_pool
-from database_builder.room_views import NOBODY
+from database_builder.room_views import NO_PERSON
 from database_builder.views import FOCAL, ViewSettings
 from toolkit.errors import SettingsError
 from toolkit.kernels.cache import sources_digest
@@ -237,7 +237,7 @@ def leaf_votes(
     """
     begins, sizes = np.asarray(starts)[:-1], np.diff(starts)
     leaf = np.repeat(np.arange(len(sizes)), sizes)
-    person = (data.labels[rows] != NOBODY).astype(np.float32)
+    person = (data.labels[rows] != NO_PERSON).astype(np.float32)
     people = np.add.reduceat(person, begins)
     votes = data.offsets(rows)
     shown = data.in_view[data.sample_image[rows]] * person[:, None]

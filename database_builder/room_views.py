@@ -34,7 +34,7 @@ from toolkit.interiors.room import KINDS, Room, furnished
 from toolkit.kernels.learning import forest
 from toolkit.kernels.linear import rotated, times
 
-NOBODY = 2 * len(skeleton.JOINT_NAMES)
+NO_PERSON = 2 * len(skeleton.JOINT_NAMES)
 """Label of a pixel that is of no person, after those of `body_labels`."""
 VIEWS_OF_ROOM = 6
 """Images that are taken in a room before the next is furnished."""
@@ -61,7 +61,7 @@ class RoomView(CroppedView):
     owner: np.ndarray
 
     @property
-    def nobody(self) -> np.ndarray:
+    def no_person(self) -> np.ndarray:
         """Bool (H, W): pixels that show furniture or walls."""
         return np.asarray(self.owner >= SHELL)
 
@@ -94,7 +94,7 @@ class LevelCamera:
 
 
 @dataclass(frozen=True, eq=False)
-class Someone:
+class RoomPerson:
     """A person in a room: body, surface (V, 3) and joints (20, 3) on the floor plan, facing, and who sits."""
 
     body: Body
@@ -123,9 +123,9 @@ class RoomPainter:
         self._left = 0
 
     def label_image(self, view: RoomView) -> np.ndarray:
-        """int64 (H, W): label of the part of the subject that a pixel shows, elsewhere `NOBODY`."""
+        """int64 (H, W): label of the part of the subject that a pixel shows, elsewhere `NO_PERSON`."""
         labels = self.labels[self._faces[view.triangle, 0]]
-        return np.where(view.owner == SUBJECT, labels, NOBODY)
+        return np.where(view.owner == SUBJECT, labels, NO_PERSON)
 
     def draw(self, rng: np.random.Generator) -> RoomView:
         """The next view."""
@@ -133,37 +133,37 @@ class RoomPainter:
             self._room, self._left = furnished(str(rng.choice(list(KINDS))), rng), VIEWS_OF_ROOM
         self._left -= 1
         room = self._room
-        people: list[Someone] = []
+        people: list[RoomPerson] = []
         extra: list[Piece] = []
         middle = _seen_middle(room, rng)
         camera_at = self._place(rng, room.low + [0.3, 0, 0.3], room.high - [0.3, 0, 0.3])
         if rng.random() >= self._settings.room.empty:
             distance = rng.uniform(NEAREST, FARTHEST)
             at = _within(room, camera_at, distance, rng)
-            people.append(self._someone(at, rng))
+            people.append(self._person(at, rng))
             middle = 0.5 * (people[0].vertices.min(axis=0) + people[0].vertices.max(axis=0))
             extra = self._around(people[0], rng)
             if rng.random() < COMPANY:
                 for _ in range(rng.integers(1, 4)):
                     beside = _within(room, at, rng.uniform(0.35, 2.5), rng)
-                    people.append(self._someone(beside, rng))
+                    people.append(self._person(beside, rng))
         camera = _camera(camera_at, middle, rng)
-        near = [camera_at[[0, 2]][None], *(someone.joints[:, [0, 2]] for someone in people)]
+        near = [camera_at[[0, 2]][None], *(person.joints[:, [0, 2]] for person in people)]
         return self._drawn(room, np.concatenate(near), people, extra, camera, rng)
 
     def _place(self, rng: np.random.Generator, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         return rng.uniform(np.minimum(low, high), np.maximum(low, high)) * (1, 0, 1) + [0.0, rng.uniform(*HEIGHTS), 0.0]
 
-    def _someone(self, at: np.ndarray, rng: np.random.Generator) -> Someone:
+    def _person(self, at: np.ndarray, rng: np.random.Generator) -> RoomPerson:
         """A person of any size and pose with their feet on the floor, at x and z of `at`."""
         body = draw_body(self._space, self._settings.small, rng)
         row = row_of(self._sits, self._settings.seated, rng)
         pose, yaw = turned_pose(self._poses[row], 1.0, rng)
         vertices, joints = body.vertex_positions(pose), body.joint_positions(pose)
         move = np.array([at[0], -vertices[:, 1].min(), at[2]])
-        return Someone(body, vertices + move, joints + move, yaw, bool(self._sits[row]))
+        return RoomPerson(body, vertices + move, joints + move, yaw, bool(self._sits[row]))
 
-    def _around(self, person: Someone, rng: np.random.Generator) -> list[Piece]:
+    def _around(self, person: RoomPerson, rng: np.random.Generator) -> list[Piece]:
         """What a person sits on, sits at, touches and holds, on the floor plan."""
         pieces: list[Piece] = []
         pelvis = person.joints[skeleton.REPORTED.index("pelvis")]
@@ -184,7 +184,7 @@ class RoomPainter:
         return pieces
 
     def _drawn(
-        self, room: Room, near: np.ndarray, people: list[Someone], extra: list[Piece], camera: LevelCamera,
+        self, room: Room, near: np.ndarray, people: list[RoomPerson], extra: list[Piece], camera: LevelCamera,
         rng: np.random.Generator,
     ) -> RoomView:  # fmt: skip
         """Everything in one image, as a sensor measures it."""

@@ -35,7 +35,7 @@ def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
     assert people.split("\n  ") == [
         "people: 2 in the first 3 s", f"1 at 2.5 m, whole ({why})", f"2 at 3.1 m, whole ({why})"
     ]  # fmt: skip
-    assert advice == "advice: --people all follows everybody"
+    assert advice == "advice: --people all follows all of them"
 
 
 @pytest.mark.parametrize(
@@ -59,12 +59,12 @@ def test_a_file_that_knows_up_is_not_told_to_turn(tmp_path, monkeypatch):
     empty = [np.zeros(KINECT.shape, dtype=np.uint16)]
     assert "--rotate 270" in describe(open_recording(recorded(tmp_path, empty))).lines[4]
     knows = recorded(tmp_path, empty, up_camera=up_of_tilt(0.2))
-    assert "nobody is seen" in describe(open_recording(knows)).lines[4]
+    assert "no person is seen" in describe(open_recording(knows)).lines[4]
 
 
 def test_nobody_in_view_is_said(tmp_path):
     look = describe(open_recording(recorded(tmp_path, [np.zeros(KINECT.shape, dtype=np.uint16)])))
-    assert look.lines[3] == "people: 0 in the first 3 s" and "nobody is seen" in look.lines[4]
+    assert look.lines[3] == "people: 0 in the first 3 s" and "no person is seen" in look.lines[4]
     assert picture(look).shape == (*KINECT.shape, 3)
 
 

@@ -281,7 +281,7 @@ def test_a_seed_means_whoever_is_at_the_pixel_in_the_first_frame_that_shows_anyb
     for column, meant in ((20, 1), (80, 2)):
         sensing = SensingSettings(segment=f"seed:{step * column},{step * 30}")
         assert meant_person(recording, FakePeople(frames), sensing) == meant
-    with pytest.raises(SegmentationError, match="nobody is found at the pixel"):
+    with pytest.raises(SegmentationError, match="no person is found at the pixel"):
         meant_person(recording, FakePeople(frames), SensingSettings(segment="seed:0,0"))
 
 

@@ -376,7 +376,7 @@ def test_the_pixel_of_a_seed_says_who_is_meant_and_nobody_there_is_an_error(tmp_
     v, u = (int(n) for n in np.argwhere(scene(KINECT, ((-0.9, 2.9),))[0] > 0).mean(axis=0))
     finder = find_person(recording, SensingSettings(segment=f"seed:{u},{v}"))
     assert finder.find(recording.depth(0), 0.0, {})[0].depth[v, u] > 0
-    with pytest.raises(SegmentationError, match="nobody is found at the pixel"):
+    with pytest.raises(SegmentationError, match="no person is found at the pixel"):
         find_person(recording, SensingSettings(segment="seed:310,10"))
 
 

@@ -10,7 +10,7 @@ import pytest
 from database_builder.calibration import room_probability
 from database_builder.images import draw_images
 from database_builder.regressor import RegressorSettings, leaf_votes, train_regressor
-from database_builder.room_views import NOBODY, OTHER, SHELL, SUBJECT, RoomPainter, lossy
+from database_builder.room_views import NO_PERSON, OTHER, SHELL, SUBJECT, RoomPainter, lossy
 from database_builder.views import RoomSettings, ViewSettings, is_seated, project_level
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
@@ -42,7 +42,8 @@ def test_a_view_shows_people_before_furniture_and_walls_where_their_joints_say(p
         view = rooms.draw(rng)
         owners |= set(np.unique(view.owner))
         labels = rooms.label_image(view)
-        assert ((labels < NOBODY) == (view.owner == SUBJECT)).all() and (view.nobody == (view.owner >= SHELL)).all()
+        assert ((labels < NO_PERSON) == (view.owner == SUBJECT)).all()
+        assert (view.no_person == (view.owner >= SHELL)).all()
         seen = project_level(view.joints)
         u, v = np.rint(seen[:, :2] - view.corner).astype(int).T
         for joint in np.flatnonzero(view.in_view):
@@ -85,10 +86,10 @@ def test_a_sensor_loses_glass_black_grazing_and_far_surfaces() -> None:
     assert 0.1 < share["black"] < 0.9 and share["grazing"] < 0.5
 
 
-def test_half_of_the_samples_of_a_room_with_a_person_are_of_nobody(poses: np.ndarray) -> None:
+def test_half_of_the_samples_of_a_room_with_a_person_are_of_no_person(poses: np.ndarray) -> None:
     silent = lambda done, total: None  # noqa: E731
     data = draw_images(poses, ROOMS, 20, 80, np.random.default_rng(3), silent)
-    person = data.labels != NOBODY
+    person = data.labels != NO_PERSON
     assert 0.25 < person.mean() < 0.6
     metres = data.depth[
         data.starts[data.sample_image] + data.sample_v * data.shapes[data.sample_image, 1] + data.sample_u
@@ -115,15 +116,15 @@ def test_people_are_told_from_furniture_and_walls_in_rooms_that_were_not_seen(
     trained: JointRegressor, poses: np.ndarray
 ) -> None:
     rng, rooms = np.random.default_rng(99), painter(poses, ROOMS)
-    person, nobody = [], []
+    person, rest = [], []
     for _ in range(20):
         view = rooms.draw(rng)
         pixels = rng.choice(np.flatnonzero(view.depth > 0), 300)
         found = room_probability(trained, view, pixels)
         owner = view.owner.ravel()[pixels]
         person.append(found[owner < SHELL])
-        nobody.append(found[owner >= SHELL])
-    yes, no = np.concatenate(person), np.concatenate(nobody)
+        rest.append(found[owner >= SHELL])
+    yes, no = np.concatenate(person), np.concatenate(rest)
     assert ((yes >= 0) & (yes <= 1)).all()
     assert (yes[:, None] > no[None]).mean() > 0.8
     assert yes.mean() > 0.55 and no.mean() < 0.4
@@ -141,5 +142,5 @@ def test_a_share_of_rooms_outside_its_range_is_refused() -> None:
         ViewSettings(rooms=1.2)
 
 
-def test_labels_of_people_lie_below_that_of_nobody() -> None:
-    assert NOBODY == 2 * len(skeleton.JOINT_NAMES)
+def test_labels_of_people_lie_below_that_of_no_person() -> None:
+    assert NO_PERSON == 2 * len(skeleton.JOINT_NAMES)

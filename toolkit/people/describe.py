@@ -167,14 +167,14 @@ def _advice(
 ) -> list[str]:
     found = []
     if len(sightings) > 1:
-        found.append("--people all follows everybody")
+        found.append("--people all follows all of them")
     if not sightings:
         knows_up = recording.vertical.source == "file"
         turned = 0 if knows_up else turns_with_heads(depth_mm, recording.camera)
         found.append(
             f"--rotate {90 * turned}: heads are seen in the turned image"
             if turned
-            else "nobody is seen: check --depth-unit and --intrinsics, or give --segment seed:U,V"
+            else "no person is seen: check --depth-unit and --intrinsics, or give --segment seed:U,V"
         )
     elif len(sightings) == 1 and not surroundings.cut_out and recording.background is None:
         found.append("--people all tells the person from the room, or give --background")

@@ -29,7 +29,7 @@ JUDGED, UNDECIDED = 2.2, 1.2
 """Log odds for each of the mean that the judge gives, and the mean at which it says nothing: what has a head looks more
 like a person than the walls and desks among which it learnt."""
 ALONE = 0.7
-"""Log odds by which less is enough where only one frame is known: nothing later makes good for whoever is missed."""
+"""Log odds by which less is enough where only one frame is known: no later frame finds a person who is missed."""
 HEAD_HEIGHT = (0.5, 2.4)
 """Metres of a head's middle above the floor: a child of 0.8 m who squats, an adult of 2.2 m on a step."""
 LOW = 2.0

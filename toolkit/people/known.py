@@ -27,7 +27,7 @@ WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
 
 
 class KnownPeople:
-    """Everybody who was seen so far.
+    """The people seen so far.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class KnownPeople:
         """Those out of sight who may come back.
 
         In a room of several people a person who went out of the image is not expected back: who comes in is mostly
-        another person. Where there is only one, or no more are told apart, anybody may come back.
+        another person. Where there is only one, or no more are told apart, any of them may come back.
         """
         people = sum(person.evidence.log_odds > 0 for person in self.people)
         others = 1 < people and len(self.people) < self._most

@@ -30,11 +30,11 @@ STILL = 0.98  # of the samples in which a pixel shows the same depth where nothi
 ANOTHER_ROOM = 0.5  # of the pixels whose background differs between two halves of a recording: the camera was moved
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
-STANDS_WITHIN = 0.5  # m, horizontally, of the head of somebody who stands: what is below it may be their legs
+STANDS_WITHIN = 0.5  # m, horizontally, of the head of a person who stands: what is below it may be their legs
 ALONE = 0.1  # of the samples that show a person's legs: in so many the head is not found
 JUDGED = 8  # samples of which the judge is asked about every pixel
 PATCH = 5  # pixels across, over which its answers are averaged: a forearm's width at 2 m
-LEAST_ODDS = -1.2  # of a still pixel that hangs on somebody's head and is theirs: three in four of such pixels are
+LEAST_ODDS = -1.2  # of a still pixel that hangs on a person's head and is theirs: three in four of such pixels are
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ def learnt(
             figures.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens)
     margin, near = _margins(stack, background, lens)
-    owned = background == 0  # somebody's in all samples
+    owned = background == 0  # a person's in all samples
     count = near.sum(axis=0)
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
@@ -166,8 +166,8 @@ def hanging(
     planes: list[Plane],
     lens: Lens,
 ) -> np.ndarray:
-    """What hangs on the head of somebody who stays, over `likely` pixels (h, w) alone, shared out with everybody else
-    who is there: bool (h, w), in the middle one of their samples.
+    """What hangs on the head of a person who stays, over `likely` pixels (h, w) alone, shared out with the other
+    people there: bool (h, w), in the middle one of their samples.
     """
     middle = figure[len(figure) // 2]
     depth = stack[middle.frame]

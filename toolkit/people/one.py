@@ -1,4 +1,4 @@
-"""One person among several: the finder of everybody, and who is meant over the whole recording."""
+"""One person among several: the finder of all people, and who is meant over the whole recording."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class OneOfSeveral:
 
     Parameters
     ----------
-    finder : of everybody, before its first frame
+    finder : of all people, before its first frame
     meant : the id
     """
 
@@ -91,8 +91,8 @@ def meant_person(recording: Recording, finder: SeveralPeople, sensing: SensingSe
     if mode.name == "seed":
         if at_seed == 0:
             raise SegmentationError(
-                f"nobody is found at the pixel of --segment {sensing.segment}; give a pixel of the person in the first "
-                "frame, or --segment person"
+                f"no person is found at the pixel of --segment {sensing.segment}; give a pixel of the person in the "
+                "first frame, or --segment person"
             )
         return at_seed
     dropped = furniture(finder.evidence)

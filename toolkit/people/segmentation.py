@@ -110,7 +110,7 @@ class Segmenter:
         Raises
         ------
         SegmentationError
-            The person cannot be told from the scene, or there are several in the first frame with anybody.
+            The person cannot be told from the scene, or there are several in the first frame that shows any.
         """
         if self._mode.name == "empty-frames" and not self._learnt(depth):
             return self._padded, None
@@ -121,7 +121,7 @@ class Segmenter:
         )  # fmt: skip
         if self._mode.name == "auto" and count > (1 - EMPTY_SHARE) * depth.size:
             raise SegmentationError(
-                f"{count / depth.size:.0%} of the image is measured, so nobody is cut out of it yet; {HOW_TO_SEGMENT}"
+                f"{count / depth.size:.0%} of the image is measured: no person is cut out of it yet; {HOW_TO_SEGMENT}"
             )
         if count == 0 or not self._choose_person():
             return self._padded, None
@@ -179,7 +179,7 @@ class Segmenter:
         return False
 
     def _choose_person(self) -> bool:
-        """Drop from the foreground all that is not the person; whether anybody is left."""
+        """Drop from the foreground all that is not the person; whether a person is left."""
         parts = self._components()
         if parts.areas.sum() < SMALLEST_AREA:
             return False

@@ -54,7 +54,7 @@ MIDDLE_SAMPLES = 300
 
 
 class SeveralPeople:
-    """A `PeopleFinder` of everybody in view.
+    """A `PeopleFinder` of all people in view.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class SeveralPeople:
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
-        """Everybody who is to be seen in the next frame, see `PeopleFinder.find`.
+        """The people to be seen in the next frame, see `PeopleFinder.find`.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class SeveralPeople:
 
     @property
     def people(self) -> list[KnownPerson]:
-        """Everybody who was seen so far, by rising id."""
+        """The people seen so far, by rising id."""
         return self._known.people
 
     @property
@@ -398,6 +398,6 @@ class SeveralPeople:
 
 
 def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
-    """Whether nothing ever moved at a head's place (3,), whoever it belongs to."""
+    """Whether nothing ever moved at a head's place (3,)."""
     here = near_head(view, head) & view.foreground
     return bool(np.count_nonzero(surroundings.resting & here) > NEVER_MOVED * np.count_nonzero(here))

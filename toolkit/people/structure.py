@@ -18,7 +18,7 @@ MOST_PLANES = 8
 BEHIND = 0.35  # of a plane's points: more measured through it, and it bounds nothing (a sofa's front, a row of people)
 CORE = 2  # coarse pixels: what is on a plane but thinner than twice this is something that stands out of it
 FILLED = 0.35  # of a plane's rectangle that its points cover at the least; a cut through clutter covers less
-LEAST_SLANT = 0.3  # sine of the angle at which a plane is seen: nearer to edge-on, its area is anybody's guess
+LEAST_SLANT = 0.3  # sine of the angle at which a plane is seen: nearer to edge-on, its area is unknown
 REFITS = 3
 
 

@@ -36,7 +36,7 @@ class Surroundings:
     figures : float64 (F, 3), level frame, metres: the heads of things of a person's shape that never moved while the
         room was learnt, and are taken for furniture
     still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
-    owned : bool (h, w), those of them that are surely somebody's; None = none of them
+    owned : bool (h, w), those of them that are surely a person's; None = none of them
     """
 
     cut_out: bool
@@ -51,12 +51,12 @@ class Surroundings:
 
     @property
     def resting(self) -> np.ndarray:
-        """Bool (h, w), still pixels that are not known to be the room: furniture's, or of somebody who stays."""
+        """Bool (h, w), still pixels that are not known to be the room: furniture's, or of a person who stays."""
         return self.still & (self.background == 0)
 
     @property
     def unclaimed(self) -> np.ndarray:
-        """Bool (h, w), those of them that may be of furniture as well as of somebody who touches it."""
+        """Bool (h, w), those of them that may be of furniture as well as of a person who touches it."""
         return self.resting if self.owned is None else self.resting & ~self.owned
 
     def export_state(self) -> dict[str, Any]:

@@ -34,7 +34,7 @@ def find_people(
     most: int | None = None,
     judge: PersonJudge | None = None,
 ) -> SeveralPeople:
-    """A finder of everybody in a recording, or of the first `most` people; `judge` tells people from furniture.
+    """A finder of all people in a recording, or of the first `most` people; `judge` tells people from furniture.
 
     Raises
     ------
@@ -62,8 +62,8 @@ def find_person(
     if mode in ("person", "seed") or (mode == "auto" and recording.background is None):
         room = survey(recording, sensing, judge)
         if not room.cut_out:
-            everybody = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, judge
-            return OneOfSeveral(SeveralPeople(*everybody), meant_person(recording, SeveralPeople(*everybody), sensing))
+            given = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, judge
+            return OneOfSeveral(SeveralPeople(*given), meant_person(recording, SeveralPeople(*given), sensing))
     return LonePerson.of(recording, sensing)
 
 

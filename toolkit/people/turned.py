@@ -17,7 +17,7 @@ from toolkit.sensing.settings import SensingSettings
 OTHERS = (1, 3, 2)
 """Quarter turns clockwise, the likelier ones first."""
 ON_FLOOR = 0.5
-"""Metres above a floor of the lowest twentieth of whoever stands on it: shins, for soles pass for the floor."""
+"""Metres above a floor of the lowest twentieth of a person who stands on it: shins, for soles pass for the floor."""
 CLEARLY = np.cos(np.radians(35.0))
 """Between where up is and the vertical of the turned image: a camera that is tilted as well is left to `--rotate`."""
 

@@ -1,4 +1,4 @@
-"""Everybody before one camera: a fold over the frames of a stream, `frame -> sightings -> a row for each person`.
+"""The people before one camera: a fold over the frames of a stream, `frame -> sightings -> a row for each person`.
 
 A person's shape is learnt from the first seconds, which are kept and then tracked again with the learnt body, so that
 bone lengths do not change within a track. Rows of these seconds therefore come late, and all at once.
@@ -77,7 +77,7 @@ class Crowd:
     ----------
     frames : how many were taken in
     timestamps : theirs, seconds
-    sightings : keeps what is seen of everybody, for a second pass; None where there is none
+    sightings : keeps what is seen of all people, for a second pass; None where there is none
     """
 
     def __init__(

@@ -114,7 +114,7 @@ class TakesBody(Protocol):
     """A tracker that takes the person's own body."""
 
     def know(self, body: Body) -> None:
-        """Take a body for that of everybody who is tracked from now on; none is learnt."""
+        """Take a body for that of all people who are tracked from now on; none is learnt."""
         ...
 
 

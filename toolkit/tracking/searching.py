@@ -68,7 +68,7 @@ class SearchingTracker(ABC):
             self.know(body)
 
     def know(self, body: Body) -> None:
-        """Take a body for that of everybody who is tracked from now on; none is learnt."""
+        """Take a body for that of all people who are tracked from now on; none is learnt."""
         self._known_body = self._first_body = body
 
     @property
