@@ -67,7 +67,7 @@ def signals_of(take: Take, calibration: Calibration, limb: str) -> dict[str, tup
     The track's are differences of its frames; the sensor's, NaN where it measured nothing, are brought into the limb's
     frame by its mounting `q_L`.
     """
-    stream = next(stream for stream in take.sensors if stream.name == limb)
+    stream = take.sensors.named(limb)
     assert stream.gyro is not None and stream.acceleration is not None  # simulated
     moments = take.clock.sensor_times(take.motion.times)
 

@@ -20,6 +20,7 @@ from database_builder.views import (
     body_labels,
     draw_body,
     draw_mesh,
+    joints_in_view,
     project_level,
     row_of,
     sensed,
@@ -207,15 +208,15 @@ class RoomPainter:
         owners = np.where(triangle >= 0, owner[triangle], SHELL).astype(np.int32)
         cosine = _cosines(level, faces, triangle, corner)
         depth = lossy(inverse, cosine, reflectance[triangle], rng)
+        window = np.array([0, shape[1] - 1, 0, shape[0] - 1], dtype=np.int32)
         joints, in_view = np.zeros((len(skeleton.REPORTED), 3)), np.zeros(len(skeleton.REPORTED), dtype=bool)
         if people:
             joints = camera.to_level(people[0].joints)
-            in_view = _in_view(joints, corner, inverse, owners)
+            in_view = joints_in_view(joints, corner, window, np.where(owners == SUBJECT, 0.0, inverse))
         if rng.random() < self._settings.room.cut:
             depth = _cut_out(depth, owners, rng)
         first = int((owner == SUBJECT).argmax()) if people else 0
         body_face = np.where(owners == SUBJECT, triangle - first, 0).astype(np.int32)
-        window = np.array([0, shape[1] - 1, 0, shape[0] - 1], dtype=np.int32)
         return RoomView(depth, window, in_view, body_face, corner, joints, owners)
 
 
@@ -299,15 +300,6 @@ def _cosines(level: np.ndarray, faces: np.ndarray, triangle: np.ndarray, corner:
     y = (np.arange(height) + corner[1])[:, None] / FOCAL
     along = normals[triangle, 0] * x - normals[triangle, 1] * y - normals[triangle, 2]
     return np.where(triangle >= 0, np.abs(along) / np.sqrt(1.0 + x * x + y * y), 0.0)
-
-
-def _in_view(joints: np.ndarray, corner: np.ndarray, inverse: np.ndarray, owners: np.ndarray) -> np.ndarray:
-    """Bool (20,): joints (20, 3), level frame, inside the image with nothing foreign before them."""
-    seen = project_level(joints)
-    u, v = np.rint(seen[:, :2] - corner).astype(int).T
-    inside = (u >= 0) & (v >= 0) & (u < inverse.shape[1]) & (v < inverse.shape[0]) & (seen[:, 2] > 0)
-    v, u = np.clip(v, 0, inverse.shape[0] - 1), np.clip(u, 0, inverse.shape[1] - 1)
-    return inside & ((owners[v, u] == SUBJECT) | (inverse[v, u] <= seen[:, 2]))
 
 
 def _cut_out(depth: np.ndarray, owners: np.ndarray, rng: np.random.Generator) -> np.ndarray:

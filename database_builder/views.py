@@ -155,7 +155,7 @@ def draw_view(
             blocked = np.maximum(blocked, before)
     depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
     window = image_window(joints + root, corner, (height, width), cut, rng)
-    in_view = _in_view(joints + root, corner, window, blocked)
+    in_view = joints_in_view(joints + root, corner, window, blocked)
     # No person can be seen where something nearer stands, if the source says what stands there; often it says nothing.
     if rng.random() < 0.6:
         depth[(blocked > -1.0 / (root[2] - 0.1)) & (depth == 0)] = forest.UNOBSERVED
@@ -249,11 +249,15 @@ def image_window(
     return np.rint([near[0], far[0], near[1], far[1]]).astype(np.int32)
 
 
-def _in_view(joints: np.ndarray, corner: np.ndarray, window: np.ndarray, blocked: np.ndarray) -> np.ndarray:
-    """Bool (20,): joints inside the image with nothing foreign before them."""
+def joints_in_view(joints: np.ndarray, corner: np.ndarray, window: np.ndarray, blocked: np.ndarray) -> np.ndarray:
+    """Which joints (20, 3), level frame, lie inside the image with nothing foreign before them: bool (20,).
+
+    The image is `window` (4,) of a crop that begins at the pixel `corner`; `blocked` (H, W) is the inverse depth of
+    what is foreign in the crop, 0 where nothing is.
+    """
     projected = project_level(joints)
     u, v = np.rint(projected[:, :2] - corner).astype(int).T
-    inside = (u >= window[0]) & (u <= window[1]) & (v >= window[2]) & (v <= window[3])
+    inside = (u >= window[0]) & (u <= window[1]) & (v >= window[2]) & (v <= window[3]) & (projected[:, 2] > 0)
     rows, columns = np.clip(v, 0, blocked.shape[0] - 1), np.clip(u, 0, blocked.shape[1] - 1)
     return inside & (blocked[rows, columns] <= projected[:, 2])
 

@@ -175,7 +175,6 @@ def test_costs_are_the_distances_of_what_may_still_be_nearest(placer: Placer, sc
     poses = np.stack([standing() + step_of(root_tx=x) for x in (0.1, 0.02, 0.3)])
     distances = [objective.compare(BODY, pose, scene).distance for pose in poses]
     assert objective.costs(BODY, poses, scene).tolist() == [*distances[:2], np.inf]
-    assert np.isinf(objective.costs(BODY, poses, scene, distances[1] * 0.99)).all()
 
 
 @pytest.mark.parametrize("distance", [0.001, NEAREST, 0.05, FARTHEST, 0.8])

@@ -243,7 +243,7 @@ def test_a_run_folder_that_is_moved_with_its_recording_finds_it_again_and_the_di
     with pytest.raises(RecordingError, match="is gone; .*--recording"):
         moved.open_recording()
     assert len(moved.open_recording(tmp_path / "elsewhere.npz")) == 12
-    (there / "take.npz").write_bytes(b"another one")
+    write_recording(there / "take.npz", frames=9)
     with pytest.raises(RecordingError, match="has changed"):
         moved.open_recording()
     here.mkdir()
@@ -262,6 +262,7 @@ def test_a_run_folder_that_is_moved_with_its_recording_finds_it_again_and_the_di
         ({"shape": [1e9]}, "outside"),
         ({"level_rotation": [1.0, 0.0]}, "no rotation"),
         ({"level_rotation": [1.0, 0, 0, 0, 1, 0, 0, 1, 0]}, "no rotation"),
+        ({"level_rotation": [1.0, 0, 0, 0, 1, 0, 0, 0, -1]}, "no rotation"),
         ({"body_fingerprint": "0123456789abcdef"}, "another body"),
         ({"version": "99.0"}, "version '99.0', this is .*; install"),
         ({"version": "soon"}, "version 'soon'"),

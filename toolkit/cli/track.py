@@ -42,13 +42,14 @@ class Tracking:
 
     def overrides(self) -> dict[str, Any]:
         """Settings that are not the configuration's, by their dotted names."""
-        from toolkit.config import parse_overrides, setting_of
+        from toolkit.config import parse_overrides
+        from toolkit.pipeline import TrackerRecipe
         from toolkit.tracking.registry import DEFAULT
 
         sensing = given(segment=self.segment, subject=self.subject)
         found = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
         # Other trackers know one pass only.
-        if self.online and (setting_of("tracker", self.config, found) or DEFAULT) == DEFAULT:
+        if self.online and TrackerRecipe(self.config, found).tracker == DEFAULT:
             found["passes"] = 1
         return found
 

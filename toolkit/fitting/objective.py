@@ -87,12 +87,12 @@ class Objective:
         self.placer, self.settings = placer, settings
         self.pose_terms = tuple(pose_terms)
 
-    def costs(self, body: Body, poses: np.ndarray, scene: Scene, bound: float = np.inf) -> np.ndarray:
-        """Distances (N,), metres, of `poses` (N, P), level frame; infinite where one is farther than those before it.
+    def costs(self, body: Body, poses: np.ndarray, scene: Scene) -> np.ndarray:
+        """Distances (N,), metres, of `poses` (N, P), level frame; infinite where one is farther than one before it.
 
-        Only the nearest is asked for: the bound falls to the least distance found so far.
+        Only the nearest is asked for.
         """
-        costs = np.full(len(poses), np.inf)
+        costs, bound = np.full(len(poses), np.inf), np.inf
         for k, pose in enumerate(poses):
             costs[k] = self.compare(body, pose, scene, bound).distance
             bound = min(bound, costs[k])

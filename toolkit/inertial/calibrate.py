@@ -75,12 +75,15 @@ class Take:
     sensors: Sensors
     clock: Clock
 
+    def measured(self, sensor: str, lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Orientations of a sensor in the motion's frames, quaternions (T, 4), and where both are known, bool (T,)."""
+        inertial, known = self.sensors.named(sensor).at(self.clock.sensor_times(self.motion.times) + lag)
+        return inertial, known & self.motion.valid
+
     def strand(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> Strand:
         """Orientations of a sensor and of its part of the body where both are known."""
-        stream = next(stream for stream in self.sensors if stream.name == limb)
-        inertial, known = stream.at(self.clock.sensor_times(self.motion.times) + lag)
-        rows = known & self.motion.valid
-        return Strand(number, group, inertial[rows], self.motion.orientation(limb)[rows])
+        inertial, known = self.measured(limb, lag)
+        return Strand(number, group, inertial[known], self.motion.orientation(limb)[known])
 
 
 def calibrate(takes: Sequence[Take], settings: CalibrationSettings | None = None) -> Calibration:

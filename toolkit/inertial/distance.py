@@ -99,10 +99,8 @@ def distances(calibration: Calibration, take: Take) -> list[Distances]:
 
 def measured_limb(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a sensor says of its limb in the level frame, quaternions (T, 4), and where it is known, bool (T,)."""
-    stream = next(stream for stream in take.sensors if stream.name == limb)
-    inertial, known = stream.at(take.clock.sensor_times(take.motion.times))
-    said = quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting))
-    return said, known & take.motion.valid
+    inertial, known = take.measured(limb)
+    return quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting)), known
 
 
 def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -> Distances:

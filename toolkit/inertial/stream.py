@@ -204,6 +204,10 @@ class Sensors:
         """Of the sensors, in order."""
         return tuple(stream.name for stream in self.streams)
 
+    def named(self, name: str) -> SensorStream:
+        """The sensor of this name, which there is."""
+        return next(stream for stream in self.streams if stream.name == name)
+
     @property
     def devices(self) -> dict[str, str]:
         """Part of the body -> id of the device on it, as far as it is known."""

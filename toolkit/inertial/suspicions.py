@@ -136,9 +136,7 @@ def other_side(limb: str) -> str:
 
 def residual(take: Take, sensor: str, limb: str) -> float:
     """Median residual in degrees of one sensor of a take, calibrated by itself on any part of the body."""
-    stream = next(stream for stream in take.sensors if stream.name == sensor)
-    inertial, known = stream.at(take.clock.sensor_times(take.motion.times))
-    rows = known & take.motion.valid
+    inertial, rows = take.measured(sensor)
     if rows.sum() < 10:
         return 180.0
     change = quat.conjugate(upright(take.sensors.world_up))

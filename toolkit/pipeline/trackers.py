@@ -76,8 +76,13 @@ class TrackerRecipe:
         files = {"sensors_sha256": self.sensors, "body_sha256": self.body}
         return {name: sha256_of(file) if file else "" for name, file in files.items()}
 
+    @property
+    def tracker(self) -> str:
+        """The tracker's name; raises SettingsError as `build`."""
+        return setting_of("tracker", self.config, self.overrides) or DEFAULT
+
     def _registration(self) -> Registration:
-        return registered(setting_of("tracker", self.config, self.overrides) or DEFAULT)
+        return registered(self.tracker)
 
 
 def _embodied(tracker: Tracker, body: str | Path | None) -> Tracker:

@@ -38,6 +38,10 @@ def earth_field(inclination: float, declination: float, strength: float) -> np.n
     return strength * np.array([np.cos(down) * np.cos(east), -np.cos(down) * np.sin(east), -np.sin(down)])
 
 
+SOFT_SECONDS = 0.3
+"""Correlation time of the turn between a sensor and its bone."""
+
+
 @dataclass(frozen=True)
 class SensorNoise:
     """The flaws of a set of sensors; angles in degrees, times in seconds.
@@ -48,8 +52,7 @@ class SensorNoise:
     tilt : standard deviation of a constant error of the vertical, per sensor
     white : of the error of each orientation
     heading_walk : of the heading after one minute, a random walk
-    soft_tissue : of a slow turn between sensor and bone
-    soft_seconds : correlation time of it
+    soft_tissue : of a slow turn between sensor and bone, see `SOFT_SECONDS`
     gyro : rad/s, white
     gyro_bias : rad/s, constant
     acceleration : m/s2, white
@@ -63,7 +66,6 @@ class SensorNoise:
     white: float = 0.0
     heading_walk: float = 0.0
     soft_tissue: float = 0.0
-    soft_seconds: float = 0.3
     gyro: float = 0.0
     gyro_bias: float = 0.0
     acceleration: float = 0.0
@@ -194,11 +196,8 @@ def _measure(
     at = 0.7 * bone_vector(motion.body, limb) + 0.04 * np.roll(bone_axis(limb), 1)
     places = motion.middle(limb) + quat.rotate(motion.orientation(limb), at - 0.5 * bone_vector(motion.body, limb))
     acceleration = CubicSpline(motion.times, places)(camera, 2) + [0.0, GRAVITY, 0.0]
-
-    def smooth(degrees: float, seconds: float) -> np.ndarray:
-        return np.radians(degrees) * _slow(rng, len(camera), seconds * noise.rate)
-
-    soft = quat.exponential(smooth(noise.soft_tissue / np.sqrt(3.0), noise.soft_seconds))
+    slow = _slow(rng, len(camera), SOFT_SECONDS * noise.rate)
+    soft = quat.exponential(np.radians(noise.soft_tissue / np.sqrt(3.0)) * slow)
     true = quat.multiply(quat.multiply(quat.multiply(world, bone), soft), mounting)
     walk = np.cumsum(rng.normal(size=len(camera))) * np.radians(noise.heading_walk) / np.sqrt(60.0 * noise.rate)
     tilt = np.append(np.radians(noise.tilt) * rng.normal(size=2), 0.0)

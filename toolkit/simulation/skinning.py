@@ -95,11 +95,6 @@ def _moved(point: np.ndarray, r: np.ndarray, d: np.ndarray, out: np.ndarray) -> 
     out[2] = point[2] + 2.0 * (x * cy - y * cx) + 2.0 * (w * d[3] - d[0] * z + x * d[2] - y * d[1])
 
 
-def _linear_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
-    """Mesh (V, 3) of a pose (P,) by linear blending, as trackers have it."""
-    return body.vertex_positions(pose)
-
-
 def _dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
     """Mesh (V, 3) of a pose (P,) by dual quaternions (Kavan 2008; Qammaz, 3.1)."""
     placed, out = body.place(pose), np.empty_like(body.vertices)
@@ -107,5 +102,8 @@ def _dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
     return out
 
 
-SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {"linear": _linear_skinning, "dual": _dual_skinning}
-"""By the names of `Shot.skinning`."""
+SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {
+    "linear": Body.vertex_positions,
+    "dual": _dual_skinning,
+}
+"""Mesh (V, 3) of a body in a pose (P,), by the names of `Shot.skinning`; trackers have the linear one."""

@@ -123,7 +123,7 @@ def class_motion(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
         hidden = np.array([told.hidden[other][frame] or other == limb for other in LIMBS])
         key = (row, hidden.tobytes())
         if key not in gains:
-            gains[key] = _gain(motion.covariance, entries - ROOT, hidden, SEEN_NOISE)
+            gains[key] = _gain(motion.covariance, entries - ROOT, hidden)
         seen, gain, kept = gains[key]
         away = told.poses[frame, ROOT + seen] - motion.mean[column, seen]
         mean[place] = motion.mean[column, entries - ROOT] + linear.times(gain, away)
@@ -132,13 +132,11 @@ def class_motion(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
     return Expected(mean, spread, memory, "class") if np.isfinite(mean).any() else None
 
 
-def _gain(
-    covariance: np.ndarray, wanted: np.ndarray, hidden: np.ndarray, noise: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _gain(covariance: np.ndarray, wanted: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles that are seen (S,), gain (A, S) of the wanted ones on them, and the share of the spread that is left."""
     taken = np.concatenate([ENTRIES[limb] - ROOT for limb, gone in zip(LIMBS, hidden, strict=True) if gone])
     seen = np.setdiff1d(np.arange(len(covariance)), taken)
-    among = linear.inverse(covariance[np.ix_(seen, seen)] + noise**2 * np.eye(len(seen)))
+    among = linear.inverse(covariance[np.ix_(seen, seen)] + SEEN_NOISE**2 * np.eye(len(seen)))
     across = np.ascontiguousarray(covariance[np.ix_(wanted, seen)])
     gain = np.stack([linear.times(among, row) for row in across])
     own = np.diag(covariance)[wanted]

@@ -11,6 +11,10 @@ from toolkit.sensing.camera import Camera
 
 DERIVED = [skeleton.REPORTED.index(name) for name in ("pelvis", "spine", "neck")]
 """Joints that no detector tells."""
+PERSISTENCE = 0.8
+"""Share of a frame's error that stays in the next one."""
+FAR = 0.12
+"""Metres by which a joint is off that a detector misses."""
 
 
 @dataclass(frozen=True)
@@ -20,15 +24,12 @@ class DetectorErrors:
     Attributes
     ----------
     sigma : metres at the joint, standard deviation along each axis of the image
-    persistence : share of a frame's error that stays in the next one, in [0, 1)
-    missed : share of the joints that are `far` metres off, in a random direction
+    missed : share of the joints that are `FAR` off, in a random direction
     swapped : share of the frames in which left and right are exchanged
     """
 
     sigma: float = 0.02
-    persistence: float = 0.8
     missed: float = 0.04
-    far: float = 0.12
     swapped: float = 0.017
 
 
@@ -42,12 +43,12 @@ def detected(
     errors = errors or DetectorErrors()
     wrong = np.empty((*truth.shape[:2], 2))
     wrong[0] = rng.normal(0.0, errors.sigma, wrong.shape[1:])
-    fresh = np.sqrt(1.0 - errors.persistence**2) * errors.sigma
+    fresh = np.sqrt(1.0 - PERSISTENCE**2) * errors.sigma
     for i in range(1, len(wrong)):
-        wrong[i] = errors.persistence * wrong[i - 1] + rng.normal(0.0, fresh, wrong.shape[1:])
+        wrong[i] = PERSISTENCE * wrong[i - 1] + rng.normal(0.0, fresh, wrong.shape[1:])
     missed = rng.random(truth.shape[:2]) < errors.missed
     angle = rng.uniform(-np.pi, np.pi, truth.shape[:2])
-    wrong += errors.far * np.where(missed[..., None], np.stack([np.cos(angle), np.sin(angle)], axis=-1), 0.0)
+    wrong += FAR * np.where(missed[..., None], np.stack([np.cos(angle), np.sin(angle)], axis=-1), 0.0)
     z = truth[..., 2:]
     pixels = truth[..., :2] / z * [camera.fx, camera.fy] + [camera.cx, camera.cy]
     rows = np.concatenate([pixels + wrong / z * [camera.fx, camera.fy], np.full_like(z, 0.9)], axis=-1)
