@@ -61,7 +61,7 @@ from toolkit.detector.joint_files import read_joints
 from toolkit.evaluation.k4abt import read_k4abt
 from toolkit.evaluation.orientations import read_truth
 from toolkit.export.tree import read_bones
-from toolkit.hybrid.tracker import HybridSettings
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
 from toolkit.inertial.readers import read_file

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from benchmarks._inertial_figures import (
-    THRESHOLDS,
     add_frames,
     example_of_offsets,
     nothing_swept,
@@ -23,7 +22,7 @@ from tests.test_inertial_clock import typed
 from toolkit import skeleton
 from toolkit.cli.main import main
 from toolkit.errors import InertialError, TrackError, UsageError
-from toolkit.evaluation.orientations import check_runs, found_frames, read_truth
+from toolkit.evaluation.orientations import THRESHOLDS, check_runs, found_frames, read_truth
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock

@@ -25,7 +25,7 @@ from toolkit import skeleton
 from toolkit.config import load_settings, settings_text
 from toolkit.export.run import export_run
 from toolkit.files import save_text
-from toolkit.hybrid.tracker import HybridSettings
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.pipeline.manifest import DONE, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.rendering.encoders import FILM_SUFFIXES
 from toolkit.rendering.film import FilmWriter, save_png

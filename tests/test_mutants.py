@@ -22,7 +22,8 @@ def mutants() -> list:
 
 @cache
 def parsed(source: str) -> str:
-    """The source as Python understands it."""
+    """The source as Python understands it, which compiles it: a keyword that is given twice is none before."""
+    compile(source, "mutant", "exec")
     return ast.dump(ast.parse(source))
 
 

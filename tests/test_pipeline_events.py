@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
-from tests.test_retrieval_online import RATE, body, classes, document
+from tests.inertial_scenes import RATE
+from tests.test_retrieval_online import body, classes, document
 from toolkit.cli.guiding import Guiding
 from toolkit.errors import UsageError
 from toolkit.pipeline import track_recording

@@ -15,6 +15,7 @@ from toolkit.body.body import Body
 from toolkit.body.raycast import Hits, cast
 from toolkit.errors import UsageError
 from toolkit.files import check_output
+from toolkit.interiors.mesh import Mesh, joined
 from toolkit.interiors.room import named_room
 from toolkit.mocap.clip import PoseClip
 from toolkit.progress import Count, silent
@@ -23,7 +24,7 @@ from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
-from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
+from toolkit.simulation.furniture import Box, boxes_mesh
 from toolkit.simulation.inertial import SimulatedSensors, simulate_sensors
 from toolkit.simulation.person import (
     Performer,
