@@ -4,7 +4,7 @@
 
 Every mutant of `mutants.yaml` is a small change of one file. It is made in a copy of the tree, whose compiled kernels
 are its own, and the tests that are named beside it run until the first one fails. Printed is a table; the exit code is
-1 if a mutant survived that is not argued to be equivalent, or if the tests fail without any.
+1 if a mutant survived, or if the tests fail without any.
 """
 
 from __future__ import annotations
@@ -41,7 +41,6 @@ class Mutant:
     file : which file, from the root of the project
     old, new : its text, which stands there once, and what takes its place
     tests : what runs, as pytest takes it
-    equivalent : why nothing can notice it; empty for mutants that must be noticed
     """
 
     name: str
@@ -49,7 +48,6 @@ class Mutant:
     old: str
     new: str
     tests: tuple[str, ...]
-    equivalent: str = ""
 
     def applied(self, source: str) -> str:
         """The broken source.
@@ -117,12 +115,7 @@ def judge(mutant: Mutant, tree: Path) -> str | None:
 
 def row(number: int, mutant: Mutant, noticed: str | None) -> str:
     """A line of the table."""
-    if noticed is not None:
-        verdict = f"killed | `{noticed}`"
-    elif mutant.equivalent:
-        verdict = f"equivalent | {mutant.equivalent}"
-    else:
-        verdict = "**survived** |"
+    verdict = "**survived** |" if noticed is None else f"killed | `{noticed}`"
     return f"| {number} | {mutant.name} | `{mutant.file}` | {verdict} |"
 
 
@@ -164,7 +157,7 @@ def main() -> int:
                 group = [mutant for mutant in mutants if mutant.tests == tests]
                 for mutant, noticed in zip(group, pool.map(in_some_tree, group), strict=True):
                     number += 1
-                    survivors += noticed is None and not mutant.equivalent
+                    survivors += noticed is None
                     print(row(number, mutant, noticed), flush=True)
         print(f"\n{len(mutants)} mutants, {survivors} survived")
     return 1 if survivors else 0

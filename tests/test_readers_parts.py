@@ -36,7 +36,12 @@ def test_images_called_depth_are_the_frames_and_their_namesakes_the_colour(tmp_p
 
 @pytest.mark.parametrize(
     ("color", "found"),
-    [(("b.jpg", "a.jpg"), ["a.jpg", "b.jpg"]), (("7.jpg", "30.jpg"), ["7.jpg", "30.jpg"]), (("a.jpg",), [])],
+    [
+        (("b.jpg", "a.jpg"), ["a.jpg", "b.jpg"]),
+        (("0.jpg", "a.jpg", "b.jpg"), ["a.jpg", "b.jpg"]),
+        (("7.jpg", "30.jpg"), ["7.jpg", "30.jpg"]),
+        (("a.jpg",), []),
+    ],
 )
 def test_colour_beside_depth_goes_by_stems_else_by_numbers_if_there_are_as_many(
     tmp_path: Path, color: tuple[str, ...], found: list[str]
