@@ -30,7 +30,7 @@ def test_the_splits_share_no_motion_and_each_group_has_two_takes_in_either() -> 
         assert [scene.group for scene in scenes] == [group for group in (*GROUPS, *MORE) for _ in range(2)]
         assert len({scene.seed for scene in scenes}) == len(scenes)
     assert len(upper_scenes("tune")) == 2 * len(GROUPS)
-    assert not {s.actors[0].motion for s in tune} & {s.actors[0].motion for s in report}
+    assert not {s.actors[0].clip for s in tune} & {s.actors[0].clip for s in report}
     assert len(upper_scenes("tune", ("cut", "desk"), 1)) == 2
 
 
