@@ -160,14 +160,14 @@ def test_a_pose_is_given_up_only_beyond_the_bound(placer: Placer, scene: Scene) 
     assert objective.compare(BODY, off, scene, distance * 0.9999) is WORSE
 
 
-def test_extrema_that_are_far_give_a_pose_up_only_beyond_the_bound(placer: Placer) -> None:
-    depth = placer.place(BODY, standing()).drawn.depth.astype(np.float32)
-    cloud = Cloud.from_depth(depth, CAMERA, LEVEL)
-    beyond = cloud.points[[0, -1]].astype(np.float64) + [[0.0, 0.15, 0.0], [0.0, -0.15, 0.0]]
-    off = Scene(cloud, beyond, 50)
-    distance = Objective(placer, SETTINGS).compare(BODY, standing(), off).distance
-    assert 0.1 < distance < 0.2
-    assert Objective(placer, SETTINGS).compare(BODY, standing(), off, distance * 1.001).distance == distance
+def test_what_else_is_known_gives_a_pose_up_only_beyond_the_bound(placer: Placer) -> None:
+    scene = scene_of(placer, None)
+    alone = Objective(placer, SETTINGS).compare(BODY, standing(), scene).distance
+    known: Any = SimpleNamespace(cost=lambda _: 0.15)
+    scene.evidence = (known,)
+    distance = Objective(placer, SETTINGS).compare(BODY, standing(), scene).distance
+    assert distance == pytest.approx(alone + 0.15)
+    assert Objective(placer, SETTINGS).compare(BODY, standing(), scene, distance * 1.001).distance == distance
 
 
 def test_costs_are_the_distances_of_what_may_still_be_nearest(placer: Placer, scene: Scene) -> None:

@@ -40,8 +40,7 @@ class Comparison:
     Attributes
     ----------
     distance : metres, infinite for one that was given up
-    surface : metres, what the visible vertices and the samples have of it: how well the body and what was measured of
-        it lie on each other, whatever else hangs on the person
+    surface : metres, what of it the depth says: how well the body and what was measured lie on each other
     gaps : float64 (C,), metres, from each chosen vertex that the camera sees to the nearest measured point; NaN for
         those that it does not see or that have none
     sample_gaps : float64 (M,), metres, from each sample of the frame to the drawn body, capped
@@ -101,42 +100,42 @@ class Objective:
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """A pose (P,), level frame, against a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
 
-        The mean distance of the geodesic extrema (as many as there are) to the nearest mesh vertex, plus the mean
-        distance of the visible chosen vertices to the measured points, plus, where the fit uses them, the mean distance
-        of the samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it unexplained.
-        Distances count `unexplained` at most. What else is known of the frame adds its disagreement. As soon as the sum
-        is known to exceed `bound`, the pose is `WORSE`.
+        The mean distance of the visible chosen vertices to the measured points, plus the mean distance of what was
+        measured to the body, for a body that hides a limb behind itself leaves what was seen of it unexplained. As in
+        the paper the geodesic extrema stand for what was measured, unless the fit draws samples of all of it: in a
+        furnished room most extrema may lie on what a person touches or carries, and few samples do. Distances count
+        `unexplained` at most. What else is known of the frame adds its disagreement. As soon as the sum is known to
+        exceed `bound`, the pose is `WORSE`.
         """
         s = self.settings
         placed = self.placer.place(body, pose)
-        distance = pairs.mean_nearest(scene.extrema, placed.vertices, s.unexplained)
-        distance += sum(evidence.cost(placed) for evidence in scene.evidence)
+        distance = sum(evidence.cost(placed) for evidence in scene.evidence)
         if distance > bound:
             return WORSE
         visible, points = visible_chosen(placed, scene, s.facing, s.vertices), placed.chosen_points
         nearest, gaps = np.full(points.shape, np.nan), np.empty(len(points))
         scene.medians(points, visible, s.unexplained, 1, nearest)
         surface = pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)
-        distance += surface
-        if distance > bound:
+        if distance + surface > bound:
             return WORSE
         samples = scene.samples[: scene.plain_samples]
         points, drawn = nearest_drawn(placed, scene, samples, s.unexplained)
         sample_gaps = np.empty(len(samples))
-        away = pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
-        distance += away
+        surface += pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
+        if len(samples) == 0:
+            surface += pairs.mean_nearest(scene.extrema, placed.vertices, s.unexplained)
+        distance += surface
         if distance > bound:
             return WORSE
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
-        return Comparison(distance, surface + away, gaps, sample_gaps, drawn, energy, placed, scene)
+        return Comparison(distance, surface, gaps, sample_gaps, drawn, energy, placed, scene)
 
     def confidence(self, comparison: Comparison) -> np.ndarray:
         """Probability that each reported joint of a compared pose is within 5 cm: float64 (20,), in [0, 1].
 
         Its odds rise with the support of the joint (of the chosen vertices around it, the share that the camera sees
         times how near measured points are) and with the share of these vertices that lie where something was observed.
-        They fall with the distance of the surface: where the whole is off, no part can be trusted. Of the distance of
-        the pose the extrema are left out: in a furnished room some lie on what the person touches.
+        They fall with the distance of the surface: where the whole is off, no part can be trusted.
         """
         distance = math.log(min(max(comparison.surface, NEAREST), FARTHEST) / USUAL)
         none, supported, seen, far = ODDS

@@ -296,19 +296,16 @@ class PlainObjective(Objective):
         nearest = np.empty_like(points)
         scene.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
-        parts = [gaps[visible]]
         cloud = PlainCloudTerm(s.unexplained, s.sigma)
         explained, drawn = cloud.nearest(placed, scene)
         explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
         sample_gaps = np.linalg.norm(explained - scene.samples[: scene.plain_samples], axis=1)
         far = ~(sample_gaps < s.unexplained) | (drawn < 0)
         sample_gaps[far], drawn[far] = s.unexplained, -1
-        if scene.plain_samples:
-            parts.append(sample_gaps)
-        surface = sum(_mean_capped(part, s.unexplained) for part in parts)
         extrema = np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)
-        distance = surface + _mean_capped(extrema, s.unexplained)
-        distance += sum(evidence.cost(placed) for evidence in scene.evidence)
+        parts = (gaps[visible], sample_gaps if scene.plain_samples else extrema)
+        surface = sum(_mean_capped(part, s.unexplained) for part in parts)
+        distance = surface + sum(evidence.cost(placed) for evidence in scene.evidence)
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
         if distance > bound:
             return WORSE
