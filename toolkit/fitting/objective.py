@@ -40,7 +40,7 @@ class Comparison:
     Attributes
     ----------
     distance : metres, infinite for one that was given up
-    surface : metres, what of it the depth says: how well the body and what was measured lie on each other
+    surface : metres, how far the body and what was measured of it lie apart: the distance without `Scene.evidence`
     gaps : float64 (C,), metres, from each chosen vertex that the camera sees to the nearest measured point; NaN for
         those that it does not see or that have none
     sample_gaps : float64 (M,), metres, from each sample of the frame to the drawn body, capped
@@ -100,12 +100,12 @@ class Objective:
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """A pose (P,), level frame, against a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
 
-        The mean distance of the visible chosen vertices to the measured points, plus the mean distance of what was
-        measured to the body, for a body that hides a limb behind itself leaves what was seen of it unexplained. As in
-        the paper the geodesic extrema stand for what was measured, unless the fit draws samples of all of it: in a
-        furnished room most extrema may lie on what a person touches or carries, and few samples do. Distances count
-        `unexplained` at most. What else is known of the frame adds its disagreement. As soon as the sum is known to
-        exceed `bound`, the pose is `WORSE`.
+        The mean distance of the visible chosen vertices to the measured points (Eq. 5.7), plus the mean distance of the
+        frame's samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it
+        unexplained. A frame without samples is compared by its geodesic extrema in their place (Eq. 5.8), as in the
+        paper. Samples decide where there are any, for in a furnished room most extrema may lie on what a person touches
+        or carries, and few samples do. Each distance counts `unexplained` at most. What else is known of the frame adds
+        its disagreement. As soon as the sum is known to exceed `bound`, the pose is `WORSE`.
         """
         s = self.settings
         placed = self.placer.place(body, pose)

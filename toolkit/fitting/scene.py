@@ -22,6 +22,7 @@ class Scene:
     intrinsics : float64 (4,) of that image
     seen : float32 (H, W): the same depth, 0 where no person is and NaN in pixels that say nothing about the person
     samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
+    plain_samples : how many of the samples come before the extrema
     extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
     cut : bool (E,), extrema that lie where the border or an occluder cuts the person: no limbs
     evidence, priors : what is known of the frame besides its depth: of the placed body, and of the pose

@@ -26,8 +26,8 @@ class FittingSettings:
         counterpart
     surface_plane, surface_point : weights of the two parts of a pair from mesh to cloud: point to plane converges,
         the point part keeps limbs from sliding
-    cloud_samples : measured points that are drawn to the mesh; 0 = only the mesh is drawn to the points, as in the
-        paper
+    cloud_samples : measured points that are drawn to the mesh and compared with it; 0 = only the mesh is drawn to the
+        points, and the geodesic extrema are compared with it, as in the paper
     prior_weight : of the Gaussian pose prior of the database; 0 = none
     contact_weight : of two overlapping parts of the body against one vertex: no self-penetration; 5 and 20 are no
         better

@@ -36,7 +36,7 @@ class HybridSettings:
         joints are seen in the image; set up as in configs/swarm.yaml)
     body : how much of a person there is to see: "auto" (the regressor tells which links are out of view, frame by
         frame), "whole" (nothing is out of view that the frame does not hide), "upper" (legs are never looked for)
-    extrema : geodesic extrema per frame, Eq. 5.8
+    extrema : geodesic extrema per frame: the lookup asks by them, and the local optimisation draws the body to them
     candidates : retrieved poses that are compared before one of them is refined: a comparison costs a fifth of a
         refinement; 1 takes the best by Eq. 5.6 unseen
     promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis:

@@ -205,7 +205,7 @@ class Sensors:
         return tuple(stream.name for stream in self.streams)
 
     def named(self, name: str) -> SensorStream:
-        """The sensor of this name, which there is."""
+        """The sensor of a name out of `names`."""
         return next(stream for stream in self.streams if stream.name == name)
 
     @property

@@ -80,34 +80,34 @@ def learnt(
         for s in _seen(k, stack, moved, rough_margin, planes, lens, judge, floor)
         if possible_height(s.place, floor)
     ]
-    people, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
-    somebody: list[Seen] = []
+    occupied, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
+    people: list[Seen] = []
     stays: list[list[Seen]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         if log_odds(glimpses) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
-            somebody += figure
+            people += figure
             for s in figure:
-                people[s.frame] |= s.own
+                occupied[s.frame] |= s.own
             if len(figure) >= FEWEST:
                 stays.append(figure)
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             figures.append(np.mean([[s.place for s in figure]], axis=1))
-    background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens)
+    background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, lens)
     margin, near = _margins(stack, background, lens)
     owned = background == 0  # a person's in all samples
     count = near.sum(axis=0)
-    background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
+    background[(near & occupied).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
-    background[left_with(somebody, stack, near, background, lens)] = 0.0
+    background[left_with(people, stack, near, background, lens)] = 0.0
     if stays and judge is not None:
         likely = _judged(stack, lens, judge) > LEAST_ODDS
         for figure in stays:
             furniture = still & ~likely & (sum(s.own for s in figure) > MOSTLY * len(figure))
             background[furniture], margin[furniture] = rough[furniture], rough_margin[furniture]
         for figure in stays:
-            theirs = still & hanging(figure, somebody, stack, still, likely, planes, lens)
+            theirs = still & hanging(figure, people, stack, still, likely, planes, lens)
             background[theirs], owned[theirs] = 0.0, True
     return Surroundings(
         False, True, background, margin, still, tuple(planes), np.concatenate(figures), owned=still & owned
@@ -159,7 +159,7 @@ def _judged(stack: np.ndarray, lens: Lens, judge: PersonJudge) -> np.ndarray:
 
 def hanging(
     figure: Sequence[Seen],
-    somebody: Sequence[Seen],
+    people: Sequence[Seen],
     stack: np.ndarray,
     still: np.ndarray,
     likely: np.ndarray,
@@ -173,14 +173,14 @@ def hanging(
     depth = stack[middle.frame]
     on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
     view = lens.view(depth, (depth > 0) & ~on & likely, still)
-    others = [s.place for s in somebody if s.frame == middle.frame and s is not middle]
+    others = [s.place for s in people if s.frame == middle.frame and s is not middle]
     return hanging_on(view, lens, [middle.place, *others])[0]
 
 
 def left_with(
-    somebody: Sequence[Seen], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: Lens
+    people: Sequence[Seen], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: Lens
 ) -> np.ndarray:
-    """Pixels of the background that are legs of `somebody`, parted from the head by what they carry: bool (h, w).
+    """Pixels of the background that are legs of `people`, parted from the head by what they carry: bool (h, w).
 
     The pixels are hardly ever seen but below a head, and something nearer covers them while the heads are elsewhere.
 
@@ -192,9 +192,9 @@ def left_with(
     """
     points = lens.view(background, background > 0, background > 0).points
     there, covered = (np.zeros(background.shape, dtype=np.int32) for _ in range(2))
-    for frame in sorted({s.frame for s in somebody}):
+    for frame in sorted({s.frame for s in people}):
         below = np.zeros(background.shape, dtype=np.bool_)
-        for place in (s.place for s in somebody if s.frame == frame):
+        for place in (s.place for s in people if s.frame == frame):
             aside = np.hypot(points[..., 0] - place[0], points[..., 2] - place[2])
             below |= (aside < STANDS_WITHIN) & (points[..., 1] < place[1])
         there += near[frame] & below

@@ -303,10 +303,10 @@ class SeveralPeople:
         present or comes earlier in the list. A head of a child's size that touches a person is a fist, a still one
         beside a person a chair's back. And the heads of those present that are seen for the first time, by person.
         """
-        everybody, found, touching, seeds = list(places), [], [], seeds.copy()
+        people, found, touching, seeds = list(places), [], [], seeds.copy()
         own: dict[int, int] = {}
         for i, (head, child) in enumerate(zip(heads, children, strict=True)):  # adults first, then the highest
-            labels, _ = self._shared(view, surroundings, seeds, everybody, [])
+            labels, _ = self._shared(view, surroundings, seeds, people, [])
             here = near_head(view, head) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
             whose = [int(k) - 1 for k in owners if k <= len(present) and present[k - 1].may_have(head)]
@@ -314,12 +314,12 @@ class SeveralPeople:
                 own[whose[0]] = i
                 seeds[here] = owners[0]
                 continue
-            chair = _rests(view, head, surroundings) and beside(head, everybody)
-            if not chair and all(apart(head, everybody[k - 1]) and not child for k in owners):
-                everybody.append(head)
+            chair = _rests(view, head, surroundings) and beside(head, people)
+            if not chair and all(apart(head, people[k - 1]) and not child for k in owners):
+                people.append(head)
                 found.append(head)
                 touching.append(len(owners) > 0)
-                seeds[here] = len(everybody)
+                seeds[here] = len(people)
         return found, touching, own
 
     def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:

@@ -47,7 +47,7 @@ def people_and_furniture(
         for said, shape, mask in zip(judged, shaped, shared, strict=True)
     ]
     people: list[np.ndarray] = []
-    surfaces: list[np.ndarray] = []  # of the people so far, asked for hands only
+    surfaces: list[np.ndarray] = []  # of the people so far; only a hand lies on them
     for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # those with a shape first, the highest first
         covered = any(_below(person, heads[k]) for person in people)
         if good[k] and not covered and not _part_of(view, heads[k], arms[k], people, surfaces):

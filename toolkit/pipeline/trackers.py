@@ -78,7 +78,7 @@ class TrackerRecipe:
 
     @property
     def tracker(self) -> str:
-        """The tracker's name; raises SettingsError as `build`."""
+        """The name under which the tracker is registered; raises SettingsError as `build`."""
         return setting_of("tracker", self.config, self.overrides) or DEFAULT
 
     def _registration(self) -> Registration:

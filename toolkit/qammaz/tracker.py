@@ -39,7 +39,7 @@ class SwarmTrackerSettings:
     seed : of everything random
     hypotheses : which compete: "swarm" and "local", the previous pose refined, which is as good where nothing moves
         fast, and costs a tenth
-    extrema : geodesic extrema per frame, Eq. 5.8 of Baak 2013; the local optimisation draws the body to them
+    extrema : geodesic extrema per frame; the local optimisation draws the body to them
     momentum : share of the last speed at which the pose is expected to move on, in [0, 1], as of the hybrid tracker
     sizes : standard deviations of height, tall to small: bodies of 1.84, 1.71, 1.58, 1.44, 1.28, 1.07 and 0.85 m are
         tried on the first frame

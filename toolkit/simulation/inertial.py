@@ -23,6 +23,8 @@ Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
 
 INCLINATION, DECLINATION, STRENGTH = 64.9, 1.5, 48.3
 """Degrees, degrees and microtesla: the earth's magnetic field at Saarbruecken in 2012."""
+SOFT_SECONDS = 0.3
+"""Correlation time of the slow turn between a sensor and its bone."""
 
 
 def earth_field(inclination: float, declination: float, strength: float) -> np.ndarray:
@@ -36,10 +38,6 @@ def earth_field(inclination: float, declination: float, strength: float) -> np.n
     """
     down, east = np.radians(inclination), np.radians(declination)
     return strength * np.array([np.cos(down) * np.cos(east), -np.cos(down) * np.sin(east), -np.sin(down)])
-
-
-SOFT_SECONDS = 0.3
-"""Correlation time of the turn between a sensor and its bone."""
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class WayFile:
         self._check(np.frombuffer(steps, dtype=self._type, count=len(steps) // self._type.itemsize))
 
     def _check(self, steps: np.ndarray) -> None:
-        """Raise TrackError where a row is none: a file may be damaged or foreign."""
+        """Raise TrackError for a row that no tracker writes: a file may be damaged or foreign."""
         check_rows(steps["row"][steps["known"]], self._sources, str(self._path))
 
     def packed(self, step: Step) -> np.ndarray:
