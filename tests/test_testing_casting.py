@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 
 from toolkit.simulation.furniture import Box
 from toolkit.testing import casting
@@ -43,8 +44,7 @@ def test_a_scene_is_called_by_who_is_in_it_or_by_its_seed(listing: None) -> None
 def test_every_suite_has_two_splits_of_the_same_groups_and_as_many_scenes_in_each(suite: str) -> None:
     tune, report = (listed(suite, split) for split in ("tune", "report"))
     assert [scene.group for scene in tune] == [scene.group for scene in report]
-    entries = [
-        entry for split in ("tune", "report") for group in casting._suites()[suite][split].values() for entry in group
-    ]
+    own = yaml.safe_load(casting.FILE.read_text(encoding="utf-8"))[suite]
+    entries = [entry for split in ("tune", "report") for group in own[split].values() for entry in group]
     actors = [actor for entry in entries for actor in entry.get("actors", [entry])]
     assert all({"clip", "body"} <= set(actor) for actor in actors), "no actor is neutral by oversight"
