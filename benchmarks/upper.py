@@ -285,8 +285,8 @@ def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
     save_bytes(path, png_of(figure))
 
 
-WITHIN = 0.15
-"""Metres."""
+NEAR = 0.15
+"""Metres from a joint at which a candidate is its."""
 WIDTH = 160
 """Pixels of width, at most, as the particle filter's tracker looks at hands."""
 KINDS: dict[str, EffectorSettings] = {
@@ -319,9 +319,9 @@ def count_found(recording: Recording, stride: int) -> dict[str, np.ndarray]:
             gaps = np.linalg.norm(level[:, None] - effectors.points[None], axis=2)
             fork = find_fork(effectors, settings)
             right = fork is not None and all(
-                gaps[k, row] <= WITHIN for k, row in enumerate((fork.head, fork.left_hand, fork.right_hand))
+                gaps[k, row] <= NEAR for k, row in enumerate((fork.head, fork.left_hand, fork.right_hand))
             )
-            hit = gaps.shape[1] > 0 and bool((gaps.min(axis=1) <= WITHIN).all())
+            hit = gaps.shape[1] > 0 and bool((gaps.min(axis=1) <= NEAR).all())
             found[kind] += [1, hit, fork is not None, right]
     return found
 

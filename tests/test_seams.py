@@ -58,3 +58,29 @@ def test_a_class_s_name_means_one_thing_in_the_whole_product() -> None:
         classes.setdefault(name, []).extend(files)
     assert len(classes) > 300
     assert {name: files for name, files in classes.items() if len(files) > 1} == {}
+
+
+def assigned_twice(source: str) -> list[str]:
+    """Constants of a module that a later line of it gives another value: whoever read the first reads the second."""
+    names = [
+        target.id
+        for node in ast.parse(source).body
+        if isinstance(node, (ast.Assign, ast.AnnAssign))
+        for part in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        for target in ast.walk(part)
+        if isinstance(target, ast.Name) and target.id.isupper()
+    ]
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+@pytest.mark.quick
+def test_a_constant_has_one_value_in_its_module() -> None:
+    files = [path for room in (*PRODUCT, "benchmarks", "scripts") for path in sorted((ROOT / room).rglob("*.py"))]
+    assert len(files) > 300
+    found = {str(path): assigned_twice(path.read_text(encoding="utf-8")) for path in files}
+    assert {path: names for path, names in found.items() if names} == {}
+
+
+@pytest.mark.quick
+def test_a_constant_of_two_values_would_be_found() -> None:
+    assert assigned_twice("WITHIN = 60.0\nA, B = 1, 2\nWITHIN: float = 0.15\nA = 3\n") == ["A", "WITHIN"]
