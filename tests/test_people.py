@@ -146,16 +146,16 @@ def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
     whole = np.array([[0, 1000, 2000, 3000, 1500]], dtype=np.uint16)
     own = np.array([[0, 0, 2.0, 0, 0]], dtype=np.float32)
     holes = hole_sizes(whole)
-    assert unobserved_pixels(whole, own, holes, cut_out=False).tolist() == [[True, True, False, False, True]]
-    assert unobserved_pixels(whole, own, holes, cut_out=True).tolist() == [[False, True, False, False, True]]
-    assert unobserved_pixels(whole[:, 2:4], own[:, 2:4], holes[:, 2:4], cut_out=True) is None
+    assert unobserved_pixels(whole, own, holes).tolist() == [[True, True, False, False, True]]
+    assert unobserved_pixels(whole, own, None).tolist() == [[False, True, False, False, True]]
+    assert unobserved_pixels(whole[:, 2:4], own[:, 2:4], None) is None
 
 
 def test_a_hole_larger_than_what_was_measured_of_a_person_is_space_and_a_smaller_one_may_be_hair():
     whole = np.array([[0, 2000, 2000, 0, 0, 0, 2000, 0, 0]], dtype=np.uint16)
     own = np.where(np.arange(9) < 3, whole, 0).astype(np.float32) / 1000
     assert hole_sizes(whole).tolist() == [[1, 0, 0, 3, 3, 3, 0, 2, 2]]
-    mask = unobserved_pixels(whole, own, hole_sizes(whole), cut_out=False)
+    mask = unobserved_pixels(whole, own, hole_sizes(whole))
     assert mask[0, [0, 7, 8]].all() and not mask[0, 3:6].any()
 
 

@@ -148,26 +148,6 @@ def test_overlap_and_selection_follow_the_labels():
     assert box.tolist() == [1, 2, 1, 3]
 
 
-@pytest.mark.parametrize("samples", [7, 100, 10**6])
-def test_samples_of_an_image_are_every_nth_depth(samples):
-    depth = blobs(4)[0].astype(np.float32)
-    measured = depth[depth > 0]
-    expected = measured[:: max(1, len(measured) // samples)].astype(np.float64)
-    assert kernels.depth_samples(depth, samples).tolist() == expected.tolist()
-    assert len(kernels.depth_samples(np.zeros((3, 4), np.float32), samples)) == 0
-
-
-@pytest.mark.parametrize("largest", [0, 3, 10**6])
-def test_hidden_is_what_something_nearer_or_nothing_was_measured_before(largest):
-    (scene, _), (own, _) = blobs(5), blobs(6)
-    own = own.astype(np.float32)
-    holes = np.where(scene == 0, np.random.default_rng(0).integers(1, 7, scene.shape), 0).astype(np.int32)
-    out = np.empty(scene.shape, dtype=np.bool_)
-    count = kernels.hidden_pixels(scene, own, 2100.0, holes, largest, out)
-    expected = np.where(scene == 0, holes <= largest, scene < 2100.0) & ~(own > 0)
-    assert np.array_equal(out, expected) and count == expected.sum() > 0
-
-
 def test_pixels_around_a_place_are_counted_within_the_image():
     mask = np.random.default_rng(0).random((12, 17)) < 0.4
     pixels = np.array([0, 16, 5 * 17 + 8, 11 * 17, 12 * 17 - 1])

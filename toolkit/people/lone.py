@@ -71,8 +71,8 @@ class LonePerson:
     ) -> tuple[Sighting, ...]:
         """See `PeopleFinder.find`; raises as `clean`."""
         depth, whole_mm = self._cut(depth_mm)
-        unobserved = unobserved_pixels(whole_mm, depth, hole_sizes(whole_mm), cut_out=self._segmenter.cut_out)
-        return (Sighting(ID, depth, unobserved, self.camera),)
+        holes = None if self._segmenter.cut_out else hole_sizes(whole_mm)
+        return (Sighting(ID, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
 
     def clean(self, depth_mm: np.ndarray) -> np.ndarray:
         """The person's depth in a frame.

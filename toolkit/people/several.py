@@ -384,7 +384,7 @@ class SeveralPeople:
         refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * SURFACE_GAP, self._fine)
         step = self._polisher.step
         whole = flat[::step, ::step]
-        holes = hole_sizes(whole)
+        holes = None if surroundings.cut_out else hole_sizes(whole)
         found = []
         box = np.zeros(4, dtype=np.int64)
         for number in np.unique(self._labels[self._labels > 0]):
@@ -392,8 +392,7 @@ class SeveralPeople:
                 continue
             depth = self._polisher.filtered(self._padded, box)
             if depth.any():
-                unobserved = unobserved_pixels(whole, depth, holes, cut_out=surroundings.cut_out)
-                found.append(Sighting(int(number), depth, unobserved, self.camera))
+                found.append(Sighting(int(number), depth, unobserved_pixels(whole, depth, holes), self.camera))
         return tuple(found)
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
+import math
 
-from toolkit.kernels.image import depth as kernels
+import numpy as np
 
 THICKNESS = 0.1
 """Metres behind the farthest measured point of a person that the rest of the body may reach."""
-
+FARTHEST = 0.95
+"""Share of a person's pixels that are nearer than what counts as the farthest."""
 SAMPLES = 500
 """Pixels of a person that tell how far away the farthest are."""
 
@@ -28,9 +29,7 @@ def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
     return np.asarray(sizes[labels], dtype=np.int32)
 
 
-def unobserved_pixels(
-    whole_mm: np.ndarray, depth: np.ndarray, holes: np.ndarray, *, cut_out: bool
-) -> np.ndarray | None:
+def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, holes: np.ndarray | None) -> np.ndarray | None:
     """Pixels that say nothing about a person.
 
     A hole in what was measured may be hair or a dark sleeve. One with more pixels than all that was measured of the
@@ -40,19 +39,23 @@ def unobserved_pixels(
     ----------
     whole_mm : uint16 (H, W), all that was measured, millimetres, 0 = no measurement
     depth : float32 (H, W), the person's own depth, metres, 0 elsewhere
-    holes : int32 (H, W), as `hole_sizes` has them
-    cut_out : the recording is cut out: unmeasured pixels are background
+    holes : int32 (H, W), as `hole_sizes` has them; None where the recording is cut out: unmeasured pixels are
+        background
 
     Returns
     -------
     bool (H, W), or None if there is no such pixel. Something that is not this person hides what is behind it; it does
     so for a person whose farthest measured point lies behind it.
     """
-    measured = kernels.depth_samples(depth, SAMPLES)
+    own = depth > 0
+    measured = depth[own]
     if not len(measured):
         return None
-    farthest = float(np.quantile(measured, 0.95))
-    mask = np.empty(depth.shape, dtype=np.bool_)
-    largest = 0 if cut_out else int(np.count_nonzero(depth))
-    hidden = kernels.hidden_pixels(whole_mm, depth, 1000 * (farthest + THICKNESS), holes, largest, mask)
-    return mask if hidden else None
+    spread = np.sort(measured[:: max(1, len(measured) // SAMPLES)])
+    # As `np.quantile` has it, which takes ten times as long.
+    farthest = np.interp(FARTHEST * (len(spread) - 1), np.arange(len(spread)), spread)
+    mask = (whole_mm > 0) & (whole_mm < math.ceil(1000 * (farthest + THICKNESS)))
+    if holes is not None:
+        mask |= (holes > 0) & (holes <= len(measured))
+    mask &= ~own
+    return mask if mask.any() else None

@@ -210,44 +210,6 @@ def _sorted_3(a: int, b: int, c: int) -> tuple[int, int, int]:
 
 
 @njit(cache=True)
-def depth_samples(depth: np.ndarray, samples: int) -> np.ndarray:
-    """About `samples` depths of an image (H, W), 0 = nothing, evenly spread in scan order; float64, none of nothing."""
-    flat = depth.reshape(-1)
-    count = 0
-    for i in range(flat.shape[0]):
-        count += flat[i] > 0
-    step = max(1, count // samples)
-    values = np.empty((count + step - 1) // step)
-    taken, skip = 0, 0
-    for i in range(flat.shape[0]):
-        if flat[i] > 0:
-            if skip == 0:
-                values[taken] = flat[i]
-                taken, skip = taken + 1, step
-            skip -= 1
-    return values
-
-
-@njit(cache=True)
-def hidden_pixels(
-    whole: np.ndarray, depth: np.ndarray, farthest: float, holes: np.ndarray, largest: int, out: np.ndarray
-) -> int:
-    """Pixels of `whole` (H, W) nearer than `farthest` that are not among those of `depth` (H, W): fills `out` bool.
-
-    Where nothing was measured (0) a pixel counts as hidden if its hole is not larger than `largest`; `holes` int32
-    (H, W) are the sizes of the holes. Returns how many pixels are hidden.
-    """
-    count = 0
-    for v in range(whole.shape[0]):
-        for u in range(whole.shape[1]):
-            z = whole[v, u]
-            hidden = (holes[v, u] <= largest if z == 0 else z < farthest) and not depth[v, u] > 0
-            out[v, u] = hidden
-            count += hidden
-    return count
-
-
-@njit(cache=True)
 def mark(depth: np.ndarray, mask: np.ndarray, value: float, out: np.ndarray) -> None:
     """Copy `depth` (H, W) to `out` with `value` where `mask` (H, W) is set."""
     for v in range(depth.shape[0]):
