@@ -39,6 +39,8 @@ COMMANDS: dict[str, str] = {
     "scenes_report": "scenes --split report --database {database}",
     "real": f"real tracked --rows hybrid --database {PACKAGED}",
     "rooms": f"rooms --database {PACKAGED}",
+    "scenes_rooms_report": "scenes --rooms --split report --database {database}",
+    "ablation": "ablation --database {database}",
     "recovery_report": "recovery wrong --split report --database {database}",
     "cold_report_depth": "recovery cold --split report --joints depth --every 24 --database {database}",
     "person_tune": f"regressor people --views 25 --database {PACKAGED}",

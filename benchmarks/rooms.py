@@ -31,6 +31,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.testing.suite import ROOT
 from toolkit.track import Track
+from toolkit.tracking.protocol import Tracker
 
 ROOMS = ROOT.parent / "shared" / "data" / "rooms"
 RATES = {"filinha": 5.0, "um": 3.5, "lab1_cam1": 1.7, "lab1_cam2": 1.7, "lab2_cam1": 1.7, "lab2_cam2": 1.7}
@@ -49,16 +50,22 @@ def scorer(rooms: Path) -> ModuleType:
     return module
 
 
-def track_rooms(names: Sequence[str], options: argparse.Namespace) -> tuple[dict[str, Path], dict[str, str]]:
-    """Run folders of the sequences by name, and why those failed that did."""
+def annotations_of(rooms: Path, name: str) -> dict[str, Any]:
+    """What was drawn by hand into a sequence."""
+    truth: dict[str, Any] = json.loads((rooms / "annotations" / f"{name}.json").read_text(encoding="utf-8"))
+    return truth
+
+
+def track_rooms(
+    names: Sequence[str], rooms: Path, folder: Path, tracker: Tracker, joints: str = "none"
+) -> tuple[dict[str, Path], dict[str, str]]:
+    """Run folders in `folder` of the sequences in `rooms` by name, and why those failed that did."""
     runs = {}
     for name in names:
-        annotations = options.rooms / "annotations" / f"{name}.json"
-        camera = json.loads(annotations.read_text(encoding="utf-8"))["intrinsics"]
+        camera = annotations_of(rooms, name)["intrinsics"]
         reader = {"intrinsics": tuple(camera), "frame_rate": RATES.get(name, 5.0)}
-        runs[options.work / "runs" / "rooms" / name] = options.rooms / name, reader
-    tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
-    failed = track_each(runs, tracker, people=None, joints=JointChoice(options.joints))
+        runs[folder / name] = rooms / name, reader
+    failed = track_each(runs, tracker, people=None, joints=JointChoice(joints))
     return {run.name: run for run in runs}, {run.name: reason for run, reason in failed.items()}
 
 
@@ -118,13 +125,15 @@ def main() -> None:
     names = options.names.split(",") if options.names else there
     failed: dict[str, str] = {}
     if options.runs is None:
-        runs, failed = track_rooms(names, options)
+        tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
+        folder = options.work / "runs" / "rooms"
+        runs, failed = track_rooms(names, options.rooms, folder, tracker, options.joints)
     else:
         runs = {name: options.runs / name for name in names if (options.runs / name).is_dir()}
     figures: dict[str, Any] = {}
     total: dict[str, Any] = {}
     for name, run in runs.items():
-        truth = json.loads((options.rooms / "annotations" / f"{name}.json").read_text(encoding="utf-8"))
+        truth = annotations_of(options.rooms, name)
         figures[name] = scored(score, truth, score.load_run(run) if run.is_dir() else [])
         score.show(name, figures[name]["counts"])
         if options.frames:

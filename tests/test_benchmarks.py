@@ -21,6 +21,7 @@ from benchmarks import (
     _speed_wings,
     _swarm_runs,
     _takes,
+    ablation,
     accuracy,
     lookup,
     real,
@@ -37,7 +38,9 @@ from database_builder.regressor import RegressorSettings
 from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.procedural import procedural_clips
+from toolkit.people import survey
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -46,7 +49,7 @@ from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.casting import listed
 from toolkit.testing.misled import wrong_pose
-from toolkit.testing.scenes import people_of, record_scene
+from toolkit.testing.scenes import chosen_scenes, people_of, record_scene
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import GROUPS, chosen_takes, takes
 from toolkit.track import Track
@@ -161,6 +164,31 @@ def test_accuracy_compares_trackers_and_writes_figures_and_plots(
     assert sum(entry["joints"] for entry in figures["confidence"]) == 2 * 4 * 20
     assert (bundled / "accuracy_tune_part.png").exists()
     assert (bundled / "accuracy_tune_part_confidence.png").exists()
+
+
+@pytest.mark.shared_data
+def test_what_each_part_of_telling_people_from_rooms_is_worth_is_told_row_by_row(
+    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ablation.Ablation, "_real", lambda *_: {})
+    monkeypatch.setattr(ablation, "chosen_scenes", lambda split, groups, count: chosen_scenes(split, groups[:1], count))
+    monkeypatch.setattr(ablation, "chosen_takes", lambda split, groups, count: chosen_takes(split, ["basic"], count))
+    monkeypatch.setattr(ablation, "LONGEST", 4)
+    surveyed = []
+    tracked = ablation.track_each
+    monkeypatch.setattr(ablation, "track_each", lambda *a, **k: surveyed.append(survey.SAMPLES) or tracked(*a, **k))
+    arguments = ["--rows", "whole,first frame,no floor", "--database", small_database, "--work", work, *QUICK]
+    run(ablation, *arguments, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "ablation_part.json").read_text())["figures"]
+    assert list(figures) == ["whole", "first frame", "no floor"]
+    assert all(set(row) == {"rooms", "scenes", "furnished", "clean"} for row in figures.values())
+    assert surveyed == 3 * [survey.SAMPLES] + 3 * [1] + 3 * [survey.SAMPLES]
+
+
+def test_without_the_floor_nobody_is_sized_by_it(small_database: Path) -> None:
+    poses, camera = PoseDatabase.load(small_database), Camera(140.0, 140.0, 80.0, 60.0, 160, 120)
+    floors = [kind(poses).learner(camera, np.eye(3), -1.0) for kind in (HybridTracker, ablation.FloorlessTracker)]
+    assert [learner.follower.floor for learner in floors] == [-1.0, None]
 
 
 def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
