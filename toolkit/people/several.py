@@ -20,11 +20,12 @@ from toolkit.people.detection import (
     SURFACE_GAP,
     find_heads,
     head_seeds,
+    looks_like_person,
     near_head,
     share_out,
 )
 from toolkit.people.evidence import Evidence
-from toolkit.people.hypothesis import PersonJudge, judged_head, possible_height
+from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, lowness, possible_height
 from toolkit.people.known import KnownPeople, match_heads
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.sharing import body_seeds, stayed_seeds
@@ -143,7 +144,11 @@ class SeveralPeople:
             seeds[near_head(view, others[i]) & view.foreground] = k + 1
         whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others))}
         candidates += [head_of(view, body) for body in whole.values()]
-        sure = [self._sure(view, candidate, i < len(touching), surroundings) for i, candidate in enumerate(candidates)]
+        shaped = [i not in whole and shaped_alone(view, self.lens, place) for i, place in enumerate(candidates)]
+        sure = [
+            self._sure(view, place, shape, surroundings, headless=i in whole)
+            for i, (place, shape) in enumerate(zip(candidates, shaped, strict=True))
+        ]
         touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
         fresh = sorted({*fresh, *self._known.at_last_places(candidates, timestamp)})
@@ -154,9 +159,9 @@ class SeveralPeople:
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
             places += [candidates[i] for i in fresh]
             labels, _ = self._shared(view, surroundings, seeds, places, furniture)
-        headless_ones = {len(present) + k for k, i in enumerate(fresh) if i in whole}
+        doubtful = {len(present) + k for k, i in enumerate(fresh) if not shaped[i]}
         cut_out = surroundings.cut_out
-        ids = self._updated(view, labels, present, places, set(matched), headless_ones, timestamp, cut_out)
+        ids = self._updated(view, labels, present, places, set(matched), doubtful, timestamp, cut_out)
         self._labels, self._depth = ids[labels], view.depth
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
         self._look_at(view, heads_seen, timestamp)
@@ -318,23 +323,32 @@ class SeveralPeople:
             if not chair and all(apart(head, people[k - 1]) and not child for k in owners):
                 people.append(head)
                 found.append(head)
-                touching.append(len(owners) > 0)
                 seeds[here] = len(people)
+                touching.append(len(owners) > 0 and not self._parted(view, surroundings, seeds, people))
         return found, touching, own
 
-    def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
-        """Whether the surface below a candidate head is surely a person's.
+    def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
+        """Whether the last of the `places` has a person's shape by its own share of the surface alone."""
+        labels, _ = self._shared(view, surroundings, seeds, places, [])
+        own = labels == len(places)
+        return large_enough(view, self.lens, own) and looks_like_person(view, self.lens, own, places[-1])
 
-        With a known background it has to have a person's shape, for carried things are foreground too. In a cut out
-        recording all of the first frame is people. In an unknown room candidates were chosen by their shape before.
+    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headless: bool) -> bool:
+        """Whether the surface below a candidate head is surely a person's, who counts at once.
+
+        Before a known background carried things move, too: its shape and the judge say what moves there. In a cut out
+        recording all of the first frame is people. In an unknown room candidates were chosen by the same evidence.
         """
         if surroundings.cut_out:
             return not self.people
         if not surroundings.known:
             return True
-        if not is_head:
+        if headless:
             return False
-        return shaped_alone(view, self.lens, place)
+        here = near_head(view, place) & view.foreground
+        moved = np.count_nonzero(here & (surroundings.background > 0)) / max(np.count_nonzero(here), 1)
+        judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
+        return log_odds([Glimpse(shaped, moved, judged=judged, low=low)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
@@ -353,12 +367,12 @@ class SeveralPeople:
         present: Sequence[KnownPerson],
         places: Sequence[np.ndarray],
         matched: set[int],
-        headless: set[int],
+        doubtful: set[int],
         timestamp: float,
         cut_out: bool,
     ) -> np.ndarray:
-        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background. `matched` and `headless`
-        are indices of places: whose head is seen, and which new person shows none.
+        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background. `matched` and `doubtful`
+        are indices of places: whose head is seen, and which new person may be known by another part than the head.
         """
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         back = self._known.expected_back(timestamp)
@@ -374,7 +388,7 @@ class SeveralPeople:
                     head = place if k in matched else None
                     ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
             elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
-                ids[k + 1] = self._known.meet(place, middle, area, timestamp, back, head_seen=k not in headless)
+                ids[k + 1] = self._known.meet(place, middle, area, timestamp, back, head_seen=k not in doubtful)
         self._known.end_frame(timestamp)
         return ids
 

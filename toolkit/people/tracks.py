@@ -44,7 +44,7 @@ class KnownPerson:
     borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
         body knows better where it is than what looks like a head
     body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
-    head_seen : whether their head ever was; who comes in feet first is known by a leg
+    head_seen : whether their head ever was; who comes in feet first is known by a leg, and what has no shape may be one
     gone : whether they went out of the image: unseen in the last frame, and expected outside it
     looks, looked : number of looks whether the track is a person, and the time of the last one, seconds
     shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
