@@ -12,6 +12,7 @@ import pytest
 from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, scene
 from toolkit.errors import SegmentationError, TrackError
+from toolkit.people import several
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.people.hypothesis import (
     HEAD_HEIGHT,
@@ -44,6 +45,7 @@ from toolkit.sensing.stream import Frame
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo
 
 UP = np.array([0.0, -1.0, 0.0])
+ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 HEAD = np.array([0.0, 0.3, -2.5])
 
 
@@ -236,6 +238,40 @@ def test_a_head_is_that_of_a_leg_below_it_only(head, theirs):
     leg = KnownPerson(1, np.array([0.0, -0.8, -2.5]), np.zeros(3), 0.0, 0.0, -0.8, np.zeros(3), 0.2, head_seen=False)
     assert leg.may_have(np.array(head)) == theirs
     assert not leg.with_head(np.array(head)).may_have(np.array(head)), "a person has one head"
+
+
+# Who counts at once.
+
+
+def known_room():
+    """The surroundings of a room whose empty scene is known."""
+    lens, empty = SeveralPeople(KINECT, UP).lens, scene(KINECT, (), **ROOM)[0]
+    return replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-ROOM["height"])
+
+
+@pytest.mark.parametrize("near", [(0.3, 2.3), (0.5, 2.3)])
+def test_who_comes_in_before_another_counts_at_once_by_their_own_share_of_the_surface(near):
+    finder, ids = SeveralPeople(KINECT, UP, known_room()), []
+    for k in range(7):
+        depth, who = scene(KINECT, ((0.0, 2.6), near)[: 1 + (k > 2)], **ROOM)
+        ids.append({s.id: int(np.bincount(who[s.depth > 0]).argmax()) for s in finder.find(depth, k / 15, {})})
+    assert ids == [{1: 1}] * 3 + [{1: 1, 2: 2}] * 4
+
+
+@pytest.mark.parametrize(("odds", "shaped", "since"), [(2.0, False, 0), (0.5, False, 2), (-1.0, True, 0)])
+def test_who_moves_before_a_known_room_counts_at_once_by_shape_or_by_the_judges_word(monkeypatch, odds, shaped, since):
+    monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)
+    finder, depth = SeveralPeople(KINECT, UP, known_room(), judge=Says(odds)), scene(KINECT, ((0.0, 2.6),), **ROOM)[0]
+    assert [len(finder.find(depth, k / 15, {})) for k in range(4)] == [0] * since + [1] * (4 - since)
+
+
+@pytest.mark.parametrize("shaped", [True, False])
+def test_a_part_without_a_persons_shape_gives_way_to_the_head_above_it(monkeypatch, shaped):
+    """What looked like a head was the hip of somebody whom the border cut."""
+    monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)
+    finder = SeveralPeople(KINECT, UP, known_room(), judge=Says(2.0))
+    finder.find(scene(KINECT, ((0.0, 2.6),), **ROOM)[0], 0.0, {})
+    assert finder.people[0].may_have(finder.people[0].head + (0.0, 0.5, 0.0)) == (not shaped)
 
 
 # What is dropped.

@@ -82,6 +82,7 @@ class SeveralPeople:
         judge: PersonJudge | None = None,
     ) -> None:
         sensing = sensing or SensingSettings()
+        self._made_of = camera, up_camera, sensing, most, judge
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
         self.lens = Lens(self._polisher.flat_camera, up_camera, sensing)
@@ -146,7 +147,7 @@ class SeveralPeople:
         candidates += [head_of(view, body) for body in whole.values()]
         shaped = [i not in whole and shaped_alone(view, self.lens, place) for i, place in enumerate(candidates)]
         sure = [
-            self._sure(view, place, shape, surroundings, headless=i in whole)
+            self._sure(view, place, shape, surroundings, without_head=i in whole)
             for i, (place, shape) in enumerate(zip(candidates, shaped, strict=True))
         ]
         touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
@@ -166,6 +167,11 @@ class SeveralPeople:
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
         self._look_at(view, heads_seen, timestamp)
         return surroundings
+
+    def afresh(self) -> SeveralPeople:
+        """A finder in the same room that has seen nobody yet."""
+        camera, up_camera, sensing, most, judge = self._made_of
+        return SeveralPeople(camera, up_camera, self._surroundings, sensing, most, judge)
 
     @property
     def people(self) -> list[KnownPerson]:
@@ -333,22 +339,22 @@ class SeveralPeople:
         own = labels == len(places)
         return large_enough(view, self.lens, own) and looks_like_person(view, self.lens, own, places[-1])
 
-    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headless: bool) -> bool:
+    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, without_head: bool) -> bool:
         """Whether the surface below a candidate head is surely a person's, who counts at once.
 
-        Before a known background carried things move, too: its shape and the judge say what moves there. In a cut out
+        Before a known background carried things move, too: its shape or the judge says what moves there. In a cut out
         recording all of the first frame is people. In an unknown room candidates were chosen by the same evidence.
         """
         if surroundings.cut_out:
             return not self.people
         if not surroundings.known:
             return True
-        if headless:
-            return False
+        if shaped or without_head:
+            return shaped
         here = near_head(view, place) & view.foreground
-        moved = np.count_nonzero(here & (surroundings.background > 0)) / max(np.count_nonzero(here), 1)
+        moved = np.count_nonzero(here & (surroundings.background > 0)) / max(int(np.count_nonzero(here)), 1)
         judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
-        return log_odds([Glimpse(shaped, moved, judged=judged, low=low)]) > 0
+        return log_odds([Glimpse(False, moved, judged=judged, low=low)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""

@@ -21,9 +21,11 @@ from toolkit.files import locked
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.joints import JointSource
+from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
 from toolkit.people.up import floor_height
+from toolkit.pipeline.earlier import sightings_before
 from toolkit.pipeline.folder import STATE_FILE, check_inputs, check_whose, info_of, tracks_of_same_run
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.second import SecondPass
@@ -214,8 +216,13 @@ def _first_pass(
         sink.judge(crowd.finder.evidence)
         bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
     if second is not None and crowd.sightings is not None and complete:
+        finder, sightings = crowd.finder, crowd.sightings
+        second.begin(
+            bodies,
+            finder.evidence,
+            sightings_before(recording, finder, sightings, bodies) if isinstance(finder, SeveralPeople) else (),
+        )
         crowd.sightings.close()
-        second.begin(bodies, crowd.finder.evidence)
     return bodies, crowd.frames
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,12 +24,12 @@ from toolkit.tracking.heading import directions_walked
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import LooksBack
-from toolkit.tracking.sightings import SightingFile
+from toolkit.tracking.sightings import Kept, SightingFile
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.ways import WayFile
 
-FOLDER = "second"
-"""Within a run folder, while the run lasts."""
+FOLDER, BEFORE = "second", "before"
+"""Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
 STATE_FILE = "state.npz"
 MEMORY_SECONDS = 2.0
 """A killed run loses at most this much work: the state is written so often, seconds."""
@@ -76,8 +76,16 @@ class SecondPass:
             shutil.rmtree(self._folder, ignore_errors=True)
         return SightingFile(self._folder, self._camera, frames)
 
-    def begin(self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence]) -> None:
-        """After the first pass, which learnt these bodies and gathered this evidence."""
+    def begin(
+        self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence], before: Iterable[tuple[int, Kept]]
+    ) -> None:
+        """After the first pass, which learnt these bodies and gathered this evidence; `before` are frames before people
+        were found, and what is seen of them.
+        """
+        file = SightingFile(self._folder / BEFORE, self._camera)
+        for frame, kept in sorted(before, key=lambda seen: seen[0]):
+            file.append(frame, [kept.sighting()])
+        file.close()
         self.bodies, self.evidence, self._finished, self._resumed = dict(bodies), dict(evidence), 0, {}
         self._keep({})
 
@@ -104,21 +112,23 @@ class SecondPass:
         """Follow all people, until a stop is asked for; whether all are done."""
         people = sorted(self.bodies)
         total = len(people) * len(self._timestamps)
-        with_sightings = SightingFile(self._folder, self._camera, len(self._timestamps))
+        frames = len(self._timestamps)
+        files = [SightingFile(folder, self._camera, frames) for folder in (self._folder, self._folder / BEFORE)]
         for number in range(self._finished, len(people)):
-            for done in self._person(people[number], with_sightings):
+            for done in self._person(people[number], *files):
                 report(number * len(self._timestamps) + done, total)
                 if stop.is_set():
                     return False
             self._finished, self._resumed = number + 1, {}
             self._keep({})
-        with_sightings.close()
+        for file in files:
+            file.close()
         shutil.rmtree(self._folder)
         return True
 
-    def _person(self, person: int, sightings: SightingFile) -> Iterator[int]:
+    def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
         """Follow one person and put their rows in place; `stop` may end it between two steps."""
-        seen, stages = sightings.of(person), self._tracker.stage_names
+        seen, stages = sightings.of(person, before_found.of(person)), self._tracker.stage_names
         before = self._sink.past(person)
         if "plan" in self._resumed:
             plan: Plan | None = Plan.restore(self._resumed["plan"])

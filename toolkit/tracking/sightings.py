@@ -155,11 +155,12 @@ class SightingFile:
         self._data.close()
         self._index.close()
 
-    def of(self, person: int) -> PersonSightings:
-        """What was kept of one person."""
+    def of(self, person: int, before: PersonSightings | None = None) -> PersonSightings:
+        """What was kept of one person, and elsewhere of earlier frames (`before`)."""
         self.flush()
         entries = self._entries()
-        return PersonSightings(self._folder / "sightings.data", entries[entries["person"] == person], self._camera)
+        own = entries[entries["person"] == person]
+        return PersonSightings(self._folder / "sightings.data", own, self._camera, before)
 
     def _entries(self) -> np.ndarray:
         self._index.seek(0)
@@ -184,7 +185,7 @@ class SightingFile:
 
 
 class PersonSightings:
-    """The sightings of one person, read from disk when they are asked for.
+    """The sightings of one person, read from disk when they are asked for; those of earlier frames may lie elsewhere.
 
     Attributes
     ----------
@@ -192,15 +193,18 @@ class PersonSightings:
     pixels : int64 (N,), measured points in each of them
     """
 
-    def __init__(self, path: Path, entries: np.ndarray, camera: Camera) -> None:
-        self._path, self._entries, self._camera = path, entries, camera
-        self.frames = entries["frame"].astype(np.int64)
-        self.pixels = entries["pixels"].astype(np.int64)
+    def __init__(self, path: Path, entries: np.ndarray, camera: Camera, before: PersonSightings | None = None) -> None:
+        self._path, self._camera, self._before = path, camera, before
+        self._entries: np.ndarray = entries if before is None else np.concatenate([before._entries, entries])
+        self.frames = self._entries["frame"].astype(np.int64)
+        self.pixels = self._entries["pixels"].astype(np.int64)
         self._stream = open_file(path, inside=True)
 
     def __getitem__(self, frame: int) -> Sighting | None:
         """The person's sighting in a frame; None without one."""
         row = int(np.searchsorted(self.frames, frame))
+        if self._before is not None and row < len(self._before.frames):
+            return self._before[frame]
         if row == len(self.frames) or self.frames[row] != frame:
             return None
         entry = self._entries[row]

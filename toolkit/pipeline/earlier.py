@@ -1,0 +1,72 @@
+"""What a recording shows of people before they were found: who leaves is followed to the border of the image, so who
+comes in is, with time reversed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from toolkit.people.evidence import furniture
+from toolkit.people.several import SeveralPeople
+from toolkit.people.sighting import Sighting
+from toolkit.sensing.recording import Recording
+from toolkit.tracking.sightings import Kept, SightingFile
+
+BEFORE, AFTER = 2.0, 0.5
+"""Seconds before a person was found in which they are looked for, and after it in which they have to be seen."""
+FEWEST = 3
+"""Frames after it in which they have to be seen at least, by slow cameras; noise does not last."""
+OWN = 0.5
+"""Of the pixels, which nobody else had: with fewer it is somebody else."""
+
+
+def sightings_before(
+    recording: Recording, finder: SeveralPeople, sightings: SightingFile, people: Iterable[int]
+) -> Iterator[tuple[int, Kept]]:
+    """Frames before those in which `people` (ids) were found, each with what is seen of one of them.
+
+    `finder` found them, and `sightings` were kept of all.
+    """
+    seen = {person: sightings.of(person) for person in people}
+    moments = recording.timestamps
+    for person, own in seen.items():
+        first = int(own.frames[0])
+        start = max(int(np.searchsorted(moments, moments[first] + AFTER)), first + FEWEST)
+        end = int(np.searchsorted(moments, moments[first] - BEFORE))
+        since, number = range(start, first - 1, -1), 0
+        if first == 0 or not set(since) <= set(own.frames.tolist()):
+            continue
+        backwards = finder.afresh()
+        for frame in range(start, end - 1, -1):
+            found = {s.id: s for s in backwards.find(recording.depth(frame), moments[-1] - moments[frame], {})}
+            if frame >= first:
+                number = _same(own[frame], found)
+                continue
+            others = [there.depth > 0 for k in seen if k != person and (there := seen[k][frame]) is not None]
+            earlier = _apart_from(others, found.get(number))
+            if earlier is None or number in furniture(backwards.evidence):
+                break
+            yield frame, Kept.of(replace(earlier, id=person))
+
+
+def _same(known: Sighting | None, found: Mapping[int, Sighting]) -> int:
+    """The id among `found` with most pixels of a known sighting; 0 where none has any."""
+    if known is None:
+        return 0
+    shared = {k: int(np.count_nonzero((own.depth > 0) & (known.depth > 0))) for k, own in found.items()}
+    best = max(shared, key=lambda k: shared[k], default=0)
+    return best if best and shared[best] else 0
+
+
+def _apart_from(others: Iterable[np.ndarray], sighting: Sighting | None) -> Sighting | None:
+    """A sighting without the pixels (masks) of others; None where little or nothing of it is left."""
+    if sighting is None:
+        return None
+    depth = sighting.depth.copy()
+    for mask in others:
+        depth[mask] = 0.0
+    left = np.count_nonzero(depth) > OWN * np.count_nonzero(sighting.depth)
+    return replace(sighting, depth=depth) if left else None
