@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
+from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
 from toolkit.pipeline.earlier import BEFORE, sightings_before
@@ -18,19 +19,90 @@ from toolkit.sensing.recording import Recording
 from toolkit.tracking.sightings import SightingFile
 
 ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
-RATE = 10
-SHOWN = 5
-"""Frame from which on the walker is in the image."""
+RATE, FRAMES = 10, 40
 
 
-def walking(path: Path, frames: int = 40, others: Sequence[tuple[float, float]] = ()) -> tuple[Recording, np.ndarray]:
-    """Somebody walks in and stays, others stand: the recording with its empty scene, and who is where (T, H, W)."""
-    places = [(-1.9 + 0.12 * min(k, 16), 2.4) for k in range(frames)]
-    shown = [scene(KINECT, (place, *others), **ROOM) for place in places]
-    depth = np.stack([depth for depth, _ in shown])
-    background = scene(KINECT, (), **ROOM)[0]
-    recording = Recording(
-        path=path / "walk.npz", name="walk", camera=KINECT, up_camera=np.array([0.0, -1.0, 0.0]),
-        timestamps=np.arange(frames) / RATE, frames=depth, background=background,
+def walking(folder: Path, others: Sequence[tuple[float, float]] = ()) -> tuple[Recording, list[np.ndarray]]:
+    """Somebody, 1, comes in from the left and stays, others stand: a recording, and who is where in each frame."""
+    shown = [scene(KINECT, ((-1.9 + 0.12 * min(k, 16), 2.4), *others), **ROOM) for k in range(FRAMES)]
+    background, path = scene(KINECT, (), **ROOM)[0], folder / "walk.npz"
+    save_recording(
+        path, depth=[depth for depth, _ in shown], camera=KINECT, timestamps=np.arange(FRAMES) / RATE,
+        background=background, up_camera=np.array([0.0, -1.0, 0.0]),
     )  # fmt: skip
-    return recording, np.stack([who for _, who in shown])
+    return open_recording(path), [who for _, who in shown]
+
+
+def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> tuple[SeveralPeople, SightingFile]:
+    """A finder after all frames, and what it saw, but for some frames of the first person."""
+    finder, without = find_people(recording), set(left_out)
+    kept = SightingFile(folder / "kept", finder.camera)
+    for frame in range(len(recording)):
+        sightings = finder.find(recording.depth(frame), recording.timestamps[frame], {})
+        kept.append(frame, [s for s in sightings if s.id != 1 or frame not in without])
+    return finder, kept
+
+
+def before(
+    recording: Recording, finder: SeveralPeople, kept: SightingFile, people: Iterable[int] = (1,)
+) -> dict[int, Sighting]:
+    """What is seen earlier, by frame."""
+    return {frame: own.sighting() for frame, own in sightings_before(recording, finder, kept, people)}
+
+
+def test_who_was_found_late_is_seen_back_to_where_they_came_in(tmp_path: Path) -> None:
+    recording, who = walking(tmp_path)
+    finder, kept = found(tmp_path, recording, left_out=range(18))
+    earlier = before(recording, finder, kept)
+    frames = sorted(earlier)
+    assert frames == list(range(frames[0], 18)) and frames[0] <= 6, "without a gap"
+    assert np.count_nonzero(who[frames[0] - 1]) < 1500, "before that little of them is in the image"
+    assert {sighting.id for sighting in earlier.values()} == {1}
+    for frame in frames[4:]:
+        own, true = earlier[frame].depth > 0, who[frame] == 1
+        assert (own & true).sum() > 0.85 * (own | true).sum()
+
+
+def test_nobody_is_looked_for_earlier_than_two_seconds_before(tmp_path: Path) -> None:
+    recording, _ = walking(tmp_path)
+    finder, kept = found(tmp_path, recording, left_out=range(32))
+    frames = sorted(before(recording, finder, kept))
+    assert frames == list(range(frames[0], 32))
+    assert BEFORE - 1.0 / RATE < recording.timestamps[32] - recording.timestamps[frames[0]] <= BEFORE
+
+
+@pytest.mark.parametrize("left_out", [[*range(18), 20], range(36)], ids=["with a gap", "at the end"])
+def test_what_is_not_seen_for_half_a_second_is_noise_and_has_no_past(tmp_path: Path, left_out: Iterable[int]) -> None:
+    recording, _ = walking(tmp_path)
+    finder, kept = found(tmp_path, recording, left_out)
+    assert before(recording, finder, kept) == {}
+
+
+def test_who_is_there_from_the_first_frame_on_has_no_past_and_keeps_their_pixels(tmp_path: Path) -> None:
+    recording, _ = walking(tmp_path, others=[(0.9, 2.8)])
+    finder, kept = found(tmp_path, recording)
+    standing, walker = kept.of(1), kept.of(2)
+    assert standing.frames[0] == 0 < walker.frames[0]
+    assert before(recording, finder, kept, [1]) == {}
+    late = int(walker.frames[0])
+    assert set(before(recording, finder, kept, [1, 2])) <= set(range(late))
+    own = {frame: [s for s in (standing[frame], walker[frame]) if s is not None] for frame in range(FRAMES)}
+    taken = SightingFile(tmp_path / "taken", finder.camera)
+    for frame, sightings in own.items():  # the first has all pixels of the second, who was found at frame 20
+        depth = np.max([s.depth for s in sightings], axis=0)
+        taken.append(
+            frame, [Sighting(1, depth, None, finder.camera), *(s for s in sightings if s.id == 2 and frame >= 20)]
+        )
+    assert before(recording, finder, taken, [1, 2]) == {}, "what is somebody else's is not theirs"
+
+
+def test_furniture_has_no_past(tmp_path: Path) -> None:
+    class Against:
+        """A judge that takes nothing for a person."""
+
+        def log_odds(self, depth: np.ndarray, camera: object, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+            return np.full(len(pixels), -4.0)
+
+    recording, _ = walking(tmp_path)
+    _, kept = found(tmp_path, recording, left_out=range(18))
+    assert before(recording, find_people(recording, judge=Against()), kept) == {}

@@ -57,6 +57,17 @@ def test_sightings_are_read_back_to_the_bit_in_any_order(tmp_path: Path) -> None
     assert first.pixels[2] == np.count_nonzero(sighting(2).depth)
 
 
+def test_earlier_sightings_may_lie_in_another_file(tmp_path: Path) -> None:
+    kept, earlier = SightingFile(tmp_path / "kept", CAMERA), SightingFile(tmp_path / "earlier", CAMERA)
+    for frame in (1, 2, 5, 6):
+        (earlier if frame < 5 else kept).append(frame, [sighting(frame)])
+    seen = kept.of(1, earlier.of(1))
+    assert seen.frames.tolist() == [1, 2, 5, 6] and seen[0] is None and seen[3] is None and seen[7] is None
+    assert seen.pixels.tolist() == [np.count_nonzero(sighting(frame).depth) for frame in (1, 2, 5, 6)]
+    for frame in (5, 1, 6, 2):
+        assert_same(seen[frame], sighting(frame))
+
+
 def test_sightings_of_a_killed_run_go_on_after_its_last_checkpoint(tmp_path: Path) -> None:
     kept = SightingFile(tmp_path, CAMERA)
     for frame in range(6):
