@@ -147,7 +147,7 @@ class SeveralPeople:
         candidates += [head_of(view, body) for body in whole.values()]
         shaped = [i not in whole and shaped_alone(view, self.lens, place) for i, place in enumerate(candidates)]
         sure = [
-            self._sure(view, place, shape, surroundings, without_head=i in whole)
+            self._sure(view, place, shape, surroundings, headed=i not in whole)
             for i, (place, shape) in enumerate(zip(candidates, shaped, strict=True))
         ]
         touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
@@ -339,7 +339,7 @@ class SeveralPeople:
         own = labels == len(places)
         return large_enough(view, self.lens, own) and looks_like_person(view, self.lens, own, places[-1])
 
-    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, without_head: bool) -> bool:
+    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
         """Whether the surface below a candidate head is surely a person's, who counts at once.
 
         Before a known background carried things move, too: its shape or the judge says what moves there. In a cut out
@@ -349,7 +349,7 @@ class SeveralPeople:
             return not self.people
         if not surroundings.known:
             return True
-        if shaped or without_head:
+        if shaped or not headed:
             return shaped
         here = near_head(view, place) & view.foreground
         moved = np.count_nonzero(here & (surroundings.background > 0)) / max(int(np.count_nonzero(here)), 1)
