@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Comparison, Objective
-from toolkit.fitting.placed import Placer
+from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
@@ -26,6 +26,16 @@ def vertex_jacobian(body: Body, pose: np.ndarray, vertices: np.ndarray) -> np.nd
         )
         out[:, :, entry] = (8.0 * near - far)[vertices] / 12e-3
     return out
+
+
+def whole_image(placed: PlacedBody) -> tuple[np.ndarray, np.ndarray]:
+    """Depth and triangle of a drawn body in the whole image of its camera: (H, W) each, 0 and -1 without."""
+    shape, (part, numbers, intrinsics) = placed.placer.camera.shape, placed.drawn
+    left, top = np.rint(placed.placer.intrinsics[2:] - intrinsics[2:]).astype(int)
+    window = slice(top, top + part.shape[0]), slice(left, left + part.shape[1])
+    depth, triangle = np.zeros(shape), np.full(shape, -1, dtype=np.int32)
+    depth[window], triangle[window] = part, numbers
+    return depth, triangle
 
 
 class Fit:

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.optimize import lsq_linear
 from scipy.spatial import cKDTree
 
-from tests.fitting_helpers import vertex_jacobian
+from tests.fitting_helpers import vertex_jacobian, whole_image
 from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.body.raycast import cast
@@ -88,9 +88,10 @@ def test_the_z_buffer_shows_what_open3d_hits(body: Body, seed: int, place: tuple
     posed, hits = placed(body, pose), cast(body.vertex_positions(pose) @ TILTED, body.faces, CAMERA)
     assert (hits.depth > 0).sum() > 300
     # A ray that meets an edge of the mesh may be decided either way.
-    assert (np.abs(posed.drawn.depth - hits.depth) > 1e-3).sum() <= 2
-    assert (posed.drawn.triangle != hits.triangles).sum() <= 2
-    assert np.array_equal(posed.drawn.triangle >= 0, posed.drawn.depth > 0)
+    depth, triangle = whole_image(posed)
+    assert (np.abs(depth - hits.depth) > 1e-3).sum() <= 2
+    assert (triangle != hits.triangles).sum() <= 2
+    assert np.array_equal(triangle >= 0, depth > 0)
 
 
 def test_triangles_that_face_away_or_reach_behind_the_camera_are_not_drawn() -> None:
@@ -199,11 +200,11 @@ def test_medians_of_the_nearest_points_are_those_of_brute_force(body: Body, coun
     rng = np.random.default_rng(count)
     clean = seen.drawn.depth
     depth = np.where(clean > 0, clean + rng.normal(0, 0.01, clean.shape), 0).astype(np.float32)
-    points, _ = back_projected(depth, seen.placer.intrinsics)
+    points, _ = back_projected(depth, seen.drawn.intrinsics)
     queries = seen.chosen_points + rng.normal(0.0, 0.1, (len(seen.placer.chosen), 3))
     wanted = rng.random(len(queries)) < 0.8
     ours, expected = np.full_like(queries, 7.0), np.full_like(queries, 7.0)
-    pairs.nearest_medians(queries, wanted, depth, seen.placer.intrinsics, 0.08, count, ours)
+    pairs.nearest_medians(queries, wanted, depth, seen.drawn.intrinsics, 0.08, count, ours)
     expected[:, 0] = np.nan
     for row in np.flatnonzero(wanted):
         distances = np.linalg.norm(points - queries[row], axis=1)
@@ -295,7 +296,7 @@ def test_a_placed_body_is_the_skinned_one_in_the_camera_frame(body: Body) -> Non
 def test_samples_meet_the_nearest_drawn_point_and_its_nearest_corner(body: Body) -> None:
     posed = placed(body, some_pose(2))
     rng = np.random.default_rng(2)
-    surface, flat = back_projected(posed.drawn.depth, posed.placer.intrinsics)
+    surface, flat = back_projected(posed.drawn.depth, posed.drawn.intrinsics)
     samples = surface[rng.integers(len(surface), size=150)] + rng.normal(0.0, 0.06, (150, 3))
     reach = 0.1
     points, vertex_of = np.full_like(samples, np.nan), np.empty(150, dtype=np.int64)
@@ -303,7 +304,7 @@ def test_samples_meet_the_nearest_drawn_point_and_its_nearest_corner(body: Body)
         samples,
         posed.drawn.depth,
         posed.drawn.triangle,
-        posed.placer.intrinsics,
+        posed.drawn.intrinsics,
         posed.placer.faces,
         posed.vertices,
         reach,
@@ -422,7 +423,7 @@ def test_vertices_without_a_target_add_nothing(body: Body) -> None:
 def test_cloud_pairs_pull_surface_points_to_their_samples(body: Body) -> None:
     posed = placed(body, some_pose(1))
     rng = np.random.default_rng(1)
-    points, flat = back_projected(posed.drawn.depth, posed.placer.intrinsics)
+    points, flat = back_projected(posed.drawn.depth, posed.drawn.intrinsics)
     rows = rng.integers(len(points), size=60)
     points, vertex_of = points[rows], posed.placer.faces[posed.drawn.triangle.ravel()[flat[rows]], 0]
     residuals, weights = rng.normal(0.0, 0.03, (60, 3)), rng.uniform(0.5, 3.0, 60)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.fitting_helpers import whole_image
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting import terms as terms_room
@@ -20,7 +21,8 @@ from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import EXTREMUM_WEIGHT, CloudTerm, ContactTerm, Pairs
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.cloud import Cloud, cropped
+from toolkit.testing.plain_fitting import back_projected
 
 CAMERA = Camera(60.0, 60.0, 39.5, 29.5, 80, 60)
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -47,11 +49,22 @@ def scene(placer: Placer) -> Scene:
 
 def scene_of(placer: Placer, unobserved: np.ndarray | None) -> Scene:
     """The standing body, of which only what is not `unobserved` was measured."""
-    depth = placer.place(BODY, standing()).drawn.depth.astype(np.float32)
+    depth = whole_image(placer.place(BODY, standing()))[0].astype(np.float32)
     if unobserved is not None:
         depth[unobserved] = 0.0
     cloud = Cloud.from_depth(depth, CAMERA, LEVEL)
     return Scene(cloud, cloud.points[[0, -1]].astype(np.float64), 50, unobserved=unobserved)
+
+
+def test_the_part_of_an_image_that_holds_a_person_has_their_points_to_the_bit() -> None:
+    depth = np.zeros((30, 40), dtype=np.float32)
+    depth[4:11, 20:33] = np.random.default_rng(0).uniform(0.0, 3.0, (7, 13)) * (np.arange(13) % 3 > 0)
+    intrinsics = np.array([41.0, 43.0, 19.37, 14.81])
+    part, own = cropped(depth, intrinsics)
+    assert part.shape == (7, 11) and part.flags.c_contiguous
+    assert np.array_equal(back_projected(part, own)[0], back_projected(depth, intrinsics)[0])
+    nothing, same = cropped(np.zeros_like(depth), intrinsics)
+    assert nothing.size == 0 and np.array_equal(same, intrinsics)
 
 
 # The loop

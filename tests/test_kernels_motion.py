@@ -84,13 +84,25 @@ def test_a_drawn_mesh_has_its_depth_and_nothing_beside_it() -> None:
     # A square of 0.4 m at 2 m covers 10 by 10 pixels.
     points = np.array([(-0.2, -0.2, 2.0), (0.2, -0.2, 2.0), (0.2, 0.2, 2.0), (-0.2, 0.2, 2.0)])
     faces = np.array([(0, 2, 1), (0, 3, 2)])
-    depth, triangle = np.empty(camera.shape), np.empty(camera.shape, dtype=np.int32)
-    placing.draw(points, faces, camera.intrinsics, depth, triangle)
+    depth, triangle, (fx, fy, cx, cy) = placing.draw(points, faces, camera.intrinsics, *camera.shape)
     assert np.count_nonzero(depth) == 100
-    np.testing.assert_allclose(depth[5:15, 5:15], 2.0)
+    assert depth.shape == (12, 12) and (fx, fy, cx, cy) == (50.0, 50.0, 5.5, 5.5)
+    np.testing.assert_allclose(depth[1:11, 1:11], 2.0)
     assert ((triangle >= 0) == (depth > 0)).all()
-    placing.draw(points, faces[:, ::-1].copy(), camera.intrinsics, depth, triangle)
+    depth, _, _ = placing.draw(points, faces[:, ::-1].copy(), camera.intrinsics, *camera.shape)
     assert not depth.any(), "seen from behind"
+
+
+def test_of_a_mesh_that_leaves_the_image_what_is_in_it_is_drawn_and_of_one_beside_it_or_behind_nothing() -> None:
+    camera = Camera(50.0, 50.0, 9.5, 9.5, 20, 20)
+    points = np.array([(-0.2, -0.2, 2.0), (0.2, -0.2, 2.0), (0.2, 0.2, 2.0), (-0.2, 0.2, 2.0)])
+    faces = np.array([(0, 2, 1), (0, 3, 2)])
+    depth, _, (_, _, cx, cy) = placing.draw(points + [0.2, -0.31, 0.0], faces, camera.intrinsics, *camera.shape)
+    assert depth.shape == (8, 11) and (cx, cy) == (0.5, 9.5)
+    assert np.count_nonzero(depth) == 7 * 10
+    for away in ([3.0, 0.0, 0.0], [0.0, -3.0, 0.0], [0.0, 0.0, -5.0]):
+        depth, triangle, _ = placing.draw(points + away, faces, camera.intrinsics, *camera.shape)
+        assert depth.size == triangle.size == 0
 
 
 # Mixtures of Gaussians of which some variables are known.

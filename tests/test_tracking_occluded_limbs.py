@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi
 
+from tests.fitting_helpers import whole_image
 from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
@@ -48,7 +49,7 @@ def prior() -> PosePrior:
 
 def looked_at(objective: Objective, pose: np.ndarray, last_row: int) -> Comparison:
     """The body in a pose before a camera of which only the rows down to `last_row` say something."""
-    depth = objective.placer.place(BODY, pose).drawn.depth.astype(np.float32)
+    depth = whole_image(objective.placer.place(BODY, pose))[0].astype(np.float32)
     unobserved = np.arange(len(depth))[:, None] > np.full(depth.shape[1], last_row)
     depth[unobserved] = 0.0
     cloud = Cloud.from_depth(depth, CAMERA, LEVEL)

@@ -63,10 +63,18 @@ def _chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
 
 
 class Drawn(NamedTuple):
-    """The small image of a placed body: depth float64 (h, w), metres, and triangle int32 (h, w); 0 and -1 without."""
+    """The part of the small image that holds a placed body.
+
+    Attributes
+    ----------
+    depth : float64 (h, w), metres, 0 where nothing is
+    triangle : int32 (h, w), -1 there
+    intrinsics : float64 (4,) of that part
+    """
 
     depth: np.ndarray
     triangle: np.ndarray
+    intrinsics: np.ndarray
 
 
 @lru_cache(maxsize=16)
@@ -132,10 +140,8 @@ class PlacedBody:
     @cached_property
     def drawn(self) -> Drawn:
         """The body as the camera would see it alone."""
-        shape = self.placer.camera.shape
-        drawn = Drawn(np.empty(shape), np.empty(shape, dtype=np.int32))
-        placing.draw(self.vertices, self.placer.faces, self.placer.intrinsics, *drawn)
-        return drawn
+        placer = self.placer
+        return Drawn(*placing.draw(self.vertices, placer.faces, placer.intrinsics, *placer.camera.shape))
 
     @cached_property
     def chosen_points(self) -> np.ndarray:
@@ -149,7 +155,7 @@ class PlacedBody:
         """
         out = np.empty(len(self.placer.chosen), dtype=np.bool_)
         pairs.visible_vertices(
-            self.placer.chosen, self.vertices, self.normals, self.drawn.depth, self.placer.intrinsics,
+            self.placer.chosen, self.vertices, self.normals, self.drawn.depth, self.drawn.intrinsics,
             seen, intrinsics, facing, tolerance, out,
         )  # fmt: skip
         return out

@@ -10,7 +10,7 @@ from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.priors import PoseTerm
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs
-from toolkit.sensing.cloud import Cloud, marked
+from toolkit.sensing.cloud import Cloud, cropped, marked
 
 
 class Scene:
@@ -46,6 +46,7 @@ class Scene:
         self.seen = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, np.nan)
         self.cut = np.zeros(len(extrema_level), dtype=np.bool_) if cut is None else cut
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
+        self._person = cropped(self.depth, self.intrinsics)
         rows = cloud.spread_rows(samples)
         self.extrema = linear.rotated(extrema_level, cloud.rotation)
         self.plain_samples = len(rows)
@@ -60,7 +61,7 @@ class Scene:
         Camera frame, metres. Rows that are not `wanted` (C,) or have nothing within `reach` become NaN in column 0. The
         search is exact and runs on the pixel grid: no tree is built (`toolkit.kernels.image.pixel_search`).
         """
-        pairs.nearest_medians(points, wanted, self.depth, self.intrinsics, reach, count, out)
+        pairs.nearest_medians(points, wanted, *self._person, reach, count, out)
 
     def weights(self, extremum: float) -> np.ndarray:
         """How much each sample counts, float64 (N,): `extremum` for a geodesic extremum that may be a limb, else 1."""

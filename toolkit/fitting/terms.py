@@ -139,7 +139,7 @@ def nearest_drawn(placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: 
         samples,
         placed.drawn.depth,
         placed.drawn.triangle,
-        placed.placer.intrinsics,
+        placed.drawn.intrinsics,
         placed.placer.faces,
         placed.vertices,
         reach,

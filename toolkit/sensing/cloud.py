@@ -54,6 +54,21 @@ class Cloud:
         return rows
 
 
+def window_of(depth: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns that hold all that is above 0 in a depth image (H, W); none of nothing."""
+    measured = depth > 0
+    rows, columns = np.flatnonzero(measured.any(axis=1)), np.flatnonzero(measured.any(axis=0))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def cropped(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The part of a depth image (H, W) that holds what was measured, a copy, and its intrinsics (4,)."""
+    rows, columns = window_of(depth)
+    return depth[rows, columns].copy(), intrinsics - [0.0, 0.0, columns.start, rows.start]
+
+
 def marked(depth: np.ndarray, mask: np.ndarray, value: float) -> np.ndarray:
     """A depth image (H, W) with `value` where `mask` (H, W) is set: a new array of its type."""
     out = np.empty_like(depth)

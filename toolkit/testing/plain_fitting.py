@@ -96,7 +96,7 @@ class PlainPlacedBody(PlacedBody):
 
     @cached_property
     def drawn(self) -> Drawn:
-        """See `PlacedBody.drawn`: every pixel of every triangle's box at once, the nearest triangle of a pixel wins."""
+        """The whole image: every pixel of every triangle's box at once, the nearest triangle of a pixel wins."""
         fx, fy, cx, cy = self.placer.intrinsics
         faces, (height, width) = self.placer.faces, self.placer.camera.shape
         x, y, z = self.vertices.T
@@ -122,7 +122,8 @@ class PlainPlacedBody(PlacedBody):
         inverse = corners[face, 0, 2] + beta[inside] * edge_b[face, 2] + gamma[inside] * edge_c[face, 2]
         order = np.lexsort((face, -inverse))
         pixels, nearest = np.unique(pixel[order], return_index=True)
-        drawn = Drawn(np.zeros((height, width)), np.full((height, width), -1, dtype=np.int32))
+        image = np.zeros((height, width)), np.full((height, width), -1, dtype=np.int32)
+        drawn = Drawn(*image, self.placer.intrinsics)
         drawn.depth.reshape(-1)[pixels] = 1.0 / inverse[order][nearest]
         drawn.triangle.reshape(-1)[pixels] = face[order][nearest]
         return drawn
@@ -232,7 +233,7 @@ class PlainCloudTerm(CloudTerm):
         """See `CloudTerm.nearest`."""
         points = np.full_like(scene.samples, np.nan)
         vertex_of = np.full(len(points), -1, dtype=np.int64)
-        drawn, pixels = back_projected(placed.drawn.depth, placed.placer.intrinsics)
+        drawn, pixels = back_projected(placed.drawn.depth, placed.drawn.intrinsics)
         if len(drawn) == 0:
             return points, vertex_of
         row = cKDTree(drawn).query(scene.samples, distance_upper_bound=self.reach)[1]

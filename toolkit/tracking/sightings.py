@@ -17,6 +17,7 @@ from toolkit.door import open_file
 from toolkit.errors import OutputError, TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import window_of
 from toolkit.sensing.joints2d import Joints2D
 
 ENTRY = np.dtype([("frame", "<i8"), ("person", "<i4"), ("pixels", "<i4"), ("begin", "<i8"), ("end", "<i8")])
@@ -43,10 +44,7 @@ class Kept(NamedTuple):
     @classmethod
     def of(cls, sighting: Sighting) -> Kept:
         """What there is of a sighting."""
-        rows, columns = (np.flatnonzero((sighting.depth > 0).any(axis=axis)) for axis in (1, 0))
-        window = (slice(0, 0), slice(0, 0))
-        if len(rows):
-            window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        window = window_of(sighting.depth)
         bits = None if sighting.unobserved is None else np.packbits(sighting.unobserved)
         return cls(sighting.id, window, sighting.depth[window].copy(), bits, sighting.camera, sighting.joints)
 

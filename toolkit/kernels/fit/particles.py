@@ -118,7 +118,10 @@ def draw(pose: np.ndarray, rig: Rig, intrinsics: np.ndarray, depth: np.ndarray) 
     points = np.empty_like(rig.vertices)
     skin(rig.vertices, rig.skin_joints, rig.skin_weights, rig.rest, rotations, origins, points)
     _turn(rig.from_level, points)
-    draw_mesh(points, rig.faces, intrinsics, depth, np.empty(depth.shape, dtype=np.int32))
+    part, _, own = draw_mesh(points, rig.faces, intrinsics, depth.shape[0], depth.shape[1])
+    left, top = int(np.rint(intrinsics[2] - own[2])), int(np.rint(intrinsics[3] - own[3]))
+    depth[:] = 0.0
+    depth[top : top + part.shape[0], left : left + part.shape[1]] = part
 
 
 @njit(cache=True)

@@ -123,23 +123,37 @@ def skin_surface(
 
 @njit(cache=True)
 def draw(
-    points: np.ndarray, faces: np.ndarray, intrinsics: np.ndarray, depth: np.ndarray, triangle: np.ndarray
-) -> None:
-    """Draw a mesh: fills `depth` float64 (H, W), metres, 0 where nothing is, and `triangle` (H, W), -1 there."""
+    points: np.ndarray, faces: np.ndarray, intrinsics: np.ndarray, height: int, width: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw a mesh: the part of an image of `height` times `width` pixels that holds it.
+
+    Returns
+    -------
+    depth float64 (h, w), metres, 0 where nothing is; triangle int32 (h, w), -1 there; and the intrinsics (4,) of that
+    part.
+    """
     projected = np.empty(points.shape)
     project(points, intrinsics, projected)
-    rasterise(projected, faces, depth, triangle)
-    height, width = depth.shape
     left, right, top, bottom = float(width), -1.0, float(height), -1.0
     for n in range(points.shape[0]):
         if projected[n, 2] > 0.0:
-            left, right = min(left, projected[n, 0]), max(right, projected[n, 0])
-            top, bottom = min(top, projected[n, 1]), max(bottom, projected[n, 1])
-    # Beside the mesh the image is zero already, which is most of it.
-    for v in range(int(max(top, 0.0)), int(min(bottom, height - 1.0)) + 1):
-        for u in range(int(max(left, 0.0)), int(min(right, width - 1.0)) + 1):
+            left, right = min(left, np.floor(projected[n, 0])), max(right, np.ceil(projected[n, 0]))
+            top, bottom = min(top, np.floor(projected[n, 1])), max(bottom, np.ceil(projected[n, 1]))
+    left, right, top, bottom = max(left, 0.0), min(right, width - 1.0), max(top, 0.0), min(bottom, height - 1.0)
+    part = intrinsics.copy()
+    part[2] -= left
+    part[3] -= top
+    for n in range(points.shape[0]):
+        projected[n, 0] -= left
+        projected[n, 1] -= top
+    shape = (int(max(bottom - top + 1.0, 0.0)), int(max(right - left + 1.0, 0.0)))
+    depth, triangle = np.empty(shape), np.empty(shape, dtype=np.int32)
+    rasterise(projected, faces, depth, triangle)
+    for v in range(shape[0]):
+        for u in range(shape[1]):
             if depth[v, u] > 0.0:
                 depth[v, u] = 1.0 / depth[v, u]
+    return depth, triangle, part
 
 
 @njit(cache=True)
