@@ -186,7 +186,7 @@ def test_the_run_nearest_below_a_head_is_measured_in_every_row_between_two_heigh
     across, upwards = np.meshgrid(np.linspace(-0.5, 0.5, 30), np.linspace(0.4, -0.4, 20))
     points = np.stack([across, upwards, -depth], axis=2).astype(np.float32)
     mask, head, widths = rng.random((20, 30)) < 0.7, np.array([0.05, 0.02, -2.1]), np.empty(20)
-    rows = run_widths(points, depth, mask, head, (-0.3, 0.1), 0.06, np.float32(0.2), widths)
+    rows = run_widths(points, depth, mask, head, -0.3, 0.1, 0.06, np.float32(0.2), widths)
     expected = plain_widths(points, depth, mask, head, (-0.3, 0.1), 0.06, np.float32(0.2))
     assert len(set(expected)) > 3
     np.testing.assert_array_equal(widths[:rows], expected)

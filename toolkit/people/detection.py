@@ -160,8 +160,8 @@ def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[floa
     beside or before the head is another run.
     """
     widths = np.zeros(len(view.depth))
-    scaled = (scale * band[0], scale * band[1])
-    rows = run_widths(view.points, view.depth, mask, head, scaled, RUN_GAP, np.float32(RUN_STEP), widths)
+    lowest, highest = scale * band[0], scale * band[1]
+    rows = run_widths(view.points, view.depth, mask, head, lowest, highest, RUN_GAP, np.float32(RUN_STEP), widths)
     return widths[: max(rows, 1)] / scale
 
 

@@ -174,12 +174,13 @@ def run_widths(
     depth: np.ndarray,
     mask: np.ndarray,
     head: np.ndarray,
-    band: tuple[float, float],
+    lowest: float,
+    highest: float,
     gap: float,
     step: float,
     widths: np.ndarray,
 ) -> int:
-    """Metres across a surface, `mask` (H, W), in every row of the image between two heights above `head` (3,).
+    """Metres across a surface, `mask` (H, W), in every row of the image from `lowest` to `highest` above `head` (3,).
 
     In each row it is the run that is nearest below the head: a run ends where the next pixel of the surface is more
     than `gap` aside, or more than `step` nearer or farther. `points` (H, W, 3) are in the level frame, `depth` (H, W)
@@ -190,7 +191,7 @@ def run_widths(
         nearest, begin, last_x, last_z, holds, found = np.inf, 0.0, 0.0, depth[v, 0], False, False
         for u in range(depth.shape[1]):
             above = points[v, u, 1] - head[1]
-            if not mask[v, u] or above <= band[0] or above >= band[1]:
+            if not mask[v, u] or above <= lowest or above >= highest:
                 continue
             x, z = points[v, u, 0] - head[0], depth[v, u]
             if not found or x - last_x > gap or abs(z - last_z) > step:
