@@ -162,8 +162,21 @@ def test_accuracy_compares_trackers_and_writes_figures_and_plots(
     assert list(figures["rows"]) == ["hybrid", "local"]
     assert set(figures["rows"]["hybrid"]["means"]) == {"basic", "turn", "overall"}
     assert sum(entry["joints"] for entry in figures["confidence"]) == 2 * 4 * 20
+    assert all(0 <= wrong["longest"] <= 4 and wrong["frames"] <= 8 for wrong in figures["wrong"].values())
     assert (bundled / "accuracy_tune_part.png").exists()
     assert (bundled / "accuracy_tune_part_confidence.png").exists()
+
+
+def test_wrong_frames_are_counted_over_all_recordings_and_in_a_row_within_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth = np.zeros((6, len(skeleton.REPORTED), 3))
+    tracks = {"a": truth + np.array([1, 0, 0, 1, 1, 0.0])[:, None, None], "b": truth + np.ones(6)[:, None, None]}
+    tracks["b"][0] = 0.0
+    monkeypatch.setattr(accuracy.Track, "load", lambda run: SimpleNamespace(joints=tracks[run.name]))
+    monkeypatch.setattr(accuracy, "open_recording", lambda path: SimpleNamespace(joints=truth))
+    assert accuracy.wrong_stretches([Path("a")], [tmp_path]) == {"frames": 3, "longest": 2}
+    assert accuracy.wrong_stretches([Path("a"), Path("b")], [tmp_path] * 2) == {"frames": 8, "longest": 5}
 
 
 @pytest.mark.shared_data
