@@ -1,22 +1,24 @@
 """What each part of telling people from rooms is worth: `depthmocap bench ablation [--rows "one pass"] [--takes 1]`.
 
-The hybrid tracker, whole and without one part, is let loose on the real rooms of `bench rooms`, on the
-scenes of `bench scenes` with and without `--rooms`, and on the clean suite of `bench accuracy`: of the last three some
-recordings of each group of the report split, their first 60 frames. The rows are
+The hybrid tracker, whole and without one part, follows people in the real rooms of `bench rooms`, in the scenes of
+`bench scenes` with and without `--rooms`, and on the clean suite of `bench accuracy`: of the last three some recordings
+of each group of the report split, their first 45 frames. The rows are
 
 - `whole`: nothing is left out;
 - `first frame`: the room and its people are told by the first frame, not by frames from all over the recording;
 - `no rooms`: the joint regressor was trained on people alone, so that it takes nothing for furniture;
 - `no floor`: how high a person is above the floor says nothing of their size;
-- `one pass`: each frame is done with as it comes (`--online`);
-- `colour`: nothing is left out, and joints are found in the colour beside the depth; real rooms alone have any.
+- `one pass`: each frame is done with as it comes (`--online`).
 
-Every row but `no rooms` has the same database; that row's holds the same poses.
+Every row but `no rooms` has the same database; that row's holds the same poses. A row that is done is kept in
+`ablation_part.json`, and is not measured again on the same commit; with all of them there the file is `ablation.json`.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks import rooms
+from benchmarks import _record, rooms
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of, settings_of, track_each
 from benchmarks.scenes import tracks_of
@@ -36,14 +38,16 @@ from toolkit.hybrid.tracker import HybridTracker
 from toolkit.people import survey
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.testing.scene_scores import scene_figures, score_scene
+from toolkit.testing.scene_scores import SceneScore, scene_figures, score_scene
 from toolkit.testing.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
 from toolkit.testing.suite import chosen_takes, database
 from toolkit.tracking.learning import FollowedBody
 
-LONGEST = 60
+LONGEST = 45
 """Frames of a simulated recording."""
-ROWS = ("whole", "first frame", "no rooms", "no floor", "one pass", "colour")
+PART = "ablation_part"
+"""The result in which rows are kept until all are there."""
+ROWS = ("whole", "first frame", "no rooms", "no floor", "one pass")
 
 
 class FloorlessTracker(HybridTracker):
@@ -64,13 +68,10 @@ class Ablation:
 
     def __init__(self, options: argparse.Namespace) -> None:
         self._options, self._score = options, rooms.scorer(options.rooms)
-        chosen = {
+        self._scenes = {
             "scenes": chosen_scenes("report", GROUPS, options.takes),
             "furnished": chosen_scenes("report", ROOM_GROUPS, options.takes),
             "clean": chosen_takes("report", (), options.takes),
-        }
-        self._paths = {
-            kind: [record_scene(scene, options.work, LONGEST) for scene in scenes] for kind, scenes in chosen.items()
         }
 
     def figures(self, row: str) -> dict[str, Any]:
@@ -83,14 +84,12 @@ class Ablation:
         folder = options.work / "runs" / "ablation" / row.replace(" ", "_")
         # The first of the frames that are spread over a recording is its first one.
         with patch.object(survey, "SAMPLES", 1) if row == "first frame" else nullcontext():
-            found = {"rooms": self._real(tracker, folder, "colour" if row == "colour" else "none")}
-            if row != "colour":
-                found |= {part: self._simulated(part, tracker, folder / part) for part in self._paths}
-        return found
+            simulated = {part: self._simulated(part, tracker, folder / part) for part in self._scenes}
+            return {"rooms": self._real(tracker, folder), **simulated}
 
-    def _real(self, tracker: HybridTracker, folder: Path, joints: str) -> dict[str, Any]:
+    def _real(self, tracker: HybridTracker, folder: Path) -> dict[str, Any]:
         """The script's counts over all real rooms."""
-        runs, failed = rooms.track_rooms(list(rooms.RATES), self._options.rooms, folder / "rooms", tracker, joints)
+        runs, failed = rooms.track_rooms(list(rooms.RATES), self._options.rooms, folder / "rooms", tracker)
         total: dict[str, Any] = {}
         for name, run in runs.items():
             tracks = self._score.load_run(run) if name not in failed else []
@@ -101,12 +100,18 @@ class Ablation:
         return total
 
     def _simulated(self, part: str, tracker: HybridTracker, folder: Path) -> dict[str, Any]:
-        """Figures of one part of what is simulated."""
-        runs: dict[Path, tuple[Path, dict[str, Any]]] = {folder / path.stem: (path, {}) for path in self._paths[part]}
+        """Figures of each group of one part of what is simulated, and of all of it."""
+        made = {record_scene(scene, self._options.work, LONGEST): scene for scene in self._scenes[part]}
+        runs: dict[Path, tuple[Path, dict[str, Any]]] = {folder / path.stem: (path, {}) for path in made}
         for run, reason in track_each(runs, tracker, people=1 if part == "clean" else None).items():
             print(f"{run.name} was not tracked: {reason}")
-        found = scene_figures([score_scene(open_recording(path), tracks_of(run)) for run, (path, _) in runs.items()])
-        print(part, *(f"{name} {found[name]}" for name in ("error_mm", "a100", "switches", "misses", "false")))
+        groups: dict[str, list[SceneScore]] = {}
+        for run, (path, _) in runs.items():
+            score = score_scene(open_recording(path), tracks_of(run))
+            groups.setdefault(made[path].group, []).append(score)
+            groups.setdefault("all", []).append(score)
+        found = {group: scene_figures(scores) for group, scores in groups.items()}
+        print(part, {group: round(figures["error_mm"] or 0.0, 1) for group, figures in found.items()})
         return found
 
 
@@ -124,12 +129,23 @@ def main() -> None:
     parser.add_argument("--rooms", type=Path, default=rooms.ROOMS, help="folder of the real rooms")
     add_database_options(parser)
     options = parser.parse_args()
-    ablation, figures = Ablation(options), {}
-    for row in options.rows.split(","):
+    wanted = options.rows.split(",")
+    ablation, described = Ablation(options), {"takes": options.takes, "set": options.set}
+    for row in [row for row in wanted if row not in _kept(described)]:
         print(f"\n{row}", flush=True)
-        figures[row] = ablation.figures(row)
-    name = "ablation" if options.rows == ",".join(ROWS) and not options.set else "ablation_part"
-    print("written:", save_figures(name, figures, {"takes": options.takes, "set": options.set}))
+        measured = ablation.figures(row)
+        rows = _kept(described) | {row: measured}
+        print("written:", save_figures(PART, rows, described))
+        if set(rows) == set(ROWS) and not options.set:
+            print("written:", save_figures("ablation", {name: rows[name] for name in ROWS}, described))
+
+
+def _kept(described: Mapping[str, Any]) -> dict[str, Any]:
+    """Rows that were measured on this commit as it is `described`."""
+    path = _record.RESULTS / f"{PART}.json"
+    told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    same = told.get("commit") == _record.commit() and told.get("settings") == described
+    return dict(told["figures"]) if same else {}
 
 
 if __name__ == "__main__":

@@ -195,7 +195,10 @@ def test_what_each_part_of_telling_people_from_rooms_is_worth_is_told_row_by_row
     figures = json.loads((bundled / "ablation_part.json").read_text())["figures"]
     assert list(figures) == ["whole", "first frame", "no floor"]
     assert all(set(row) == {"rooms", "scenes", "furnished", "clean"} for row in figures.values())
+    assert figures["whole"]["clean"]["basic"] == figures["whole"]["clean"]["all"]
     assert surveyed == 3 * [survey.SAMPLES] + 3 * [1] + 3 * [survey.SAMPLES]
+    run(ablation, *arguments, monkeypatch=monkeypatch)
+    assert len(surveyed) == 9  # what is measured on this commit is not measured again
 
 
 def test_without_the_floor_nobody_is_sized_by_it(small_database: Path) -> None:
