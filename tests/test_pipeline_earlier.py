@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -106,3 +107,19 @@ def test_furniture_has_no_past(tmp_path: Path) -> None:
     recording, _ = walking(tmp_path)
     _, kept = found(tmp_path, recording, left_out=range(18))
     assert before(recording, find_people(recording, judge=Against()), kept) == {}
+
+
+def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compressed one starts over with every step back."""
+    recording, _ = walking(tmp_path)
+    finder, kept = found(tmp_path, recording)
+    walker, late = kept.of(1), SightingFile(tmp_path / "late", finder.camera)
+    for frame in range(18, FRAMES):
+        sighting = walker[frame]
+        assert sighting is not None
+        late.append(frame, [replace(sighting, id=person) for person in (1, 2) if frame >= 28 - 5 * person])
+    asked, depth = [], recording.depth
+    monkeypatch.setattr(recording, "depth", lambda frame: asked.append(frame) or depth(frame))
+    assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} == {2}, "1 had all pixels of 2"
+    assert asked == list(range(asked[0], 29))
+    assert before(recording, finder, late, [3]) == {}, "of whom nothing was kept"

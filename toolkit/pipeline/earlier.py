@@ -28,20 +28,23 @@ def sightings_before(
 ) -> Iterator[tuple[int, Kept]]:
     """Frames before those in which `people` (ids) were found, each with what is seen of one of them.
 
-    `finder` found them, and `sightings` were kept of all.
+    `finder` found them, and `sightings` were kept of all. The recording is read once and in order, for a compressed one
+    starts over where a frame before the last one is asked for; depth of 2.5 s is held.
     """
-    seen = {person: sightings.of(person) for person in people}
+    seen = {person: own for person in people if len((own := sightings.of(person)).frames)}
     moments = recording.timestamps
-    for person, own in seen.items():
+    held: dict[int, np.ndarray] = {}
+    for person, own in sorted(seen.items(), key=lambda known: int(known[1].frames[0])):
         first = int(own.frames[0])
         start = max(int(np.searchsorted(moments, moments[first] + AFTER)), first + FEWEST)
         end = int(np.searchsorted(moments, moments[first] - BEFORE))
         since, number = range(start, first - 1, -1), 0
         if first == 0 or not set(since) <= set(own.frames.tolist()):
             continue
+        held = {frame: held[frame] if frame in held else recording.depth(frame) for frame in range(end, start + 1)}
         backwards = finder.afresh()
         for frame in range(start, end - 1, -1):
-            found = {s.id: s for s in backwards.find(recording.depth(frame), moments[-1] - moments[frame], {})}
+            found = {s.id: s for s in backwards.find(held[frame], moments[-1] - moments[frame], {})}
             if frame >= first:
                 number = _same(own[frame], found)
                 continue

@@ -42,6 +42,7 @@ from toolkit.track import RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import LooksBack, Tracker, judge_of
+from toolkit.tracking.sightings import Kept
 
 if TYPE_CHECKING:
     from toolkit.pipeline.events import EventStream
@@ -216,13 +217,11 @@ def _first_pass(
         sink.judge(crowd.finder.evidence)
         bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
     if second is not None and crowd.sightings is not None and complete:
-        finder, sightings = crowd.finder, crowd.sightings
-        second.begin(
-            bodies,
-            finder.evidence,
-            sightings_before(recording, finder, sightings, bodies) if isinstance(finder, SeveralPeople) else (),
-        )
-        crowd.sightings.close()
+        finder, before = crowd.finder, list[tuple[int, Kept]]()
+        if isinstance(finder, SeveralPeople):
+            before += sightings_before(recording, finder, crowd.sightings, bodies)
+        crowd.sightings.close()  # on disk before there is a state that counts on them
+        second.begin(bodies, finder.evidence, before)
     return bodies, crowd.frames
 
 
