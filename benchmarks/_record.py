@@ -38,8 +38,8 @@ def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
         path,
         {
             "figures": figures,
-            "settings": {name: _portable(value) for name, value in settings.items()},
-            "command": " ".join([Path(sys.argv[0]).name, *map(_portable, sys.argv[1:])]),
+            "settings": {name: portable(value) for name, value in settings.items()},
+            "command": " ".join([Path(sys.argv[0]).name, *map(portable, sys.argv[1:])]),
             "machine": {
                 "processor": _processor(),
                 "processors": os.cpu_count(),
@@ -61,7 +61,7 @@ def processor_seconds() -> float:
     return spent.user + spent.system + spent.children_user + spent.children_system
 
 
-def _portable(value: Any) -> Any:
+def portable(value: Any) -> Any:
     """A path from the root of this machine without its folders; anything else as it is."""
     return Path(value).name if isinstance(value, (str, Path)) and Path(value).is_absolute() else value
 

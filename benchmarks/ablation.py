@@ -130,21 +130,24 @@ def main() -> None:
     add_database_options(parser)
     options = parser.parse_args()
     wanted = options.rows.split(",")
-    ablation, described = Ablation(options), {"takes": options.takes, "set": options.set}
-    for row in [row for row in wanted if row not in _kept(described)]:
+    told = ("takes", "set", "database", "images", "threshold")
+    ablation, described = Ablation(options), {name: getattr(options, name) for name in told}
+    figures = _kept(described)
+    for row in [row for row in wanted if row not in figures]:
         print(f"\n{row}", flush=True)
-        measured = ablation.figures(row)
-        rows = _kept(described) | {row: measured}
-        print("written:", save_figures(PART, rows, described))
-        if set(rows) == set(ROWS) and not options.set:
-            print("written:", save_figures("ablation", {name: rows[name] for name in ROWS}, described))
+        figures[row] = ablation.figures(row)
+        figures = _kept(described) | figures
+        print("written:", save_figures(PART, figures, described))
+        if set(figures) == set(ROWS) and not options.set:
+            print("written:", save_figures("ablation", {name: figures[name] for name in ROWS}, described))
 
 
 def _kept(described: Mapping[str, Any]) -> dict[str, Any]:
-    """Rows that were measured on this commit as it is `described`."""
+    """Rows that were measured on this commit, without changes to it, as it is `described`."""
     path = _record.RESULTS / f"{PART}.json"
     told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-    same = told.get("commit") == _record.commit() and told.get("settings") == described
+    commit, settings = _record.commit(), {name: _record.portable(value) for name, value in described.items()}
+    same = not commit.endswith("+") and (told.get("commit"), told.get("settings")) == (commit, settings)
     return dict(told["figures"]) if same else {}
 
 

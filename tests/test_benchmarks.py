@@ -187,6 +187,7 @@ def test_what_each_part_of_telling_people_from_rooms_is_worth_is_told_row_by_row
     monkeypatch.setattr(ablation, "chosen_scenes", lambda split, groups, count: chosen_scenes(split, groups[:1], count))
     monkeypatch.setattr(ablation, "chosen_takes", lambda split, groups, count: chosen_takes(split, ["basic"], count))
     monkeypatch.setattr(ablation, "LONGEST", 4)
+    monkeypatch.setattr(_record, "commit", lambda: "0123abc")
     surveyed = []
     tracked = ablation.track_each
     monkeypatch.setattr(ablation, "track_each", lambda *a, **k: surveyed.append(survey.SAMPLES) or tracked(*a, **k))
@@ -198,7 +199,11 @@ def test_what_each_part_of_telling_people_from_rooms_is_worth_is_told_row_by_row
     assert figures["whole"]["clean"]["basic"] == figures["whole"]["clean"]["all"]
     assert surveyed == 3 * [survey.SAMPLES] + 3 * [1] + 3 * [survey.SAMPLES]
     run(ablation, *arguments, monkeypatch=monkeypatch)
-    assert len(surveyed) == 9  # what is measured on this commit is not measured again
+    assert len(surveyed) == 9  # what is measured on this commit is not measured again, ...
+    monkeypatch.setattr(_record, "commit", lambda: "0123abc+")
+    run(ablation, "--rows", "whole", *arguments[2:], monkeypatch=monkeypatch)
+    run(ablation, "--rows", "whole", *arguments[2:], monkeypatch=monkeypatch)
+    assert len(surveyed) == 15  # ... but what is changed since is
 
 
 def test_without_the_floor_nobody_is_sized_by_it(small_database: Path) -> None:
