@@ -251,6 +251,17 @@ def estimates(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray],
     return found
 
 
+def test_a_frame_that_shows_nothing_of_the_body_leaves_the_likeliest_of_its_size(placer: Placer) -> None:
+    class Hidden:
+        def pairs(self, placed: Any, scene: Any) -> Pairs:
+            return Pairs(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty(0))
+
+    estimator = ShapeEstimator(BODY, ShapeSettings(), placer, [Hidden()])
+    estimator.observe(standing(), None)  # type: ignore[arg-type]
+    likeliest = ShapeSpace.load().childhood(float(BODY.shape[0]))
+    np.testing.assert_allclose(estimator.coefficients, likeliest, atol=1e-9)
+
+
 def expected(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray], weight: float) -> list[np.ndarray]:
     """The same by dense least squares: along normals of the body as it was, old frames forgotten, the mean as prior."""
     space, pose, vertex = ShapeSpace.load(), standing(), placer.chosen

@@ -53,6 +53,10 @@ def test_products_are_those_of_numpy_wherever_the_arrays_lie(
         assert np.asarray(function(*(shifted(array, offset) for array in arrays))).tobytes() == found.tobytes()
 
 
+def test_no_rows_add_up_to_zero() -> None:
+    np.testing.assert_array_equal(linear.combined(np.empty(0), np.empty((0, 4, 3))), np.zeros((4, 3)))
+
+
 def test_points_of_any_shape_type_and_layout_are_rotated() -> None:
     points, rotation = RNG.normal(size=(2, 5, 3)).astype(np.float32), RNG.normal(size=(3, 3)).T
     expected = points.astype(np.float64) @ rotation

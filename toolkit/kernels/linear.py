@@ -7,6 +7,8 @@ these add up from the first to the last element, one by one.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
@@ -30,8 +32,8 @@ def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def combined(weights: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The sum over k of `weights[k] * rows[k]`, (K,) and (K, ...): float64 (...)."""
-    flat = _plain(rows).reshape(len(rows), -1)
+    """The sum over k of `weights[k] * rows[k]`, (K,) and (K, ...): float64 (...); zero without rows."""
+    flat = _plain(rows).reshape(len(rows), math.prod(rows.shape[1:]))
     out = np.zeros(flat.shape[1])
     _combine(_plain(weights), flat, out)
     return out.reshape(rows.shape[1:])
