@@ -241,7 +241,7 @@ def _seen(
         own, head = labels == k, near_head(view, place) & view.foreground
         changed = _changed(own | head, depth, stack, margin)
         glimpse = Glimpse(
-            k <= len(people), _share(moved[frame], head), _share(changed, own), _share(changed, head),
+            k <= len(people), share_of(moved[frame], head), share_of(changed, own), share_of(changed, head),
             judged_head(view, lens, place, judge), lowness(place, floor),
         )  # fmt: skip
         found.append(Seen(frame, place, own, glimpse))
@@ -264,7 +264,7 @@ def _figures(seen: Sequence[Seen]) -> list[list[Seen]]:
     return figures
 
 
-def _share(mask: np.ndarray, among: np.ndarray) -> float:
+def share_of(mask: np.ndarray, among: np.ndarray) -> float:
     """Share of the pixels `among` (h, w) that are in `mask`."""
     return float(np.count_nonzero(mask & among)) / max(int(np.count_nonzero(among)), 1)
 

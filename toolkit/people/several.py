@@ -20,17 +20,17 @@ from toolkit.people.detection import (
     SURFACE_GAP,
     find_heads,
     head_seeds,
-    looks_like_person,
     near_head,
     share_out,
 )
 from toolkit.people.evidence import Evidence
 from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, lowness, possible_height
 from toolkit.people.known import KnownPeople, match_heads
+from toolkit.people.learning import share_of
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.people.stills import large_enough, people_and_furniture
+from toolkit.people.stills import a_person, large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands, attach_limbs, head_of
@@ -336,8 +336,7 @@ class SeveralPeople:
     def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
         """Whether the last of the `places` has a person's shape by its own share of the surface alone."""
         labels, _ = self._shared(view, surroundings, seeds, places, [])
-        own = labels == len(places)
-        return large_enough(view, self.lens, own) and looks_like_person(view, self.lens, own, places[-1])
+        return a_person(view, self.lens, labels == len(places), places[-1])
 
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
         """Whether the surface below a candidate head is surely a person's, who counts at once.
@@ -352,7 +351,7 @@ class SeveralPeople:
         if shaped or not headed:
             return shaped
         here = near_head(view, place) & view.foreground
-        moved = np.count_nonzero(here & (surroundings.background > 0)) / max(int(np.count_nonzero(here)), 1)
+        moved = share_of(surroundings.background > 0, here)
         judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
         return log_odds([Glimpse(False, moved, judged=judged, low=low)]) > 0
 

@@ -96,16 +96,18 @@ def _shaped(
     A whole that holds another head with a shape of its own says nothing: a door that a person touches would borrow the
     shape of the person.
     """
-    own = [
-        large_enough(view, lens, mask) and looks_like_person(view, lens, mask, head)
-        for head, mask in zip(heads, shared, strict=True)
-    ]
+    own = [a_person(view, lens, mask, head) for head, mask in zip(heads, shared, strict=True)]
     found = list(own)
     for k, (head, mask) in enumerate(zip(heads, alone, strict=True)):
         if not own[k] and looks_like_person(view, lens, mask, head):
             others = [other for other, has in zip(heads, own, strict=True) if has and not _below(other, head)]
             found[k] = not any((mask & near_head(view, other)).any() for other in others)
     return found
+
+
+def a_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray) -> bool:
+    """Whether a surface has a person's area and height, and below the head (3,) a person's shape."""
+    return large_enough(view, lens, mask) and looks_like_person(view, lens, mask, head)
 
 
 def large_enough(view: View, lens: Lens, mask: np.ndarray, *, cut_out: bool = False) -> bool:

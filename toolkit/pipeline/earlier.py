@@ -45,8 +45,9 @@ def sightings_before(
         backwards = finder.afresh()
         for frame in range(start, end - 1, -1):
             found = {s.id: s for s in backwards.find(held[frame], moments[-1] - moments[frame], {})}
-            if frame >= first:
+            if frame == first:
                 number = _same(own[frame], found)
+            if frame >= first:
                 continue
             others = [there.depth > 0 for k in seen if k != person and (there := seen[k][frame]) is not None]
             earlier = _apart_from(others, found.get(number))

@@ -55,7 +55,7 @@ class Cloud:
 
 
 def window_of(depth: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns that hold all that is above 0 in a depth image (H, W); none of nothing."""
+    """Rows and columns that hold all that is above 0 in a depth image (H, W); empty where nothing is."""
     measured = depth > 0
     rows, columns = np.flatnonzero(measured.any(axis=1)), np.flatnonzero(measured.any(axis=0))
     if not len(rows):
