@@ -23,7 +23,8 @@ from toolkit.tracking.stature import StatureBelief, height_stood, statures_of
 SURVEYED = 0.25
 """Seconds between the surveyed frames, in which the regressor counts the visible joints."""
 MOMENTS, MOMENT_GAP = 4, 1.0
-"""Frames with most visible joints, on which sizes are tried, the surest being the start; seconds between them."""
+"""Frames with most visible joints, on which sizes are tried, the surest being the start; seconds between them, fewer
+where all of the time does not hold so many."""
 CHECKED = 5.0
 """Seconds of each stretch; its frame with most visible joints is searched afresh."""
 
@@ -49,12 +50,13 @@ class Survey:
     tops: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
-        """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` seconds apart."""
+        """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` seconds apart or nearer."""
+        gap = min(MOMENT_GAP, float(timestamps[last] - timestamps[first]) / count)
         inside = np.flatnonzero((self.frames >= first) & (self.frames <= last))
         chosen: list[int] = []
         for row in inside[np.argsort(-self.shown[inside], kind="stable")]:
             moment = timestamps[self.frames[row]]
-            if all(abs(moment - timestamps[frame]) >= MOMENT_GAP for frame in chosen):
+            if all(abs(moment - timestamps[frame]) >= gap for frame in chosen):
                 chosen.append(int(self.frames[row]))
             if len(chosen) == count:
                 break
@@ -150,15 +152,16 @@ class Planner:
             for k in belief.likely[:CANDIDATES]:
                 body = yield from self._learnt(belief.bodies[k], start, few, stood)
                 learnt.append(body)
-                costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING_FOUND])))
+                costs.append(float(np.mean(self._distances[len(self._distances) // 2 :])))
             belief = StatureBelief.of(tuple(learnt), stood).narrowed(dict(enumerate(costs)))
         return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around, stood))
 
     def _learnt(self, body: Body, start: int, around: np.ndarray, stood: float) -> Generator[None, None, Body]:
         """What becomes of a body that is taken for the person's in `start`, and then in the frames around it."""
-        learner, self._distances = self._learner, []
+        learner = self._learner
         learner.begin(body, statures_of(stood, body.height))
         learner.take(self._sighting(start), float(self._timestamps[start]))
+        self._distances = [min(learner.follower.distance, NOTHING_FOUND)]
         begun = learner.follower.state
         for frames in (around[around > start], around[around < start][::-1]):
             learner.follower.state = replace(begun, body=learner.follower.state.body)
