@@ -258,6 +258,21 @@ def test_who_comes_in_before_another_counts_at_once_by_their_own_share_of_the_su
     assert ids == [{1: 1}] * 3 + [{1: 1, 2: 2}] * 4
 
 
+@pytest.mark.parametrize(("theirs", "count"), [(False, 2), (True, 1)])
+def test_what_was_on_somebodys_surface_a_frame_ago_is_nobody_who_counts_at_once(theirs, count):
+    """An elbow of somebody who bends has a head's and a person's shape, too."""
+    finder = SeveralPeople(KINECT, UP, known_room())
+    alone, both = (scene(KINECT, ((0.0, 2.6), (0.3, 2.3))[:people], **ROOM)[0] for people in (1, 2))
+    for k in range(3):
+        assert len(finder.find(alone, k / 15, {})) == 1
+    if theirs:
+        finder._depth = finder.lens.coarse(both)
+        finder._labels = (np.abs(finder._depth - finder.lens.coarse(scene(KINECT, (), **ROOM)[0])) > 0.2).astype(
+            np.int32
+        )
+    assert len(finder.find(both, 3 / 15, {})) == count
+
+
 @pytest.mark.parametrize(("odds", "shaped", "since"), [(2.0, False, 0), (0.5, False, 2), (-1.0, True, 0)])
 def test_who_moves_before_a_known_room_counts_at_once_by_shape_or_by_the_judges_word(monkeypatch, odds, shaped, since):
     monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
+from toolkit.people.one import OneOfSeveral
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
-from toolkit.pipeline.earlier import BEFORE, sightings_before
+from toolkit.pipeline.earlier import BEFORE, _apart_from, sightings_before
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
@@ -123,3 +124,34 @@ def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monk
     assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} == {2}, "1 had all pixels of 2"
     assert asked == list(range(asked[0], 29))
     assert before(recording, finder, late, [3]) == {}, "of whom nothing was kept"
+
+
+def test_the_one_person_who_is_meant_is_looked_for_earlier_too(tmp_path: Path) -> None:
+    recording, _ = walking(tmp_path)
+    finder, kept = found(tmp_path, recording, left_out=range(18))
+    one = OneOfSeveral(finder, meant=1)
+    seen = before(recording, finder, kept)
+    assert seen and {frame: own.depth.tobytes() for frame, own in before(recording, one, kept).items()} == {
+        frame: own.depth.tobytes() for frame, own in seen.items()
+    }
+
+
+def test_who_was_found_late_has_no_pixels_that_another_had_before(tmp_path: Path) -> None:
+    """Two who were found late cannot both have what one of them was, and what one hides of the other is unobserved."""
+    recording, _ = walking(tmp_path)
+    finder, kept = found(tmp_path, recording)
+    walker, late = kept.of(1), SightingFile(tmp_path / "late", finder.camera)
+    for frame in range(18, FRAMES):
+        sighting = walker[frame]
+        assert sighting is not None
+        late.append(frame, [replace(sighting, id=person) for person in (1, 2)])
+    assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} <= {1}
+    sighting = walker[20]
+    assert sighting is not None
+    left = np.zeros(sighting.depth.shape, dtype=np.bool_)
+    left[:, : int(np.median(np.nonzero(sighting.depth)[1])) - 2] = True
+    apart = _apart_from([left], sighting)
+    assert apart is not None and apart.unobserved is not None
+    assert not apart.depth[left].any() and apart.unobserved[left].all()
+    assert (apart.depth[~left] == sighting.depth[~left]).all()
+    assert _apart_from([sighting.depth > 0], sighting) is None

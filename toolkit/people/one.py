@@ -46,6 +46,10 @@ class OneOfSeveral:
                 return (replace(sighting, id=ID),)
         return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
 
+    def afresh(self) -> SeveralPeople:
+        """See `SeveralPeople.afresh`: of all people, for who is meant is not known before they were found."""
+        return self._finder.afresh()
+
     def export_state(self) -> dict[str, Any]:
         """See `PeopleFinder.export_state`."""
         return self._finder.export_state()

@@ -334,9 +334,14 @@ class SeveralPeople:
         return found, touching, own
 
     def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
-        """Whether the last of the `places` has a person's shape by its own share of the surface alone."""
+        """Whether the last of the `places` has a person's shape by its own share of the surface alone, which was not
+        there, or nobody's, a frame ago: the elbow of somebody who bends has one, too.
+        """
         labels, _ = self._shared(view, surroundings, seeds, places, [])
-        return a_person(view, self.lens, labels == len(places), places[-1])
+        share = labels == len(places)
+        was_theirs = (self._labels > 0) & (np.abs(view.depth - self._depth) < SAME_SURFACE)
+        fresh = share_of(was_theirs, share) < 0.5
+        return fresh and a_person(view, self.lens, share, places[-1])
 
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
         """Whether the surface below a candidate head is surely a person's, who counts at once.

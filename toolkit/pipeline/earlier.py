@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from toolkit.people.evidence import furniture
+from toolkit.people.one import OneOfSeveral
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.recording import Recording
@@ -24,7 +25,7 @@ OWN = 0.5
 
 
 def sightings_before(
-    recording: Recording, finder: SeveralPeople, sightings: SightingFile, people: Iterable[int]
+    recording: Recording, finder: SeveralPeople | OneOfSeveral, sightings: SightingFile, people: Iterable[int]
 ) -> Iterator[tuple[int, Kept]]:
     """Frames before those in which `people` (ids) were found, each with what is seen of one of them.
 
@@ -34,6 +35,7 @@ def sightings_before(
     seen = {person: own for person in people if len((own := sightings.of(person)).frames)}
     moments = recording.timestamps
     held: dict[int, np.ndarray] = {}
+    yielded: dict[int, list[np.ndarray]] = {}
     for person, own in sorted(seen.items(), key=lambda known: int(known[1].frames[0])):
         first = int(own.frames[0])
         start = max(int(np.searchsorted(moments, moments[first] + AFTER)), first + FEWEST)
@@ -50,9 +52,11 @@ def sightings_before(
             if frame >= first:
                 continue
             others = [there.depth > 0 for k in seen if k != person and (there := seen[k][frame]) is not None]
+            others += yielded.get(frame, [])
             earlier = _apart_from(others, found.get(number))
             if earlier is None or number in furniture(backwards.evidence):
                 break
+            yielded.setdefault(frame, []).append(earlier.depth > 0)
             yield frame, Kept.of(replace(earlier, id=person))
 
 
@@ -66,11 +70,12 @@ def _same(known: Sighting | None, found: Mapping[int, Sighting]) -> int:
 
 
 def _apart_from(others: Iterable[np.ndarray], sighting: Sighting | None) -> Sighting | None:
-    """A sighting without the pixels (masks) of others; None where little or nothing of it is left."""
+    """A sighting without the pixels (masks) of others, which hide it there; None where little or nothing is left."""
     if sighting is None:
         return None
-    depth = sighting.depth.copy()
-    for mask in others:
-        depth[mask] = 0.0
-    left = np.count_nonzero(depth) > OWN * np.count_nonzero(sighting.depth)
-    return replace(sighting, depth=depth) if left else None
+    theirs = np.any([np.zeros(sighting.depth.shape, dtype=np.bool_), *others], axis=0)
+    depth = np.where(theirs, np.float32(0.0), sighting.depth)
+    if np.count_nonzero(depth) <= OWN * np.count_nonzero(sighting.depth):
+        return None
+    unobserved = theirs if sighting.unobserved is None else sighting.unobserved | theirs
+    return replace(sighting, depth=depth, unobserved=unobserved)

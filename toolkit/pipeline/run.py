@@ -21,6 +21,7 @@ from toolkit.files import locked
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.joints import JointSource
+from toolkit.people.one import OneOfSeveral
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
@@ -218,7 +219,7 @@ def _first_pass(
         bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
     if second is not None and crowd.sightings is not None and complete:
         finder, before = crowd.finder, list[tuple[int, Kept]]()
-        if isinstance(finder, SeveralPeople):
+        if isinstance(finder, (SeveralPeople, OneOfSeveral)):
             before += sightings_before(recording, finder, crowd.sightings, bodies)
         crowd.sightings.close()  # on disk before there is a state that counts on them
         second.begin(bodies, finder.evidence, before)

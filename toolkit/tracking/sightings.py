@@ -123,7 +123,7 @@ class SightingFile:
             raise _unwritable(folder, error) from error
 
     def append(self, frame: int, sightings: Iterable[Sighting]) -> None:
-        """Keep what is seen in the next frame.
+        """Keep what is seen in the next frame: nothing of who has no pixel in it.
 
         Raises
         ------
@@ -131,6 +131,8 @@ class SightingFile:
             The disk is full, for example.
         """
         for sighting in sightings:
+            if not sighting.depth.any():
+                continue
             packed = Kept.of(sighting).packed()
             entry = np.zeros((), dtype=ENTRY)
             entry["frame"], entry["person"] = frame, sighting.id
