@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import RESULTS, save_figures
-from benchmarks._rows import WEIGHTS, swarm_settings
+from benchmarks._rows import swarm_settings
 from benchmarks._swarm_runs import SWARM_KINDS, Tracked, follow, print_row, swarm_figures
 from benchmarks._takes import SOURCES, scanned, sequence
 from toolkit.body.body import Body
@@ -32,10 +32,6 @@ PAPER: dict[str, dict[str, float]] = {
         "qammaz depth, MS_1": 140.2, "qammaz joints, MS_1": 98.9, "qammaz, MS_1": 67.3,
         "qammaz depth, FS_1": 152.1, "qammaz joints, FS_1": 98.7, "qammaz, FS_1": 75.6,
     },
-    "table3": {
-        **{f"plain w_D {w:g}": d for w, d in zip(WEIGHTS, (82.8, 67.5, 84.1, 93.7, 108.3), strict=True)},
-        **{f"w_D {w:g}": d for w, d in zip(WEIGHTS, (77.0, 70.0, 67.3, 73.5, 81.2), strict=True)},
-    },
     "models": {
         f"{sequence} with {model}": delta
         for sequence, row in {
@@ -47,7 +43,6 @@ PAPER: dict[str, dict[str, float]] = {
 }  # fmt: skip
 """Delta in mm; sequences and people by the names that ours have."""
 TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints", "qammaz two phases")
-TABLE_3 = tuple(f"{kind}w_D {w:g}" for kind in ("", "plain ") for w in WEIGHTS)
 PRIMITIVES = {"discrepancy.figure": "balls"}
 
 
@@ -125,14 +120,6 @@ def table2(bench: Bench) -> None:
     bench.compare(TABLE_2[0], TABLE_2[1:])
 
 
-def table3(bench: Bench) -> None:
-    """Weights of the depth, with and without perturbation."""
-    for row in TABLE_3:
-        bench.row(row, row, bench.names)
-    for w in WEIGHTS:
-        bench.compare(f"w_D {w:g}", [f"plain w_D {w:g}"])
-
-
 def models(bench: Bench) -> None:
     """Whose body is taken for the person's."""
     bodies = {name: bench.body(name) for name in SEQUENCES}
@@ -164,7 +151,6 @@ def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
     """Errors (N,), metres, of the rows that the plot of a part shows."""
     drawn = {
         "table2": TABLE_2,
-        "table3": TABLE_3,
         "models": ("all with their own", "all with neutral", "all with balls"),
         "sequences": tuple(bench.runs),
     }.get(part, ())
@@ -206,4 +192,4 @@ def paper(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures(name, {"ours": bench.figures, "paper_mm": paper}, settings))
 
 
-TABLES = {"sequences": sequences, "table2": table2, "table3": table3, "models": models}
+TABLES = {"sequences": sequences, "table2": table2, "models": models}

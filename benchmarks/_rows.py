@@ -57,17 +57,12 @@ tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1)
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
 NO_JOINTS = {"discrepancy.joints_2d": 0.0, "discrepancy.joints_3d": 0.0, "search.pulled": 0, "search.disagreement": 0.0}
-PLAIN = {"swarm.perturbed_every": 0}
-WEIGHTS = (0.5, 1.5, 3.0, 6.0, 18.0)
-"""w_D of the paper's Table 3; 3 is its own, ours is 1."""
 SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "swarm": ("swarm", {}),
     "qammaz": ("qammaz", {}),
     "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),
     "qammaz joints": ("qammaz", NO_IMAGE),
-    **{f"w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0}) for w in WEIGHTS},
-    **{f"plain w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0, **PLAIN}) for w in WEIGHTS},
 }
 """Name of the row, shipped settings that it starts from, and overrides; the second phase is `TwoPhaseTracker`'s."""
 

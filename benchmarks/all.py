@@ -1,4 +1,4 @@
-"""Every figure of README and docs: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
+"""Every figure that README and docs show: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
 
 Times per frame come first and alone; then each processor has a benchmark, whose lines are in `.work/logs/RESULT.txt`.
 What has a result of this commit is left out, so that the same command goes on where it was stopped. A benchmark that
@@ -31,7 +31,6 @@ COMMANDS: dict[str, str] = {
     "speed_crowd": "speed crowd {database} --frames 120",
     "speed_passes": f"speed passes {PACKAGED} --frames 30,90",
     "speed_swarm": "speed swarm --frames 30 --network",
-    "speed_upper": "speed upper --counts 64,256 --columns 160,320,640 --first 10",
     "extrema": "lookup extrema",
     "lookup": "lookup queries {database}",
     "accuracy_report": "accuracy --split report --rows hybrid,local --database {database}",
@@ -48,8 +47,7 @@ COMMANDS: dict[str, str] = {
     "swarm_report_colour": "swarm suite --split report --joints colour",
     "qammaz_sequences": "swarm sequences",
     "qammaz_table2": "swarm table2 --sequences MS_1,FS_1",
-    "qammaz_table3": "swarm table3 --sequences MS_1",
-    "qammaz_models": "swarm models",
+    "qammaz_models": "swarm models --frames 60 --seeds 3",
     "scan": "swarm scan",
     "realsense": "joints followed --rows swarm,hybrid --database {database}",
     "upper_real": f"upper track --real --database {PACKAGED}",
@@ -58,10 +56,7 @@ COMMANDS: dict[str, str] = {
     "feet": "feet --real {data}/depth/utd_mhad",
     "kinect_offsets": "real offsets",
     "inertial": f"inertial simulated --split report --database {PACKAGED}",
-    "inertial_real": "inertial real --database {database}",
     "stabilise_report": f"stabilise classes --split report --database {PACKAGED}",
-    "stabilise_report_noise": f"stabilise classes --split report --noise 200 --database {PACKAGED}",
-    "fused_report": "stabilise sensors --split report --takes side_bk_kick_010_heavy_male_tof --database {database}",
     "hidden_limbs": "hidden_limbs",
     "events": "annotation events --split report",
     "annotation": "annotation thesis {data} --runs 2",

@@ -5,18 +5,17 @@
   --fetch`), or which are the true ones with the errors of such a network (`truth`, see `toolkit/testing/joints.py`).
   `--rows` chooses settings of `benchmarks/_rows.py`, compared with the first one by a paired bootstrap over the
   recordings. With `--cold` every sixth frame is a first frame: right is one of which 18 of 20 joints are within 150 mm.
-- `sequences`, `table2`, `table3`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
+- `sequences`, `table2`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
   `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (its curves are the paper's figure 5),
-  and a second phase on the depth alone, which gained the paper less than 5 mm;
-  five weights w_D with and without perturbation (figure 4); Table 4, every sequence with the bodies scanned from all
-  four subjects, with balls and with the neutral body (figure 6).
+  and a second phase on the depth alone, which gained the paper less than 5 mm; Table 4, every sequence with the bodies
+  scanned from all four subjects, with balls and with the neutral body (figure 6).
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 
 Delta is the mean distance of the joints, not capped; A(t) the share of them within t millimetres. In the sequences the
 person's body is the scanned one, the joints are found in the colour. Beside ours stand the paper's figures, of its own
 sequences: they differ in people, rendering and detector. Doubtful in the paper: its w_D and alpha belong to units that
-it does not say, so that ours is w_D / 3 in metres; Table 3 denies at 1.5 that perturbation helps for every w_D; in
-Table 4 the scanned body of M2 on MS_1 is worse than the primitives P.
+it does not say, so that ours is w_D / 3 in metres; in Table 4 the scanned body of M2 on MS_1 is worse than the
+primitives P.
 """
 
 from __future__ import annotations

@@ -104,5 +104,16 @@ def test_every_benchmark_that_is_listed_or_named_on_a_page_is_there() -> None:
 
 
 @pytest.mark.quick
+def test_every_result_of_all_benchmarks_is_shown_on_a_page() -> None:
+    """A figure that no reader needs is dropped."""
+    pages = [path for path in write_tables.pages() if path.name not in ("notebook.md", "CHANGELOG.md")]
+    told = " ".join(path.read_text(encoding="utf-8") for path in pages)
+    tables = (write_tables.ROOT / "scripts" / "tables.jinja").read_text(encoding="utf-8")
+    for name, command in everything.COMMANDS.items():
+        words = [word for word in command.split()[:2] if re.fullmatch(r"[a-z]\w+", word)]
+        assert f'"{name}"' in tables or re.search(rf"bench {' '.join(words)}\b", told), name
+
+
+@pytest.mark.quick
 def test_a_figure_names_a_commit_that_stays() -> None:
     assert re.fullmatch(r"[0-9a-f]{7}\+?|unknown", _record.commit())
