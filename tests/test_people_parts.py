@@ -266,10 +266,8 @@ def test_what_was_on_somebodys_surface_a_frame_ago_is_nobody_who_counts_at_once(
     for k in range(3):
         assert len(finder.find(alone, k / 15, {})) == 1
     if theirs:
-        finder._depth = finder.lens.coarse(both)
-        finder._labels = (np.abs(finder._depth - finder.lens.coarse(scene(KINECT, (), **ROOM)[0])) > 0.2).astype(
-            np.int32
-        )
+        depth, room = (finder.lens.coarse(image) for image in (both, scene(KINECT, (), **ROOM)[0]))
+        finder.restore_state(finder.export_state() | {"depth": depth, "labels": np.int32(np.abs(depth - room) > 0.2)})
     assert len(finder.find(both, 3 / 15, {})) == count
 
 

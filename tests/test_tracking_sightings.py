@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,8 @@ def assert_same(one: Sighting | None, other: Sighting | None) -> None:
 def test_sightings_are_read_back_to_the_bit_in_any_order(tmp_path: Path) -> None:
     kept = SightingFile(tmp_path, CAMERA)
     for frame in range(8):
-        kept.append(frame, [sighting(frame)] if frame != 3 else [])
+        nothing = replace(sighting(frame), depth=np.zeros_like(sighting(frame).depth))
+        kept.append(frame, [sighting(frame) if frame != 3 else nothing])
         kept.append(frame, [sighting(frame + 10, person=2)])
     first, second = kept.of(1), kept.of(2)
     assert first.frames.tolist() == [0, 1, 2, 4, 5, 6, 7] and second.frames.tolist() == list(range(8))
