@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from itertools import count, product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
 from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import HybridTracker
+from toolkit.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people.lone import LonePerson
@@ -41,6 +43,7 @@ from toolkit.tracking.heading import (
     voted_facing,
 )  # fmt: skip
 from toolkit.tracking.passes import BothWays, Plan
+from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import (
@@ -312,6 +315,29 @@ def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
     monkeypatch.setattr(BothWays, "_found_otherwise", rightly)
     error = worst(take, followed(take, tracker, tmp_path, 18, checks=checks))
     assert error < 0.08 if checks else error > 0.25
+
+
+def test_more_poses_are_refined_of_a_still_than_of_a_frame_among_others(
+    take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, wanted, poses = open_recording(take), list[int](), ExtremaQuery.poses
+
+    def asked(self: ExtremaQuery, observation: Any, previous: Any, body: Any, count: int) -> np.ndarray:
+        if previous is None:
+            wanted.append(count)
+        return poses(self, observation, previous, body, count)
+
+    monkeypatch.setattr(ExtremaQuery, "poses", asked)
+    for frames in (1, 2):
+        wanted.clear()
+        path = tmp_path / f"{frames}.npz"
+        depth = [whole.depth(frame) for frame in range(frames)]
+        save_recording(path, depth=depth, camera=whole.camera, timestamps=np.arange(frames) / RATE)
+        track_recording(open_recording(path), tracker, tmp_path / f"run_{frames}", warm_up=False)
+        assert (STILL_RESTARTS in wanted) == (frames == 1) and tracker.settings.restarts in wanted
+    thorough = copy(tracker)
+    thorough.settings = replace(tracker.settings, restarts=20)
+    assert thorough.of_still().settings.restarts == 20
 
 
 @pytest.mark.parametrize("killed_after", [3, 20])

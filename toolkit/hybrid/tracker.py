@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 from toolkit.body.body import Body
@@ -30,6 +32,9 @@ from toolkit.tracking.search.lookup import DatabaseLookup, LookupBudget, Query
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.search.regressed import RegressedJointsQuery
 from toolkit.tracking.searching import SearchingTracker
+
+STILL_RESTARTS = 10
+"""`restarts` in a recording of one frame: more, or more in a recording of many, are no better."""
 
 
 class HybridTracker(SearchingTracker):
@@ -110,6 +115,12 @@ class HybridTracker(SearchingTracker):
             parts = settings.search, settings.swarm, settings.discrepancy
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
         return tuple(members)
+
+    def of_still(self) -> HybridTracker:
+        """See `SearchingTracker.of_still`: more poses of the database are refined."""
+        other = copy(self)
+        other.settings = replace(self.settings, restarts=max(self.settings.restarts, STILL_RESTARTS))
+        return other
 
     def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
         """See `SearchingTracker.verifier`."""

@@ -126,6 +126,10 @@ class SearchingTracker(ABC):
         known = body or self._known_body
         return self._follower(camera, level_rotation, known or self._first_body, sized=known is not None)
 
+    def of_still(self) -> SearchingTracker:
+        """The tracker of a recording of one frame, where no other frame tells which of several poses is right."""
+        return self
+
     @property
     def passes(self) -> int:
         """See `LooksBack.passes`."""
@@ -141,8 +145,9 @@ class SearchingTracker(ABC):
         walked: np.ndarray | None = None,
     ) -> Planner:
         """See `LooksBack.planner`."""
-        learner = self.learner(camera, level_rotation, floor)
-        follower = self.follower(camera, level_rotation, self._first_body)
+        maker = self if len(timestamps) > 1 else self.of_still()
+        learner = maker.learner(camera, level_rotation, floor)
+        follower = maker.follower(camera, level_rotation, self._first_body)
         smallest = self._common.smallest_person
         return Planner(learner, follower, seen, timestamps, self.stage_names, smallest, self._known_body, walked)
 
