@@ -6,6 +6,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from toolkit.tracking.sightings import Kept, SightingFile
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.ways import WayFile
 
-FOLDER, BEFORE = "second", "before"
+FOLDER, BEFORE_FOUND = "second", "before"
 """Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
 STATE_FILE = "state.npz"
 MEMORY_SECONDS = 2.0
@@ -82,10 +83,9 @@ class SecondPass:
         """After the first pass, which learnt these bodies and gathered this evidence; `before` are frames before people
         were found, and what is seen of them.
         """
-        file = SightingFile(self._folder / BEFORE, self._camera)
-        for frame, kept in sorted(before, key=lambda seen: seen[0]):
-            file.append(frame, [kept.sighting()])
-        file.close()
+        with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
+            for frame, kept in sorted(before, key=lambda seen: seen[0]):
+                file.append(frame, [kept.sighting()])
         self.bodies, self.evidence, self._finished, self._resumed = dict(bodies), dict(evidence), 0, {}
         self._keep({})
 
@@ -113,16 +113,16 @@ class SecondPass:
         people = sorted(self.bodies)
         total = len(people) * len(self._timestamps)
         frames = len(self._timestamps)
-        files = [SightingFile(folder, self._camera, frames) for folder in (self._folder, self._folder / BEFORE)]
-        for number in range(self._finished, len(people)):
-            for done in self._person(people[number], *files):
-                report(number * len(self._timestamps) + done, total)
-                if stop.is_set():
-                    return False
-            self._finished, self._resumed = number + 1, {}
-            self._keep({})
-        for file in files:
-            file.close()
+        with ExitStack() as opened:
+            folders = self._folder, self._folder / BEFORE_FOUND
+            files = [opened.enter_context(closing(SightingFile(folder, self._camera, frames))) for folder in folders]
+            for number in range(self._finished, len(people)):
+                for done in self._person(people[number], *files):
+                    report(number * frames + done, total)
+                    if stop.is_set():
+                        return False
+                self._finished, self._resumed = number + 1, {}
+                self._keep({})
         shutil.rmtree(self._folder)
         return True
 
