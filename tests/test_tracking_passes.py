@@ -145,15 +145,6 @@ def test_a_child_that_is_clearly_one_is_believed_and_frames_narrow_it_down() -> 
     assert belief.shares[3] > 0.99 and belief.likely == (3,) and belief.frames == 3
 
 
-def test_a_frame_that_no_body_explains_says_little_of_the_size() -> None:
-    """Four times as far as a good pose is, 20 mm are worth what 5 mm are there."""
-    good, bad = ({0: least + 0.02, 1: least + 0.015, 2: least, 3: least + 0.02} for least in (0.025, 0.1))
-    assert statures_tried().narrowed(good).likely == (2,)
-    assert statures_tried().narrowed(bad).likely[0] == 1
-    near = {body: 0.025 + (cost - 0.1) / 4.0 for body, cost in bad.items()}
-    assert statures_tried().narrowed(bad).shares == pytest.approx(statures_tried().narrowed(near).shares)
-
-
 def test_a_body_that_is_no_longer_tried_stays_unlikely() -> None:
     belief = statures_tried().narrowed({0: 0.03, 1: 0.04, 2: 0.05, 3: 0.15})
     assert 3 not in belief.likely

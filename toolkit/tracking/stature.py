@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.fitting.objective import USUAL
 from toolkit.landmarks.cuts import CUT_PIXELS
 from toolkit.sensing.cloud import Cloud
 
@@ -21,8 +20,7 @@ ADULTS, SPREAD, TAILS = 1.70, 0.09, 2.0
 children."""
 NAT = 0.004
 """Metres of distance from a frame that are worth a natural unit of information about the size: those of neighbouring
-sizes of a person who is cut at the waist differ by as much by chance. Where no body comes as near as a good pose does,
-chance is larger in proportion."""
+sizes of a person who is cut at the waist differ by as much by chance."""
 MISLED = 0.03
 """Metres by which a frame may be nearer to a body of another size than the person's."""
 FLOOR_SIGMA, FLOOR_CAP = 0.04, 4.0
@@ -126,10 +124,9 @@ class StatureBelief:
     @property
     def shares(self) -> np.ndarray:
         """Float64 (B,): probability of each body; a frame tells as much as all, for their errors are the same ones."""
-        statures = np.array([unlikely(body.height) + too_small(body.height, self.stood) for body in self.bodies])
-        mean = self.costs / max(self.frames, 1)
-        cost = mean / max(mean.min() / USUAL, 1.0) + statures
-        weights = np.exp(-(cost - cost.min()) / NAT)
+        statures = [unlikely(body.height) + too_small(body.height, self.stood) for body in self.bodies]
+        mean = self.costs / max(self.frames, 1) + np.array(statures)
+        weights = np.exp(-(mean - mean.min()) / NAT)
         return np.asarray(weights / weights.sum())
 
     @property
