@@ -41,8 +41,9 @@ def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
     survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown, np.zeros((6, 2)), np.zeros(6))
     assert survey.best(2, 0, 100, TIMES) == [20, 60], "25 is a quarter of a second beside the best"
     assert survey.best(9, 0, 100, TIMES) == [20, 60, 80, 40, 0]
-    assert survey.best(1, 25, 60, TIMES) == [25]
-    assert survey.best(3, 25, 60, TIMES) == [25, 60, 40], "in 1.75 s there is room for three"
+    assert survey.best(9, 25, 60, TIMES) == [25, 60]
+    assert survey.best(9, 20, 40, TIMES) == [20, 40] and survey.best(1, 20, 40, TIMES) == [20]
+    assert survey.best(9, 20, 25, TIMES) == [20, 25], "of a quarter of a second both ends"
     assert survey.best(3, 61, 79, TIMES) == []
     assert MOMENT_GAP == 1.0
 

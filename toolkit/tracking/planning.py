@@ -23,8 +23,8 @@ from toolkit.tracking.stature import StatureBelief, height_stood, statures_of
 SURVEYED = 0.25
 """Seconds between the surveyed frames, in which the regressor counts the visible joints."""
 MOMENTS, MOMENT_GAP = 4, 1.0
-"""Frames with most visible joints, on which sizes are tried, the surest being the start; seconds between them, fewer
-where all of the time does not hold so many."""
+"""Frames with most visible joints, on which sizes are tried, the surest being the start; seconds between them, half of
+all the time where that is less: one frame may mislead."""
 CHECKED = 5.0
 """Seconds of each stretch; its frame with most visible joints is searched afresh."""
 
@@ -50,8 +50,8 @@ class Survey:
     tops: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
-        """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` seconds apart or nearer."""
-        gap = min(MOMENT_GAP, float(timestamps[last] - timestamps[first]) / count)
+        """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` or half of the time apart."""
+        gap = min(MOMENT_GAP, 0.5 * float(timestamps[last] - timestamps[first]))
         inside = np.flatnonzero((self.frames >= first) & (self.frames <= last))
         chosen: list[int] = []
         for row in inside[np.argsort(-self.shown[inside], kind="stable")]:
