@@ -3,7 +3,7 @@
 Times per frame come first and alone; then each processor has a benchmark, whose lines are in `.work/logs/RESULT.txt`.
 What has a result of this commit is left out, so that the same command goes on where it was stopped. A benchmark that
 fails is said, and the others go on; the exit code is 1 then. `--list` only tells what would run, and how
-much of a processor's time it took last.
+much of a processor's time it took last. The swarm's need the extra `joints` and `depthmocap joints --fetch`.
 """
 
 from __future__ import annotations
