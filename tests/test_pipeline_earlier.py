@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +43,16 @@ def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> t
         sightings = finder.find(recording.depth(frame), recording.timestamps[frame], {})
         kept.append(frame, [s for s in sightings if s.id != 1 or frame not in without])
     return finder, kept
+
+
+def found_as(folder: Path, finder: SeveralPeople, kept: SightingFile, since: Mapping[int, int]) -> SightingFile:
+    """The sightings of the first person, as if they were those of several, each from a frame on (`since`, by id)."""
+    walker, late = kept.of(1), SightingFile(folder, finder.camera)
+    for frame in range(min(since.values()), FRAMES):
+        sighting = walker[frame]
+        assert sighting is not None
+        late.append(frame, [replace(sighting, id=person) for person, first in since.items() if frame >= first])
+    return late
 
 
 def before(
@@ -114,11 +124,7 @@ def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monk
     """A compressed one starts over with every step back."""
     recording, _ = walking(tmp_path)
     finder, kept = found(tmp_path, recording)
-    walker, late = kept.of(1), SightingFile(tmp_path / "late", finder.camera)
-    for frame in range(18, FRAMES):
-        sighting = walker[frame]
-        assert sighting is not None
-        late.append(frame, [replace(sighting, id=person) for person in (1, 2) if frame >= 28 - 5 * person])
+    late = found_as(tmp_path / "late", finder, kept, {1: 23, 2: 18})
     asked, depth = [], recording.depth
     monkeypatch.setattr(recording, "depth", lambda frame: asked.append(frame) or depth(frame))
     assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} == {2}, "1 had all pixels of 2"
@@ -140,12 +146,8 @@ def test_who_was_found_late_has_no_pixels_that_another_had_before(tmp_path: Path
     """Two who were found late cannot both have been where one of them was."""
     recording, _ = walking(tmp_path)
     finder, kept = found(tmp_path, recording)
-    walker, late = kept.of(1), SightingFile(tmp_path / "late", finder.camera)
-    for frame in range(18, FRAMES):
-        sighting = walker[frame]
-        assert sighting is not None
-        late.append(frame, [replace(sighting, id=person) for person in (1, 2)])
-    assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} <= {1}
+    late = found_as(tmp_path / "late", finder, kept, {1: 18, 2: 18})
+    assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} == {1}
 
 
 def test_what_another_hides_of_somebody_is_unobserved(tmp_path: Path) -> None:

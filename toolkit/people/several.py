@@ -46,6 +46,8 @@ LOOK_AGAIN = 0.3
 """Seconds between two looks at a track whether it is a person."""
 SAME_SURFACE = 0.15
 """Metres of depth by which a surface moves from frame to frame: 5 m/s at 30 Hz."""
+THEIRS = 0.5
+"""Share of a surface that was a person's a frame ago, from which on it is still theirs."""
 LEAST_PART = 0.02
 """Square metres of a known person: a shoulder beside another person."""
 MOST_PEOPLE = 16
@@ -276,8 +278,12 @@ class SeveralPeople:
         for k, person in enumerate(present, start=1):
             numbers[person.id] = k
         # Still pixels may be the chair from which a person has just risen.
-        here = ~view.still & (np.abs(view.depth - self._depth) < SAME_SURFACE)
+        here = ~view.still & self._lasting(view)
         stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, seeds)
+
+    def _lasting(self, view: View) -> np.ndarray:
+        """Pixels that show the surface of the frame before: bool (h, w)."""
+        return np.asarray(np.abs(view.depth - self._depth) < SAME_SURFACE)
 
     def _shared(
         self,
@@ -339,8 +345,7 @@ class SeveralPeople:
         """
         labels, _ = self._shared(view, surroundings, seeds, places, [])
         share = labels == len(places)
-        was_theirs = (self._labels > 0) & (np.abs(view.depth - self._depth) < SAME_SURFACE)
-        fresh = share_of(was_theirs, share) < 0.5
+        fresh = share_of((self._labels > 0) & self._lasting(view), share) < THEIRS
         return fresh and a_person(view, self.lens, share, places[-1])
 
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:

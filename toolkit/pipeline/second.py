@@ -111,8 +111,8 @@ class SecondPass:
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
         """Follow all people, until a stop is asked for; whether all are done."""
         people = sorted(self.bodies)
-        total = len(people) * len(self._timestamps)
         frames = len(self._timestamps)
+        total = len(people) * frames
         with ExitStack() as opened:
             folders = self._folder, self._folder / BEFORE_FOUND
             files = [opened.enter_context(closing(SightingFile(folder, self._camera, frames))) for folder in folders]

@@ -150,26 +150,31 @@ class Planner:
         if len(belief.likely) > 1:
             few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
             for k in belief.likely[:CANDIDATES]:
-                body = yield from self._learnt(belief.bodies[k], start, few, stood)
+                body, cost = yield from self._learnt(belief.bodies[k], start, few, stood)
                 learnt.append(body)
-                costs.append(float(np.mean(self._distances[len(self._distances) // 2 :])))
+                costs.append(cost)
             belief = StatureBelief.of(tuple(learnt), stood).narrowed(dict(enumerate(costs)))
-        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around, stood))
+        body, _ = yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around, stood)
+        return body
 
-    def _learnt(self, body: Body, start: int, around: np.ndarray, stood: float) -> Generator[None, None, Body]:
-        """What becomes of a body that is taken for the person's in `start`, and then in the frames around it."""
+    def _learnt(
+        self, body: Body, start: int, around: np.ndarray, stood: float
+    ) -> Generator[None, None, tuple[Body, float]]:
+        """What becomes of a body that is taken for the person's in `start`, and then in the frames around it; and how
+        far from them it lies, metres, once half of them were seen.
+        """
         learner = self._learner
         learner.begin(body, statures_of(stood, body.height))
         learner.take(self._sighting(start), float(self._timestamps[start]))
-        self._distances = [min(learner.follower.distance, NOTHING_FOUND)]
+        distances = [min(learner.follower.distance, NOTHING_FOUND)]
         begun = learner.follower.state
         for frames in (around[around > start], around[around < start][::-1]):
             learner.follower.state = replace(begun, body=learner.follower.state.body)
             for frame in frames.tolist():
                 learner.take(self._sighting(frame), float(self._timestamps[frame]))
-                self._distances.append(min(learner.follower.distance, NOTHING_FOUND))
+                distances.append(min(learner.follower.distance, NOTHING_FOUND))
                 yield
-        return learner.follower.state.body
+        return learner.follower.state.body, float(np.mean(distances[len(distances) // 2 :]))
 
     def _believed(self, moments: list[int], stood: float) -> Generator[None, None, StatureBelief]:
         """How likely which size is, by looking for the person afresh with all of them."""

@@ -131,12 +131,13 @@ class SightingFile:
             The disk is full, for example.
         """
         for sighting in sightings:
-            if not sighting.depth.any():
+            pixels = np.count_nonzero(sighting.depth)
+            if pixels == 0:
                 continue
             packed = Kept.of(sighting).packed()
             entry = np.zeros((), dtype=ENTRY)
             entry["frame"], entry["person"] = frame, sighting.id
-            entry["pixels"] = np.count_nonzero(sighting.depth)
+            entry["pixels"] = pixels
             entry["begin"] = self._data.tell()
             entry["end"] = entry["begin"] + len(packed)
             try:
