@@ -149,19 +149,29 @@ def compare(recording: Recording, database: PoseDatabase, settings: HybridSettin
     }
 
 
+MEASURED = """
+import resource, subprocess, sys
+ended = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_maxrss, used.ru_utime + used.ru_stime)
+sys.exit(ended)
+"""
+"""Runs a command and tells its peak memory in kilobytes (Linux) and its processor time in seconds. A process of its
+own, for Linux counts the memory of the process that starts a command as the command's.
+"""
+
+
 def tracked(recording: Path, database: Path, output: Path, *options: str) -> tuple[float, float]:
     """Peak resident memory of `depthmocap track` over a recording, megabytes, and its processor time, seconds; its run
     folder goes to `output`.
     """
     command = [sys.executable, "-m", "toolkit.cli.main", "track", recording, "--database", database, "--output", output]
-    process = subprocess.Popen(
-        [str(word) for word in (*command, *options)], env={**os.environ, **ONE_THREAD}, stdout=subprocess.DEVNULL
-    )
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        raise SystemExit(f"depthmocap track of {recording} ended with {process.returncode}")
-    return usage.ru_maxrss / 1024.0, usage.ru_utime + usage.ru_stime  # memory in kilobytes, on Linux
+    words = [sys.executable, "-c", MEASURED, *map(str, (*command, *options))]
+    ended = subprocess.run(words, env={**os.environ, **ONE_THREAD}, stdout=subprocess.PIPE, text=True, check=False)
+    if ended.returncode:
+        raise SystemExit(f"depthmocap track of {recording} ended with {ended.returncode}")
+    peak, seconds = map(float, ended.stdout.split())
+    return peak / 1024.0, seconds
 
 
 def print_times(rows: list[dict[str, Any]]) -> None:
