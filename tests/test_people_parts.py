@@ -31,7 +31,7 @@ from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings, empty_scene
-from toolkit.people.survey import find_person
+from toolkit.people.survey import find_people, find_person
 from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands
 from toolkit.people.view import Lens
@@ -336,6 +336,30 @@ def test_evidence_says_in_a_line_what_its_log_odds_are_made_of_and_comes_back_fr
     assert restore_evidence(export_evidence({})) == {}
     with pytest.raises(TrackError, match="evidence"):
         restore_evidence({**export_evidence(evidence), "looks": np.array([-1, 0, 0])})
+
+
+@pytest.mark.parametrize("moves", [True, False])
+def test_a_look_notes_whether_anything_ever_moves_at_the_head(tmp_path, moves):
+    depth = [scene(KINECT, ((0.06 * k * moves, 2.5),), height=1.2, wall=4.0, floor=True)[0] for k in range(16)]
+    save_recording(tmp_path / "take.npz", depth=depth, camera=KINECT, timestamps=np.arange(16) / 10, up_camera=UP)
+    recording = open_recording(tmp_path / "take.npz")
+    finder = find_people(recording, judge=Says(3.0))
+    for k in range(16):
+        finder.find(depth[k], k / 10, {})
+    (own,) = finder.evidence.values()
+    assert own.looks >= 4 and own.rested == (0 if moves else own.looks)
+
+
+@pytest.mark.parametrize(
+    ("rested", "unlikely", "dropped"), [(6, 0.05, True), (5, 0.05, False), (6, 0.03, False), (6, 0.0, False)]
+)
+def test_what_never_moves_and_stands_as_nobody_does_is_furniture_whatever_its_shape(rested, unlikely, dropped):
+    own = Evidence(6, 6, 15.0, rested, unlikely)
+    assert own.lifeless == dropped and (furniture({2: own}) == {2}) == dropped
+    assert own.log_odds == pytest.approx(Evidence(6, 6, 15.0).log_odds - 12.0 * dropped)
+    assert ("nothing moves and nobody stands like that" in own.text()) == dropped
+    assert restore_evidence(export_evidence({2: own})) == {2: own}
+    assert not Evidence(0, 0, 0.0, 0, 0.05).lifeless, "it was never looked at"
 
 
 def test_a_head_is_no_lower_and_no_higher_above_the_floor_than_heads_are():

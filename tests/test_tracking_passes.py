@@ -22,10 +22,14 @@ from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
+from toolkit.people import evidence
+from toolkit.people.evidence import Evidence
 from toolkit.people.lone import LonePerson
+from toolkit.people.several import SeveralPeople
 from toolkit.pipeline import second, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
+from toolkit.runs import load_people
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.simulation.simulate import simulate_recording
@@ -356,6 +360,25 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     for name in ("pose", "joints", "confidence", "state", "source", "observed"):
         np.testing.assert_array_equal(getattr(resumed, name), getattr(expected, name))
     assert RunInfo.load(run).shape == RunInfo.load(whole).shape
+
+
+@pytest.mark.parametrize("likely", [True, False])
+def test_what_never_moves_is_left_out_where_the_second_pass_finds_that_nobody_stands_like_that(
+    likely: bool, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    still = {1: Evidence(4, 4, 8.0, 4)}
+    monkeypatch.setattr(SeveralPeople, "evidence", still)
+    monkeypatch.setattr(evidence, "NOBODYS", 1e3 if likely else 1e-6)
+    summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None, warm_up=False)
+    found = load_people(tmp_path / "run")
+    assert not summary.interrupted and (len(found.people), len(found.furniture)) == (likely, not likely)
+    own = found.people[0].evidence if likely else found.furniture[0]
+    assert own is not None
+    assert own.unlikely > 0.0 and (tmp_path / "run" / "person_01").exists() == likely
+    if likely:
+        poses = Track.load(tmp_path / "run" / "person_01").pose
+        energies = [sum(term.energy(pose) for term in tracker.priors) for pose in poses]
+        assert own.unlikely == pytest.approx(np.median(energies))
 
 
 def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(

@@ -21,7 +21,12 @@ FOLLOWED = 2.0
 """Prior log odds of a followed track, before its shape and the judge are asked: it moved, or had a person's shape in
 the room."""
 
-COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float}
+LIFELESS = 12.0
+"""Log odds against what never moves and has a body that stands as nobody does: more than shape and pixels can say."""
+NOBODYS = 0.035
+"""Energy of the pose prior, in the median over the frames, that people have in one recording of a hundred."""
+
+COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float, "rested": int, "unlikely": float}
 """Columns of the evidence of many tracks in a file."""
 
 
@@ -34,11 +39,20 @@ class Evidence:
     looks : their number
     shaped : how many of the looks showed a person's shape
     judged : sum of the mean log odds that the judge gave for the head's pixels
+    rested : how many of the looks showed a head at which nothing ever moves
+    unlikely : energy of the pose prior, in the median over the frames, of the body that was followed; 0 before
     """
 
     looks: Annotated[int, Range(0)] = 0
     shaped: Annotated[int, Range(0)] = 0
     judged: Annotated[float, Range(-1e12, 1e12)] = 0.0
+    rested: Annotated[int, Range(0)] = 0
+    unlikely: Annotated[float, Range(0, 1e12)] = 0.0
+
+    @property
+    def lifeless(self) -> bool:
+        """Whether nothing of it ever moves, and its body stands as nobody does."""
+        return self.looks == self.rested > 0 and self.unlikely > NOBODYS
 
     @property
     def log_odds(self) -> float:
@@ -46,7 +60,7 @@ class Evidence:
         if self.looks == 0:
             return FOLLOWED
         mean = float(np.clip(self.judged / self.looks, -MOST_JUDGED, MOST_JUDGED))
-        return FOLLOWED + SHAPED * (self.shaped / self.looks - 0.5) + JUDGED * mean
+        return FOLLOWED + SHAPED * (self.shaped / self.looks - 0.5) + JUDGED * mean - LIFELESS * self.lifeless
 
     def text(self) -> str:
         """Why it was taken for what it is, for people."""
@@ -54,7 +68,8 @@ class Evidence:
             return "never looked at closely"
         pixels = f", pixels {self.judged / self.looks:+.1f}" if self.judged else ""
         shape = f"a person's shape in {self.shaped} of {self.looks} looks"
-        return f"{shape}{pixels}, in all {self.log_odds:+.1f} log odds of a person"
+        still = ", nothing moves and nobody stands like that" if self.lifeless else ""
+        return f"{shape}{pixels}{still}, in all {self.log_odds:+.1f} log odds of a person"
 
 
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:

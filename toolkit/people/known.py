@@ -134,7 +134,7 @@ class KnownPeople:
             "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
             "body_head": replace(place, gaps=True), "looks": Column("i", ("n",), 0, 1e9), "looked": number,
             "head_seen": Column("b", ("n",)), "gone": Column("b", ("n",)),
-            "shaped": Column("i", ("n",), 0, 1e9), "judged": number,
+            "shaped": Column("i", ("n",), 0, 1e9), "judged": number, "rested": Column("i", ("n",), 0, 1e9),
         }  # fmt: skip
         check_state(state, columns, what="people")
         if state["id"].tolist() != list(range(1, len(state["id"]) + 1)):

@@ -367,13 +367,15 @@ class SeveralPeople:
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
-        if self._surroundings is None or self._surroundings.cut_out:
+        surroundings = self._surroundings
+        if surroundings is None or surroundings.cut_out:
             return
         for person in self.people:
             if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
                 head = heads[person.id]
                 judged = judged_head(view, self.lens, head, self._judge) or 0.0
-                self._known.keep(person.looked_at(shaped_alone(view, self.lens, head), judged, timestamp))
+                shaped, rests = shaped_alone(view, self.lens, head), _rests(view, head, surroundings)
+                self._known.keep(person.looked_at(shaped, judged, rests, timestamp))
 
     def _updated(
         self,

@@ -48,6 +48,7 @@ class KnownPerson:
     gone : whether they went out of the image: unseen in the last frame, and expected outside it
     looks, looked : number of looks whether the track is a person, and the time of the last one, seconds
     shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
+    rested : at how many of these looks nothing ever moved at the head
     """
 
     id: int
@@ -67,6 +68,7 @@ class KnownPerson:
     looked: float = NEVER
     shaped: int = 0
     judged: float = 0.0
+    rested: int = 0
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Where the head is expected: float64 (3,), level frame, metres."""
@@ -91,16 +93,17 @@ class KnownPerson:
         """The person whose head is seen for the first time, at `head` (3,)."""
         return replace(self, head=head, velocity=np.zeros(3), tallest=float(head[1]), borne_out=False, head_seen=True)
 
-    def looked_at(self, shaped: bool, judged: float, timestamp: float) -> KnownPerson:
+    def looked_at(self, shaped: bool, judged: float, rests: bool, timestamp: float) -> KnownPerson:
         """The person after a look whether it is one."""
         return replace(
-            self, looks=self.looks + 1, looked=timestamp, shaped=self.shaped + shaped, judged=self.judged + judged
-        )
+            self, looks=self.looks + 1, looked=timestamp, shaped=self.shaped + shaped, judged=self.judged + judged,
+            rested=self.rested + rests,
+        )  # fmt: skip
 
     @property
     def evidence(self) -> Evidence:
         """What these looks say."""
-        return Evidence(self.looks, self.shaped, self.judged)
+        return Evidence(self.looks, self.shaped, self.judged, self.rested)
 
     def gate(self, timestamp: float) -> float:
         """Metres around there in which it is looked for; who went out of the image has to turn round to come back."""

@@ -17,7 +17,7 @@ from toolkit.archives import Column
 from toolkit.body.body import Body
 from toolkit.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
 from toolkit.files import is_folder
-from toolkit.people.evidence import Evidence, export_evidence, restore_evidence
+from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
@@ -124,6 +124,8 @@ class SecondPass:
                 self._finished, self._resumed = number + 1, {}
                 self._keep({})
         shutil.rmtree(self._folder)
+        self._sink.judge(self.evidence)
+        self.bodies = {person: self.bodies[person] for person in people if person not in furniture(self.evidence)}
         return True
 
     def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
@@ -153,6 +155,10 @@ class SecondPass:
         self._sink.replace(person, self._rows(person, way))
         self.bodies[person] = plan.body
         way.close()
+        if person in self.evidence:
+            poses = self._sink.past(person)["pose"][seen.frames]
+            energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
+            self.evidence[person] = replace(self.evidence[person], unlikely=float(np.median(energies)))
 
     def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
         """All rows of a person; where they were out of sight the last pose, before that the first one."""

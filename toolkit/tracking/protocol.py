@@ -16,6 +16,9 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.state import State
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from toolkit.fitting.priors import PoseTerm
     from toolkit.tracking.passes import BothWays, Plan
     from toolkit.tracking.planning import Planner
     from toolkit.tracking.sightings import PersonSightings
@@ -199,10 +202,16 @@ class LooksBack(Tracker, Protocol):
     Attributes
     ----------
     passes : 1 or 2, how often it wants to
+    priors : terms in the pose vector, which say how likely a pose is before a frame is looked at
     """
 
     @property
     def passes(self) -> int:
+        """See above."""
+        ...
+
+    @property
+    def priors(self) -> Sequence[PoseTerm]:
         """See above."""
         ...
 
