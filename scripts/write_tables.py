@@ -31,6 +31,11 @@ def figures(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))["figures"]
 
 
+def results() -> list[dict[str, Any]]:
+    """All that was measured, each with its commit, machine and processor time."""
+    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.glob("*.json"))]
+
+
 def fixed(value: float | Iterable[float], digits: int = 1) -> str:
     """A number with so many digits behind the point; of several numbers all of them, with commas between them."""
     return ", ".join(fixed(v, digits) for v in value) if isinstance(value, Iterable) else f"{value:.{digits}f}"
@@ -88,7 +93,7 @@ ENVIRONMENT = Environment(
 )
 ENVIRONMENT.filters |= {"f": fixed, "pct": percent}
 ENVIRONMENT.globals |= {
-    "figures": figures, "share": share, "column": column, "compared": compared, "damage": damage,
+    "figures": figures, "results": results, "share": share, "column": column, "compared": compared, "damage": damage,
 }  # fmt: skip
 TABLES: dict[str, Any] = {
     name: macro for name, macro in vars(ENVIRONMENT.get_template("tables.jinja").module).items() if callable(macro)
