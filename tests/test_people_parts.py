@@ -359,7 +359,7 @@ def test_what_never_moves_and_stands_as_nobody_does_is_furniture_whatever_its_sh
     assert own.log_odds == pytest.approx(Evidence(6, 6, 15.0).log_odds - 12.0 * dropped)
     assert ("nothing moves and nobody stands like that" in own.text()) == dropped
     assert restore_evidence(export_evidence({2: own})) == {2: own}
-    assert not Evidence(0, 0, 0.0, 0, 0.05).lifeless, "it was never looked at"
+    assert [Evidence(n, n, 2.5 * n, n, 0.05).lifeless for n in range(6)] == [False] * 4 + [True] * 2
 
 
 def test_a_head_is_no_lower_and_no_higher_above_the_floor_than_heads_are():

@@ -24,7 +24,9 @@ the room."""
 LIFELESS = 12.0
 """Log odds against what never moves and has a body that stands as nobody does: more than shape and pixels can say."""
 NOBODYS = 0.035
-"""Energy of the pose prior, in the median over the frames, that people have in one recording of a hundred."""
+"""Energy of the pose prior, in the median over the frames, that fewer than one person in a hundred has."""
+STILL_LOOKS = 4
+"""Looks, a few a second, before it counts that nothing moves: anybody keeps still for a moment."""
 
 COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float, "rested": int, "unlikely": float}
 """Columns of the evidence of many tracks in a file."""
@@ -52,7 +54,7 @@ class Evidence:
     @property
     def lifeless(self) -> bool:
         """Whether nothing of it ever moves, and its body stands as nobody does."""
-        return self.looks == self.rested > 0 and self.unlikely > NOBODYS
+        return self.looks == self.rested >= STILL_LOOKS and self.unlikely > NOBODYS
 
     @property
     def log_odds(self) -> float:
