@@ -26,14 +26,14 @@ RESULTS = ROOT / "benchmarks" / "results"
 MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
+def results(name: str = "*") -> dict[str, Any]:
+    """What benchmarks measured last, by name, each with its figures, commit, machine and processor time."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.glob(f"{name}.json"))}
+
+
 def figures(name: str) -> Any:
     """What a benchmark measured last."""
-    return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))["figures"]
-
-
-def results() -> list[dict[str, Any]]:
-    """All that was measured, each with its commit, machine and processor time."""
-    return [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.glob("*.json"))]
+    return results(name)[name]["figures"]
 
 
 def fixed(value: float | Iterable[float], digits: int = 1) -> str:
@@ -119,11 +119,11 @@ def pages() -> list[Path]:
 def strangers() -> list[str]:
     """Results whose commit is none of the history's, or that name none."""
     found = []
-    for path in sorted(RESULTS.glob("*.json")):
-        commit = json.loads(path.read_text(encoding="utf-8")).get("commit", "").rstrip("+") or "none"
+    for name, measured in results().items():
+        commit = measured.get("commit", "").rstrip("+") or "none"
         command = ["git", "-C", str(ROOT), "merge-base", "--is-ancestor", commit, "HEAD"]
         if subprocess.run(command, capture_output=True, check=False).returncode:
-            found.append(f"{path.name} (commit {commit})")
+            found.append(f"{name}.json (commit {commit})")
     return found
 
 

@@ -17,7 +17,7 @@ from toolkit.archives import Column
 from toolkit.body.body import Body
 from toolkit.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
 from toolkit.files import is_folder
-from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
+from toolkit.people.evidence import Evidence, export_evidence, restore_evidence
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
@@ -125,7 +125,6 @@ class SecondPass:
                 self._keep({})
         shutil.rmtree(self._folder)
         self._sink.judge(self.evidence)
-        self.bodies = {person: self.bodies[person] for person in people if person not in furniture(self.evidence)}
         return True
 
     def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
