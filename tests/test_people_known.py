@@ -9,6 +9,7 @@ import pytest
 
 from tests.sensing_scenes import KINECT
 from toolkit.errors import TrackError
+from toolkit.people.evidence import Evidence
 from toolkit.people.known import PATIENCE, KnownPeople
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.view import Lens
@@ -97,7 +98,7 @@ def test_who_went_out_is_expected_back_unless_another_may_come(
         met(known, ASIDE - (2.4, 0.0, 0.0))
     walked_out(known)
     for other in known.people[1:]:
-        known.keep(replace(other, last=LATER, looks=10 if judged else 0, judged=judged))
+        known.keep(replace(other, last=LATER, evidence=Evidence(10 if judged else 0, judged=judged)))
     assert [person.id for person in known.expected_back(LATER)] == expected
 
 
@@ -107,9 +108,10 @@ def test_people_are_there_and_back_as_arrays() -> None:
     assert other.people == []
     met(known, HEAD)
     met(known, ASIDE, 0.2)
+    known.keep(known.people[1].looked_at(shaped=True, judged=1.5, rests=True, timestamp=0.3))
     other.restore_state(known.export_state())
-    for name, values in known.export_state().items():
-        np.testing.assert_array_equal(other.export_state()[name], values, err_msg=name)
+    np.testing.assert_equal(other.export_state(), known.export_state())
+    assert [person.evidence for person in other.people] == [Evidence(), Evidence(1, 1, 1.5, 1)]
 
 
 @pytest.mark.parametrize("numbers", [[1, 1], [2, 1], [1, 3]])
@@ -119,3 +121,6 @@ def test_people_who_are_not_numbered_in_order_are_refused(numbers: list[int]) ->
     met(known, ASIDE)
     with pytest.raises(TrackError, match="not numbered 1, 2"):
         known.restore_state(known.export_state() | {"id": np.array(numbers)})
+    looks = known.export_state()["evidence"]
+    with pytest.raises(TrackError, match="not numbered 1, 2"):
+        known.restore_state(known.export_state() | {"evidence": looks | {"id": np.array(numbers)}})

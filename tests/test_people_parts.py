@@ -308,7 +308,7 @@ def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odd
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
     assert furniture(finder.evidence) == dropped
-    assert finder.people[0].looks == 4, "a few times a second is enough"
+    assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
     again = SeveralPeople(KINECT, UP, room, judge=Says(odds))
     again.restore_state(finder.export_state())
     assert again.evidence == finder.evidence

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace
 from itertools import count, product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -379,6 +381,26 @@ def test_what_never_moves_is_left_out_where_the_second_pass_finds_that_nobody_st
         poses = Track.load(tmp_path / "run" / "person_01").pose
         energies = [sum(term.energy(pose) for term in tracker.priors) for pose in poses]
         assert own.unlikely == pytest.approx(np.median(energies))
+
+
+def test_a_run_killed_after_it_left_somebody_out_goes_on_from_the_rows_of_the_others(
+    take: Path, tracker: HybridTracker, tmp_path: Path
+) -> None:
+    asked = list[set[int]]()
+
+    def rows(people: Iterable[int]) -> int:
+        asked.append(set(people))
+        return 20
+
+    sink: Any = SimpleNamespace(rows=rows)
+    body = load_body("neutral")
+    for frames in (20, 21):
+        camera, times = open_recording(take).camera, np.arange(frames) / RATE
+        killed, again = (second.SecondPass(tmp_path, tracker, camera, np.eye(3), times, None, sink) for _ in range(2))
+        lifeless = Evidence(4, 4, -40.0, 4, 0.5)
+        killed.begin({1: body, 2: body}, {1: Evidence(4, 4, 8.0, 4), 2: lifeless}, [])
+        assert again.restore() == (frames == 20) and set(again.bodies) == {1, 2}
+    assert asked == [{1}, {1}]
 
 
 def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -50,6 +50,11 @@ class Evidence:
     judged: Annotated[float, Range(-1e12, 1e12)] = 0.0
     rested: Annotated[int, Range(0)] = 0
     unlikely: Annotated[float, Range(0, 1e12)] = 0.0
+
+    def after(self, shaped: bool, judged: float, rests: bool) -> Evidence:
+        """With one more look."""
+        looks, shapes, rested = self.looks + 1, self.shaped + shaped, self.rested + rests
+        return replace(self, looks=looks, shaped=shapes, judged=self.judged + judged, rested=rested)
 
     @property
     def lifeless(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.archives import Column
 from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import TrackError
+from toolkit.people.evidence import export_evidence, restore_evidence
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.tracks import GATE, UNKNOWN, KnownPerson
 from toolkit.people.view import Lens
@@ -120,8 +121,9 @@ class KnownPeople:
         """The people as arrays by the name of the attribute."""
         if not self.people:
             return {}
-        rows = [asdict(p) for p in self.people]
-        return {f.name: np.array([row[f.name] for row in rows]) for f in fields(KnownPerson)}
+        plain = [f.name for f in fields(KnownPerson) if f.name != "evidence"]
+        looks = export_evidence({p.id: p.evidence for p in self.people})
+        return {name: np.array([getattr(p, name) for p in self.people]) for name in plain} | {"evidence": looks}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Go on from what `export_state` gave; raises TrackError for anything else."""
@@ -132,17 +134,18 @@ class KnownPeople:
         columns = {
             "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
             "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
-            "body_head": replace(place, gaps=True), "looks": Column("i", ("n",), 0, 1e9), "looked": number,
+            "body_head": replace(place, gaps=True), "looked": number,
             "head_seen": Column("b", ("n",)), "gone": Column("b", ("n",)),
-            "shaped": Column("i", ("n",), 0, 1e9), "judged": number, "rested": Column("i", ("n",), 0, 1e9),
         }  # fmt: skip
-        check_state(state, columns, what="people")
-        if state["id"].tolist() != list(range(1, len(state["id"]) + 1)):
+        check_state(state, columns, ("evidence",), "people")
+        evidence = restore_evidence(state["evidence"])
+        if not state["id"].tolist() == list(evidence) == list(range(1, len(state["id"]) + 1)):
             raise TrackError(f"the people in the state of the people finder are not numbered 1, 2, ...; {HINT}")
+        plain = {name: state[name] for name in columns}
         rows = [
-            {k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in state.items()} for i in range(len(state["id"]))
+            {k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in plain.items()} for i in range(len(evidence))
         ]
-        self.people = [KnownPerson(**row) for row in rows]
+        self.people = [KnownPerson(**row, evidence=evidence[row["id"]]) for row in rows]
 
     def _absent(self, timestamp: float) -> list[KnownPerson]:
         return [p for p in self.people if timestamp - p.last > PATIENCE]

@@ -46,9 +46,8 @@ class KnownPerson:
     body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
     head_seen : whether their head ever was; who comes in feet first is known by a leg, and what has no shape may be one
     gone : whether they went out of the image: unseen in the last frame, and expected outside it
-    looks, looked : number of looks whether the track is a person, and the time of the last one, seconds
-    shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
-    rested : at how many of these looks nothing ever moved at the head
+    looked : time of the last look whether the track is a person, seconds
+    evidence : what these looks say
     """
 
     id: int
@@ -64,11 +63,8 @@ class KnownPerson:
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
     head_seen: bool = True
     gone: bool = False
-    looks: int = 0
     looked: float = NEVER
-    shaped: int = 0
-    judged: float = 0.0
-    rested: int = 0
+    evidence: Evidence = Evidence()
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Where the head is expected: float64 (3,), level frame, metres."""
@@ -95,15 +91,7 @@ class KnownPerson:
 
     def looked_at(self, shaped: bool, judged: float, rests: bool, timestamp: float) -> KnownPerson:
         """The person after a look whether it is one."""
-        return replace(
-            self, looks=self.looks + 1, looked=timestamp, shaped=self.shaped + shaped, judged=self.judged + judged,
-            rested=self.rested + rests,
-        )  # fmt: skip
-
-    @property
-    def evidence(self) -> Evidence:
-        """What these looks say."""
-        return Evidence(self.looks, self.shaped, self.judged, self.rested)
+        return replace(self, looked=timestamp, evidence=self.evidence.after(shaped, judged, rests))
 
     def gate(self, timestamp: float) -> float:
         """Metres around there in which it is looked for; who went out of the image has to turn round to come back."""

@@ -173,7 +173,7 @@ def _track(
         with log_file(folder), stop_request() as stop:
             second = _second_pass(job, folder, sink) if watcher is None else None
             frames = len(recording)
-            if second is not None and resume and second.restore() and sink.rows(second.bodies) == frames:
+            if second is not None and resume and second.restore():
                 bodies = second.bodies
                 sink.judge(second.evidence)
             else:

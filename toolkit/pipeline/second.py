@@ -17,7 +17,7 @@ from toolkit.archives import Column
 from toolkit.body.body import Body
 from toolkit.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
 from toolkit.files import is_folder
-from toolkit.people.evidence import Evidence, export_evidence, restore_evidence
+from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
@@ -90,7 +90,7 @@ class SecondPass:
         self._keep({})
 
     def restore(self) -> bool:
-        """Go on from what an unfinished run left, if its first pass came to its end: whether there is anything.
+        """Go on from what an unfinished run left, if its first pass came to its end: whether all rows of it are there.
 
         Raises
         ------
@@ -106,7 +106,7 @@ class SecondPass:
         self._finished, self._resumed = state["finished"], state["way"]
         if self._resumed:
             check_state(self._resumed, {}, ("plan", "steps"), "way")
-        return True
+        return self._sink.rows(self.bodies.keys() - furniture(self.evidence)) == len(self._timestamps)
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
         """Follow all people, until a stop is asked for; whether all are done."""
