@@ -47,7 +47,7 @@ COMMANDS: dict[str, str] = {
     "swarm_report_colour": "swarm suite --split report --joints colour",
     "qammaz_sequences": "swarm sequences",
     "qammaz_table2": "swarm table2 --sequences MS_1,FS_1",
-    "qammaz_models": "swarm models --frames 60 --seeds 3",
+    "qammaz_models": "swarm models",
     "scan": "swarm scan",
     "realsense": "joints followed --rows swarm,hybrid --database {database}",
     "upper_real": f"upper track --real --database {PACKAGED}",
