@@ -8,7 +8,7 @@ import pytest
 from tests.sensing_scenes import KINECT, scene
 from toolkit.landmarks.regressor import JointRegressor
 from toolkit.people.hypothesis import Glimpse, alone_log_odds, judged_head, log_odds
-from toolkit.people.learning import FEWEST, Seen, hanging, learnt
+from toolkit.people.learning import FEWEST, Seen, below_heads, hanging, learnt
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.several import SeveralPeople
 from toolkit.people.stills import people_and_furniture
@@ -194,6 +194,34 @@ def test_legs_below_a_carried_box_are_theirs_who_carries_it():
     frames, legs = walking_up_with_a_box()
     background = learnt(frames, lens_of(), Sure(2.0)).background[legs]
     assert (background == 0).mean() > 0.6 and ((background > 0) & (background < 3.1)).mean() < 0.2
+
+
+def test_legs_of_somebody_who_stays_are_theirs_though_a_box_parts_them_from_the_head() -> None:
+    """Nothing ever covers them, and nothing else is ever seen there."""
+    frames, legs = walking_up_with_a_box()
+    above = np.broadcast_to(np.arange(len(legs))[:, None] < np.nonzero(legs)[0].min(), legs.shape)
+    theirs, rooms = (learnt(frames[:1] * 12, lens_of(), Likes(own)).background[legs] for own in (above | legs, above))
+    assert (theirs == 0).mean() > 0.5 and (rooms > 0).mean() > 0.9
+
+
+def test_what_lies_below_a_head_that_stays_is_near_it_and_lower() -> None:
+    lens = lens_of()
+    background = np.full(lens.camera.shape, 2.5, dtype=np.float32)
+    points = lens.view(background, background > 0, background > 0).points
+    place = np.array([0.1, 0.3, -2.5])
+    wanted = (np.hypot(points[..., 0] - 0.1, points[..., 2] + 2.5) < 0.4) & (points[..., 1] < 0.3)
+    near = np.ones((2 * FEWEST + 1, *background.shape), dtype=bool)
+    near[2 * FEWEST] = False
+
+    def found(frames: int) -> np.ndarray:
+        nothing = np.zeros(background.shape, dtype=bool)
+        seen = [Seen(frame, place, nothing, Glimpse(True, 0.0)) for frame in range(frames)]
+        return below_heads(seen, near, background, lens)
+
+    assert (found(FEWEST + 1) == wanted).all() and wanted.any()
+    assert not found(FEWEST).any(), "in as many samples nobody is above it"
+    near[FEWEST - 1 :] = False
+    assert not found(FEWEST + 1).any(), "too few show it"
 
 
 def test_fewer_frames_than_tell_what_stays_give_no_background():

@@ -31,6 +31,7 @@ ANOTHER_ROOM = 0.5  # of the pixels whose background differs between two halves 
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
 STANDS_WITHIN = 0.5  # m, horizontally, of the head of a person who stands: what is below it may be their legs
+BELOW = 0.4  # m, horizontally, of a head that stays: what is likely a person's there, and nearer the floor, is theirs
 ALONE = 0.1  # of the samples that show a person's legs: in so many the head is not found
 JUDGED = 8  # samples of which the judge is asked about every pixel
 PATCH = 5  # pixels across, over which its answers are averaged: a forearm's width at 2 m
@@ -101,8 +102,11 @@ def learnt(
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     background[left_with(people, stack, near, background, lens)] = 0.0
-    if stays and judge is not None:
-        likely = _judged(stack, lens, judge) > LEAST_ODDS
+    if people and judge is not None:
+        odds = _judged(stack, lens, judge)
+        likely = odds > LEAST_ODDS
+        theirs = below_heads(people, near, background, lens) & (odds > 0)
+        background[theirs], owned[theirs] = 0.0, True
         for figure in stays:
             furniture = still & ~likely & (sum(s.own for s in figure) > MOSTLY * len(figure))
             background[furniture], margin[furniture] = rough[furniture], rough_margin[furniture]
@@ -177,6 +181,27 @@ def hanging(
     return hanging_on(view, lens, [middle.place, *others])[0]
 
 
+def below_heads(people: Sequence[Seen], near: np.ndarray, background: np.ndarray, lens: Lens) -> np.ndarray:
+    """Pixels of the background (h, w), metres, above which somebody's head mostly is while they show it: bool (h, w).
+
+    `near` bool (K, h, w) are the samples that do.
+    """
+    points = lens.view(background, background > 0, background > 0).points
+    there = np.zeros(background.shape, dtype=np.int32)
+    for frame in sorted({s.frame for s in people}):
+        there += near[frame] & _below([s.place for s in people if s.frame == frame], points, BELOW)
+    return (background > 0) & (there >= FEWEST) & (there > MOSTLY * near.sum(axis=0))
+
+
+def _below(places: Sequence[np.ndarray], points: np.ndarray, aside: float) -> np.ndarray:
+    """Points (h, w, 3) lower than one of these heads (3,), and at most so far aside of it: bool (h, w)."""
+    found = np.zeros(points.shape[:2], dtype=np.bool_)
+    for place in places:
+        away = np.hypot(points[..., 0] - place[0], points[..., 2] - place[2])
+        found |= (away < aside) & (points[..., 1] < place[1])
+    return found
+
+
 def left_with(
     people: Sequence[Seen], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: Lens
 ) -> np.ndarray:
@@ -193,10 +218,7 @@ def left_with(
     points = lens.view(background, background > 0, background > 0).points
     there, covered = (np.zeros(background.shape, dtype=np.int32) for _ in range(2))
     for frame in sorted({s.frame for s in people}):
-        below = np.zeros(background.shape, dtype=np.bool_)
-        for place in (s.place for s in people if s.frame == frame):
-            aside = np.hypot(points[..., 0] - place[0], points[..., 2] - place[2])
-            below |= (aside < STANDS_WITHIN) & (points[..., 1] < place[1])
+        below = _below([s.place for s in people if s.frame == frame], points, STANDS_WITHIN)
         there += near[frame] & below
         covered += ~below & ~near[frame] & (stack[frame] > 0) & (stack[frame] < background)
     unseen = near.sum(axis=0) - there
