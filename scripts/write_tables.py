@@ -27,8 +27,9 @@ MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def results(name: str = "*") -> dict[str, Any]:
-    """What benchmarks measured last, by name, each with its figures, commit, machine and processor time."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.glob(f"{name}.json"))}
+    """What benchmarks measured last, by name, each with its figures, commit, machine and processor time; no parts."""
+    paths = [path for path in sorted(RESULTS.glob(f"{name}.json")) if not path.stem.endswith("_part")]
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in paths}
 
 
 def figures(name: str) -> Any:
