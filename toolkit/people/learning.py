@@ -6,7 +6,7 @@ the people among the heads there are left out (`toolkit.people.hypothesis`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,11 +102,11 @@ def learnt(
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     background[left_with(people, stack, near, background, lens)] = 0.0
-    if people and judge is not None:
+    below = below_heads(people, near, background, lens)
+    if judge is not None and (stays or below.any()):
         odds = _judged(stack, lens, judge)
-        likely = odds > LEAST_ODDS
-        theirs = below_heads(people, near, background, lens) & (odds > 0)
-        background[theirs], owned[theirs] = 0.0, True
+        likely, below = odds > LEAST_ODDS, below & (odds > 0)
+        background[below], owned[below] = 0.0, True
         for figure in stays:
             furniture = still & ~likely & (sum(s.own for s in figure) > MOSTLY * len(figure))
             background[furniture], margin[furniture] = rough[furniture], rough_margin[furniture]
@@ -186,20 +186,25 @@ def below_heads(people: Sequence[Seen], near: np.ndarray, background: np.ndarray
 
     `near` bool (K, h, w) are the samples that do.
     """
-    points = lens.view(background, background > 0, background > 0).points
     there = np.zeros(background.shape, dtype=np.int32)
-    for frame in sorted({s.frame for s in people}):
-        there += near[frame] & _below([s.place for s in people if s.frame == frame], points, BELOW)
+    for frame, below in _below(people, background, lens, BELOW):
+        there += near[frame] & below
     return (background > 0) & (there >= FEWEST) & (there > MOSTLY * near.sum(axis=0))
 
 
-def _below(places: Sequence[np.ndarray], points: np.ndarray, aside: float) -> np.ndarray:
-    """Points (h, w, 3) lower than one of these heads (3,), and at most so far aside of it: bool (h, w)."""
-    found = np.zeros(points.shape[:2], dtype=np.bool_)
-    for place in places:
-        away = np.hypot(points[..., 0] - place[0], points[..., 2] - place[2])
-        found |= (away < aside) & (points[..., 1] < place[1])
-    return found
+def _below(
+    people: Sequence[Seen], background: np.ndarray, lens: Lens, aside: float
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Of each sample with people in it where the background is lower than a head and so near it, horizontally, metres:
+    the sample's number, and bool (h, w).
+    """
+    points = lens.view(background, background > 0, background > 0).points
+    for frame in sorted({s.frame for s in people}):
+        below = np.zeros(background.shape, dtype=np.bool_)
+        for place in (s.place for s in people if s.frame == frame):
+            away = np.hypot(points[..., 0] - place[0], points[..., 2] - place[2])
+            below |= (away < aside) & (points[..., 1] < place[1])
+        yield frame, below
 
 
 def left_with(
@@ -215,10 +220,8 @@ def left_with(
     near : bool (K, h, w), where they show the background
     background : float32 (h, w), metres, 0 = unknown
     """
-    points = lens.view(background, background > 0, background > 0).points
     there, covered = (np.zeros(background.shape, dtype=np.int32) for _ in range(2))
-    for frame in sorted({s.frame for s in people}):
-        below = _below([s.place for s in people if s.frame == frame], points, STANDS_WITHIN)
+    for frame, below in _below(people, background, lens, STANDS_WITHIN):
         there += near[frame] & below
         covered += ~below & ~near[frame] & (stack[frame] > 0) & (stack[frame] < background)
     unseen = near.sum(axis=0) - there
