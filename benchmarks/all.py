@@ -33,6 +33,7 @@ COMMANDS: dict[str, str] = {
     "speed_swarm": "speed swarm --frames 30 --network",
     "extrema": "lookup extrema",
     "lookup": "lookup queries {database}",
+    "qammaz_models": "swarm models",
     "accuracy_report": "accuracy --split report --rows hybrid,local --database {database}",
     "baak2013_report": f"accuracy --split report --rows '{PUBLISHED}' --database {{database}}",
     "scenes_report": "scenes --split report --database {database}",
@@ -47,7 +48,6 @@ COMMANDS: dict[str, str] = {
     "swarm_report_colour": "swarm suite --split report --joints colour",
     "qammaz_sequences": "swarm sequences",
     "qammaz_table2": "swarm table2 --sequences MS_1,FS_1",
-    "qammaz_models": "swarm models",
     "scan": "swarm scan",
     "realsense": "joints followed --rows swarm,hybrid --database {database}",
     "upper_real": f"upper track --real --database {PACKAGED}",
@@ -69,7 +69,7 @@ COMMANDS: dict[str, str] = {
     "failures": "failures --points 20",
     "bad_calls": "bad_calls --calls 2000 --seed 24",
 }
-"""Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`."""
+"""Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`; what takes an hour comes early."""
 
 
 def left(wanted: dict[str, str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ and in others that are killed: in the middle of these steps, and by the kernel w
 
 from __future__ import annotations
 
+import gc
 import os
 import resource
 import shutil
@@ -130,6 +131,7 @@ def beside(write: Callable[[], object], folder: Path, before: Callable[[int], No
     """
     child = os.fork()
     if child == 0:
+        gc.freeze()  # a film writer among the parent's garbage would wait for its threads, which no fork has
         count, busy = [0], [False]
 
         def hook(event: str, details: tuple[object, ...]) -> None:
