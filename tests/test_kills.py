@@ -39,6 +39,8 @@ OURS = (
 """Formats whose files are written by the project itself."""
 STEPS = {"open", "os.chmod", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate"}
 """What Python tells its audit hooks before it changes a file."""
+LONGEST = 120
+"""Seconds that a writer may take."""
 
 
 def _run_beside(folder: Path) -> Path:
@@ -131,7 +133,8 @@ def beside(write: Callable[[], object], folder: Path, before: Callable[[int], No
     """
     child = os.fork()
     if child == 0:
-        gc.freeze()  # a film writer among the parent's garbage would wait for its threads, which no fork has
+        gc.freeze()  # a film among the parent's garbage would wait for its threads, which no fork has
+        signal.alarm(LONGEST)
         count, busy = [0], [False]
 
         def hook(event: str, details: tuple[object, ...]) -> None:
@@ -146,7 +149,9 @@ def beside(write: Callable[[], object], folder: Path, before: Callable[[int], No
             write()
         finally:
             os._exit(0)  # whatever it raised: an error is an end too, and its traceback nobody's business
-    return os.waitpid(child, 0)[1]
+    status = os.waitpid(child, 0)[1]
+    assert not (os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM), "it never ended"
+    return status
 
 
 def left_behind(write: Callable[[], object], folder: Path, size: int) -> Iterator[tuple[str, Path]]:
