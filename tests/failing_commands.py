@@ -43,6 +43,9 @@ class TwoPeople:
         ids = (1, 2) if self._frames > 1 else (1,)
         return tuple(Sighting(i, depth * i, np.zeros(depth.shape, bool), self.camera) for i in ids)
 
+    def afresh(self) -> None:
+        pass
+
     def export_state(self) -> dict[str, Any]:
         return {"frames": self._frames}
 

@@ -74,6 +74,9 @@ class LonePerson:
         holes = None if self._segmenter.cut_out else hole_sizes(whole_mm)
         return (Sighting(ID, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
 
+    def afresh(self) -> None:
+        """See `PeopleFinder.afresh`."""
+
     def clean(self, depth_mm: np.ndarray) -> np.ndarray:
         """The person's depth in a frame.
 

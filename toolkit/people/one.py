@@ -47,7 +47,7 @@ class OneOfSeveral:
         return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
 
     def afresh(self) -> SeveralPeople:
-        """See `SeveralPeople.afresh`: of all people, for who is meant is not known before they were found."""
+        """See `PeopleFinder.afresh`: who is meant is not known before they were found."""
         return self._finder.afresh()
 
     def export_state(self) -> dict[str, Any]:

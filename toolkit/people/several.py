@@ -171,7 +171,7 @@ class SeveralPeople:
         return surroundings
 
     def afresh(self) -> SeveralPeople:
-        """A finder in the same room that has seen nobody yet."""
+        """See `PeopleFinder.afresh`: in the same room."""
         camera, up_camera, sensing, most, judge = self._made_of
         return SeveralPeople(camera, up_camera, self._surroundings, sensing, most, judge)
 

@@ -82,6 +82,10 @@ class PeopleFinder(Protocol):
         """
         ...
 
+    def afresh(self) -> PeopleFinder | None:
+        """A finder of all people in the stream that has seen nobody yet; None where the settings cut one person out."""
+        ...
+
     def export_state(self) -> dict[str, Any]:
         """All that the next frame depends on: arrays, numbers and text by name, nested; fit for `checkpoint`."""
         ...

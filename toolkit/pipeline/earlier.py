@@ -10,9 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from toolkit.people.evidence import furniture
-from toolkit.people.one import OneOfSeveral
-from toolkit.people.several import SeveralPeople
-from toolkit.people.sighting import Sighting
+from toolkit.people.sighting import PeopleFinder, Sighting
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.sightings import Kept, SightingFile
 
@@ -25,7 +23,7 @@ OWN = 0.5
 
 
 def sightings_before(
-    recording: Recording, finder: SeveralPeople | OneOfSeveral, sightings: SightingFile, people: Iterable[int]
+    recording: Recording, finder: PeopleFinder, sightings: SightingFile, people: Iterable[int]
 ) -> Iterator[tuple[int, Kept]]:
     """Frames before those in which `people` (ids) were found, each with what is seen of one of them.
 
@@ -45,6 +43,8 @@ def sightings_before(
             continue
         held = {frame: held[frame] if frame in held else recording.depth(frame) for frame in range(end, start + 1)}
         backwards = finder.afresh()
+        if backwards is None:
+            return
         for frame in range(start, end - 1, -1):
             found = {s.id: s for s in backwards.find(held[frame], moments[-1] - moments[frame], {})}
             if frame == first:

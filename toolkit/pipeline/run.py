@@ -21,8 +21,6 @@ from toolkit.files import locked
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.joints import JointSource
-from toolkit.people.one import OneOfSeveral
-from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
 from toolkit.people.up import floor_height
@@ -43,7 +41,6 @@ from toolkit.track import RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import LooksBack, Tracker, judge_of
-from toolkit.tracking.sightings import Kept
 
 if TYPE_CHECKING:
     from toolkit.pipeline.events import EventStream
@@ -218,11 +215,9 @@ def _first_pass(
         sink.judge(crowd.finder.evidence)
         bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
     if second is not None and crowd.sightings is not None and complete:
-        finder, before = crowd.finder, list[tuple[int, Kept]]()
-        if isinstance(finder, (SeveralPeople, OneOfSeveral)):
-            before += sightings_before(recording, finder, crowd.sightings, bodies)
+        before = list(sightings_before(recording, crowd.finder, crowd.sightings, bodies))
         crowd.sightings.close()  # on disk before there is a state that counts on them
-        second.begin(bodies, finder.evidence, before)
+        second.begin(bodies, crowd.finder.evidence, before)
     return bodies, crowd.frames
 
 
