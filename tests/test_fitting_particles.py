@@ -17,10 +17,11 @@ from toolkit.lopez2011 import initial
 from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose, place_hands, sides_of, standing_pose
+from toolkit.lopez2011.initial import InitialSettings, initial_pose, place_hands, sides_of, standing_pose
 from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
+from toolkit.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -235,7 +236,7 @@ def test_a_first_pose_has_head_and_hands_where_they_were_found(upper: UpperBody,
     found = upper.body.end_effector_positions(first.pose)[skeleton.END_EFFECTORS.index("head")]
     assert np.linalg.norm(found - crown) < (0.08 if labelled else 0.15)
     assert hands_off(upper, first.pose, truth).max() < 0.12
-    assert first.score > ACCEPTED
+    assert first.score > -ParticleTrackerSettings().lost_cost
 
 
 @pytest.mark.parametrize(("turned", "leaning"), [(0.0, 0.0), (0.6, 0.35), (-0.6, 0.7)])
@@ -293,7 +294,7 @@ def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody
         np.random.default_rng(0),
     )  # fmt: skip
     assert first is not None
-    assert first.score < ACCEPTED
+    assert first.score < -ParticleTrackerSettings().lost_cost
 
 
 def test_shoulders_and_arms_are_measured_and_give_a_body_of_that_size(upper: UpperBody) -> None:

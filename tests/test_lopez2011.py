@@ -15,7 +15,7 @@ from toolkit.config import load_settings
 from toolkit.kernels.fit import particles as kernel
 from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, mean_cost
 from toolkit.lopez2011.effectors import Effectors, Fork
-from toolkit.lopez2011.filter import SHARPNESS, UpperFilter, resampled
+from toolkit.lopez2011.filter import UpperFilter, resampled
 from toolkit.lopez2011.initial import initial_pose, place_hands
 from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, SPREAD
 from toolkit.lopez2011.tracker import ParticleTrackerSettings
@@ -54,13 +54,12 @@ def test_all_particles_but_one_diffuse_by_one_gaussian() -> None:
 
 
 def test_equation_1_particles_go_on_by_the_exponential_of_their_costs() -> None:
-    costs = np.array([0.0, 0.5, 1.0, 3.0]) / SHARPNESS
+    costs = np.array([0.0, 0.2, 0.4, 1.0])
     kept = np.bincount(
         np.concatenate([resampled(costs, np.random.default_rng(seed)) for seed in range(4000)]), minlength=4
     )
-    np.testing.assert_allclose(
-        kept / kept.sum(), np.exp(-SHARPNESS * costs) / np.exp(-SHARPNESS * costs).sum(), atol=0.01
-    )
+    expected = np.exp(-3.0 * costs)  # the paper leaves open what a cost is multiplied by
+    np.testing.assert_allclose(kept / kept.sum(), expected / expected.sum(), atol=0.01)
 
 
 def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -> None:
@@ -69,7 +68,7 @@ def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -
     found = UpperFilter(PARTICLES).proposals.candidate_weights(upper, poses, 0, candidates)
     for pose, weights in zip(poses, found, strict=True):
         gaps = np.linalg.norm(candidates - place_hands(upper, pose)[0], axis=1)
-        expected = np.exp(-gaps / NEAR)
+        expected = 1.0 / np.exp(gaps**2 / NEAR**2)  # 1 / f of the squared distance
         np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-12)
 
 

@@ -255,8 +255,9 @@ def test_templates_as_published_decide_by_the_rules_and_the_threshold_of_the_the
     files: dict[Path, str], tmp_path: Path
 ) -> None:
     classes, path = learn_templates(files), next(iter(files))
-    (done,) = annotate_motions([path], classes, tmp_path / "published", as_published=True)
-    told = Annotator([replace(c, threshold=0.07) for c in classes], AS_PUBLISHED)
+    strict = [replace(c, threshold=0.01) for c in classes]
+    (done,) = annotate_motions([path], strict, tmp_path / "published", as_published=True)
+    told = Annotator([replace(c, threshold=0.13) for c in classes], AS_PUBLISHED)
     expected = told.annotate(relational_features(load_motion(path)))
     assert list(done.annotation.segments) == list(expected.segments)
     assert told.settings.overlap == 1.0 and told.settings.visible == 0.0

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,12 +27,12 @@ from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.qammaz.discrepancy import SeenJoints
 from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
-from toolkit.qammaz.seen import exchanged, gap, looks_exchanged
+from toolkit.qammaz.seen import exchanged, gap, looks_exchanged, seen_joints
 from toolkit.qammaz.swarm import SwarmSettings
 from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.joints2d import BEHIND_SKIN, Joints2D, lift
 from toolkit.sensing.recording import Recording
 from toolkit.testing.joints import DERIVED, DetectorErrors, detected
 from toolkit.testing.solo import Solo
@@ -348,10 +349,52 @@ def test_the_papers_variant_has_its_dimensions_and_limits() -> None:
     assert (settings.swarm.particles, settings.swarm.generations) == (64, 64)
     assert settings.search.pulled == settings.search.refined == 0 and settings.search.disagreement == 0.0
     low, high = settings.search.pose_limits().T
-    # Position 3, quaternion 4, angles 29: ours turns the root by three numbers.
+    # The paper: position 3, quaternion 4, angles 29. Ours turns the root by the three numbers of a rotation vector.
     assert np.count_nonzero(high > low) == 35
     joints = [j for j in skeleton.JOINT_NAMES[1:] if j not in settings.search.frozen]
     assert len(joints) == 14
+    for (joint, axes), rows in TABLE_1.items():
+        for side, row in zip(("left_", "right_") if len(rows) == 2 else ("",), rows, strict=True):
+            for axis, (lowest, highest) in zip(axes, row, strict=True):
+                k = entry(f"{side}{joint}_{axis}")
+                assert (low[k], high[k]) == (lowest, highest), skeleton.POSE_NAMES[k]
+
+
+def test_joints_on_the_skin_are_what_the_depth_says_at_their_pixels() -> None:
+    joints = true_joints(moving_poses(1, np.random.default_rng(0)))[0]
+    pixels = np.stack(
+        [CAMERA.fx * joints[:, 0] / joints[:, 2] + CAMERA.cx, CAMERA.fy * joints[:, 1] / joints[:, 2] + CAMERA.cy], 1
+    )
+    wall = np.full(CAMERA.shape, 2.5, dtype=np.float32)
+    found = Joints2D(np.rint(pixels).astype(np.float32), np.ones(20, dtype=np.float32))
+    cloud = SimpleNamespace(camera=CAMERA, rotation=np.eye(3))
+    observation: Any = SimpleNamespace(joints=found, lifted=lift(found, wall, CAMERA), cloud=cloud)
+    skin, behind = (seen_joints(observation, on_skin=on) for on in (True, False))
+    assert skin is not None and behind is not None
+    known = np.isfinite(BEHIND_SKIN)
+    assert known.sum() > 12 and np.isnan(skin.points[~known]).all()
+    np.testing.assert_allclose(skin.points[known], 2.5 * np.column_stack([skin.slopes, np.ones(20)])[known], atol=1e-6)
+    np.testing.assert_allclose(behind.points[known, 2] - 2.5, BEHIND_SKIN[known], atol=1e-6)
+
+
+TABLE_1: dict[tuple[str, tuple[str, ...]], tuple[tuple[tuple[float, float], ...], ...]] = {
+    ("cervical", ("rz", "rx", "ry")): (((-0.4, 0.4), (-0.3, 0.3), (0, 0)),),
+    ("lumbar", ("rz", "rx", "ry")): (((-0.5, 0.5), (-0.2, 0.5), (-1.5, 1.5)),),
+    ("clavicle", ("rz", "ry")): (((-0.1, 0.1), (-0.15, 0.1)), ((-0.1, 0.1), (-0.1, 0.15))),
+    ("shoulder", ("rx", "rz", "ry")): (
+        ((-4, 4), (-1.8, 1.57), (-2, 1.4)),
+        ((-4, 4), (-1.57, 1.8), (-1.4, 2)),  # the paper's pitch is of either arm upwards, our rz of the right one down
+    ),
+    ("elbow", ("ry",)): (((-2.5, 0),), ((0, 2.5),)),
+    # Ours flexes legs the other way round: a pitch of -0.78 to 2 is -2 to 0.78, a yaw of -1.2 to 0.5 is -0.5 to 1.2.
+    ("hip", ("ry", "rx", "rz")): (
+        ((-1.57, 1.57), (-2, 0.78), (-0.5, 1.2)), ((-1.57, 1.57), (-2, 0.78), (-1.2, 0.5)),
+    ),
+    ("knee", ("rx",)): (((-0.1, 2.8),), ((-0.1, 2.8),)),
+    ("ankle", ("rx", "rz")): (((-0.6, 0.6), (-0.7, 0.7)), ((-0.6, 0.6), (-0.7, 0.7))),
+}  # fmt: skip
+"""Qammaz, Table 1, radians: roll, pitch and yaw of a joint, or those that it has, by the axes of ours they are about;
+of the right side the second row. "-0.6 to -0.6" of the ankle is read as -0.6 to 0.6."""
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ def annotate(
         typer.Option(help="Largest cost of a template: share of features that differ.", show_default="its own, 0.13"),
     ] = None,
     as_published: Annotated[
-        bool, typer.Option("--as-published", help="Templates decide by the thesis's own rules, at a cost below 0.07.")
+        bool, typer.Option("--as-published", help="Templates decide by the thesis's own rules, at a cost below 0.13.")
     ] = False,
 ) -> None:
     """Cut motions into segments and label them: CSV, JSON, a picture and a page for each."""

@@ -15,8 +15,8 @@ class FittingSettings:
     Attributes
     ----------
     iterations : linearisations, at most
-    neighbours : l, measured points whose median a vertex is drawn to: less than the paper's 5, because hands are
-        small and the 3x3 median has taken the noise away
+    neighbours : l, measured points whose median a vertex is drawn to: few, because hands are small and the 3x3 median
+        has taken the noise away; the paper gives no number
     reach : metres from a vertex to its measured point, at most: the largest jump between frames, mu of Eq. 5.4
     unexplained : metres that a point costs at most in the comparison of poses; more only takes longer to find
     sigma : metres; a correspondence that is wrong by a limb's width pulls a quarter

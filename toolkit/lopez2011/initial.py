@@ -40,9 +40,6 @@ LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
 
 SWIVELS = 24
 """Swivels of each arm that are tried: 15 degrees apart."""
-ACCEPTED = -60.0
-"""Log-probability of Eq. 7 above which a first pose is taken (`th`): nothing is found otherwise, and a wrong pose is
-lost again by its cost."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from toolkit.landmarks.graph import Workspace
 from toolkit.lopez2011.costs import ParticleFrame, mean_cost
 from toolkit.lopez2011.effectors import Effectors, EffectorSettings, find_fork
 from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose
+from toolkit.lopez2011.initial import InitialSettings, initial_pose
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.sighting import Limits, UpperSighting, UpperViewer
 from toolkit.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
@@ -62,7 +62,7 @@ class ParticleTrackerSettings:
         average body
     smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
     lost_cost : of an estimate above which a frame counts as lost, of 60 for a body that explains nothing; a right one
-        whose size is wrong costs 20 to 30
+        whose size is wrong costs 20 to 30. A first pose is taken whose log-probability by Eq. 7 is above its negative
     patience : seconds of lost frames in a row after which a first pose is looked for again: some frames of bad luck are
         not a loss
     """
@@ -160,14 +160,15 @@ class ParticleFollower(FollowedPerson):
     def _first(
         self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """Pose, particles and cost by the fork, if there is one or need not be, and Eq. 7 accepts them."""
+        """Pose, particles and cost by the fork, if there is one or need not be, and Eq. 7 accepts them: its threshold
+        is that of a pose that is lost, from whose cost it takes what crown and hands are missed by.
+        """
         fork = find_fork(effectors, self.settings.effectors)
         upper = self._bodies.of(self.state.body)
         first = initial_pose(upper, self.filtering, effectors, fork, frame, self.settings.initial, rng)
-        if first is None or not first.score > ACCEPTED:
+        if first is None or first.score <= -self.settings.lost_cost:
             return None
-        cost = mean_cost(upper, first.pose, frame)
-        return (first.pose, first.particles, cost) if cost < self.settings.lost_cost else None
+        return first.pose, first.particles, mean_cost(upper, first.pose, frame)
 
     def _next(
         self, effectors: Effectors, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock

@@ -162,11 +162,12 @@ def _targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: 
     weights = JOINT_WEIGHTS[rows] if settings.published else (JOINT_WEIGHTS * confidence)[rows]
     slopes, points = (np.zeros((0, 2)), np.zeros((0, 3))) if seen is None else (seen.slopes[rows], seen.points[rows])
     lifted = np.where(np.isfinite(points).all(axis=1), weights, 0.0)
+    total = max(weights.sum(), 1e-9)  # W of Eq. 4 and of Eq. 5
     return kernel.Targets(
         carriers[rows], offset, np.ascontiguousarray(slopes, dtype=np.float64), distance,
         np.nan_to_num(np.asarray(points, dtype=np.float64)),
-        settings.joints_2d * weights / max(weights.sum(), 1e-9),
-        settings.joints_3d * lifted / max(lifted.sum(), 1e-9),
+        settings.joints_2d * weights / total,
+        settings.joints_3d * lifted / total,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from toolkit.retrieval.templates import QuantisedTemplate
 from toolkit.spans import spans
 
 THRESHOLD = 0.13
-"""Largest cost of a hit, `tau` (thesis 5.2): mean share of mismatching features along the alignment."""
+"""Largest cost of a hit, `tau` (thesis 5.4): mean share of mismatching features along the alignment."""
 
 Intervals = Mapping[str, Sequence[tuple[int, int]]]
 """Class label -> frames that may hold it, as (first, one after the last); from a keyframe search."""
@@ -52,8 +52,6 @@ class DecisionSettings:
 
 AS_PUBLISHED = DecisionSettings(overlap=1.0, visible=0.0)
 """The thesis's rules (5.2): every local minimum is a hit, every run is kept."""
-PUBLISHED_THRESHOLD = 0.07
-"""`tau` with which the thesis labels tracks (6.5)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from toolkit.files import check_output
 from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
-    PUBLISHED_THRESHOLD,
+    THRESHOLD,
     Annotation,
     Annotator,
     MotionClass,
@@ -58,8 +58,8 @@ def annotate_motions(
     queries : learned keyframe queries that narrow the search for template classes down
     truth : CSV with true segments (start, end, label); for several motions a folder with <stem>.csv
     threshold : largest cost of a template, in place of the classes' own
-    as_published : template classes decide by the thesis's own rules (`AS_PUBLISHED`), with its threshold unless one is
-        given
+    as_published : template classes decide by the thesis's own rules (`AS_PUBLISHED`), with the threshold of its 5.4
+        unless one is given
     progress : told after each motion
 
     Raises
@@ -102,7 +102,7 @@ def _annotating(
             )
         return classes.annotate
     if as_published and threshold is None:
-        threshold = PUBLISHED_THRESHOLD
+        threshold = THRESHOLD
     if threshold is not None:
         classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
     annotator = Annotator(classes, AS_PUBLISHED) if as_published else Annotator(classes)
