@@ -76,11 +76,13 @@ def _processor() -> str:
 
 
 def commit() -> str:
-    """The newest commit of the checkout that `main` has too, with a plus if the checkout has changes since.
+    """The newest commit with other `CODE` of those that `main` has too, with a plus if the checkout has changes since.
 
-    What a branch adds may be rebased, and a figure that names a commit that is gone is no evidence.
+    Commits of pages and results do not make figures old. What a branch adds may be rebased, and a figure that names a
+    commit that is gone is no evidence.
     """
-    base = _git("merge-base", "HEAD", "main") or _git("rev-parse", "HEAD")
+    shared = _git("merge-base", "HEAD", "main") or _git("rev-parse", "HEAD")
+    base = _git("rev-list", "-1", shared, "--", *CODE) if shared else ""
     changed = _git("diff", "--stat", base, "--", *CODE)
     return f"{base[:7]}{'+' if changed else ''}" if base else "unknown"
 

@@ -1,9 +1,10 @@
 """Every figure that README and docs show: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
 
 Times per frame come first and alone; then each processor has a benchmark, whose lines are in `.work/logs/RESULT.txt`.
-What has a result of this commit is left out, so that the same command goes on where it was stopped. A benchmark that
-fails is said, and the others go on; the exit code is 1 then. `--list` only tells what would run, and how
-much of a processor's time it took last. The swarm's need the extra `joints` and `depthmocap joints --fetch`.
+What has a result of this code is left out, so that the same command goes on where it was stopped, also behind commits
+of pages and results. A benchmark that fails is said, and the others go on; the exit code is 1 then. `--list` only
+tells what would run, and how much of a processor's time it took last. The swarm's need the extra `joints` and
+`depthmocap joints --fetch`.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ COMMANDS: dict[str, str] = {
 
 
 def left(wanted: dict[str, str]) -> dict[str, str]:
-    """Those whose result is of another commit, or missing."""
+    """Those whose result is of other code, or missing."""
     return {name: command for name, command in wanted.items() if _measured_at(name) != commit()}
 
 

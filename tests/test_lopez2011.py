@@ -13,7 +13,7 @@ from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.config import load_settings
 from toolkit.kernels.fit import particles as kernel
-from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, mean_cost
+from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, costs_near_arm, costs_of_trunks
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter, resampled
 from toolkit.lopez2011.initial import initial_pose, place_hands
@@ -95,7 +95,11 @@ def test_equation_7_scores_a_first_pose_of_inverse_kinematics(upper: UpperBody) 
     assert (first.particles == first.pose).all()  # nothing was filtered
     reached = np.stack([upper.body.end_effector_positions(first.pose)[head], *place_hands(upper, first.pose)])
     gaps = np.linalg.norm(reached - wanted, axis=1) / SPREAD
-    costs = mean_cost(upper, first.pose, frame)
-    assert first.score == pytest.approx(-0.5 * (gaps**2).mean() - costs, abs=1e-9)
+    # "We average the costs of all the three partitions", each around its own joints alone.
+    around = frame._replace(candidates=np.empty((0, 3)))
+    layers = [costs_of_trunks(upper, first.pose[None], first.pose, around)[0]]
+    layers += [costs_near_arm(upper, first.pose[None], side, first.pose, around)[0] for side in range(2)]
+    assert min(layers) > 0.0
+    assert first.score == pytest.approx(-0.5 * (gaps**2).mean() - np.mean(layers), abs=1e-9)
     assert np.linalg.norm(reached - wanted, axis=1).max() < 0.05
     assert initial_pose(upper, filtering, effectors, None, frame, SETTINGS.initial, np.random.default_rng(0)) is None

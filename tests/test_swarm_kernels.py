@@ -165,7 +165,7 @@ def test_a_batch_costs_what_plain_loops_say(kind: str) -> None:
         in_image = 2.8 * np.linalg.norm(joints[:, :2] / joints[:, 2:] - slopes, axis=1)
         in_space = np.nan_to_num(np.linalg.norm(joints - noisy, axis=1))
         expected = 2.0 * twin_cost(drawn(pose, kind)[0], seen_depth, 0.3) / np.count_nonzero(seen_depth > 0)
-        expected += 0.7 * (w * in_image).sum() / w.sum() + 0.4 * (w3 * in_space).sum() / w3.sum()
+        expected += (0.7 * (w * in_image).sum() + 0.4 * (w3 * in_space).sum()) / w.sum()
         assert cost == pytest.approx(expected, abs=1e-4)
 
 
@@ -287,13 +287,13 @@ def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
     away = POSES[0].copy()
     away[0] += 0.15
     settings = DiscrepancySettings()
-    for previous in (POSES[0], away):
+    for previous, (least, most) in ((POSES[0], (1.0, 1.0)), (away, (0.1, 0.45))):
         found = Discrepancy(BODY, image, None, LEVEL, previous, settings, previous=True)
         plain = Discrepancy(BODY, image, None, LEVEL, previous, settings)
         near = np.abs(drawn(previous, "balls")[0] - depth) < settings.clamp
-        near_share = np.count_nonzero(near & (depth > 0)) / image.person
-        assert near_share == 1.0 if previous is POSES[0] else near_share < 0.5
-        share = max(near_share, 0.5)
+        share = np.count_nonzero(near & (depth > 0)) / image.person
+        assert least <= share <= most
+        share = max(share, 0.5)
         np.testing.assert_allclose(found(found.position_of(POSES)) * share, plain(plain.position_of(POSES)), rtol=1e-9)
 
 

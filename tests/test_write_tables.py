@@ -117,3 +117,28 @@ def test_every_result_of_all_benchmarks_is_shown_on_a_page() -> None:
 @pytest.mark.quick
 def test_a_figure_names_a_commit_that_stays() -> None:
     assert re.fullmatch(r"[0-9a-f]{7}\+?|unknown", _record.commit())
+
+
+def test_pages_and_results_make_no_figure_old_and_code_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def git(*words: str) -> str:
+        who = ("-c", "user.name=n", "-c", "user.email=e")
+        command = ["git", "-C", str(tmp_path), *who, *words]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    def committed(name: str, text: str) -> str:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+        git("add", "-A")
+        git("commit", "-qm", name)
+        return git("rev-parse", "HEAD")[:7]
+
+    git("init", "-q", "-b", "main")
+    monkeypatch.setattr(_record, "__file__", str(tmp_path / "benchmarks" / "_record.py"))
+    code = committed("benchmarks/speed.py", "")
+    assert _record.commit() == code
+    assert committed("benchmarks/results/speed.json", "{}") != code == _record.commit()
+    git("checkout", "-q", "-b", "mine")
+    (tmp_path / "benchmarks" / "speed.py").write_text("changed")
+    assert _record.commit() == f"{code}+"
+    committed("toolkit/track.py", "")
+    assert _record.commit() == f"{code}+"

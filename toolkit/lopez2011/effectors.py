@@ -93,7 +93,7 @@ def find_effectors(
     unobserved: np.ndarray | None = None,
     workspace: Workspace | None = None,
 ) -> Effectors:
-    """Candidates in an organised cloud of one person; extrema at cuts are left out.
+    """Candidates in an organised cloud of one person; extrema at cuts are left out, summits are not.
 
     Parameters
     ----------
@@ -114,8 +114,9 @@ def find_effectors(
     source = source_node(graph, cloud.points, middle, GRAPH)
     # As many more are found as there may be cuts.
     extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
-    nodes = _summits(cloud, graph, extrema) if settings.tree else extrema.nodes
-    nodes = nodes[~on_cuts(cloud, nodes, unobserved)][: settings.count]
+    nodes = extrema.nodes
+    nodes = _summits(cloud, graph, extrema) if settings.tree else nodes[~on_cuts(cloud, nodes, unobserved)]
+    nodes = nodes[: settings.count]
     paths = tuple(_path(graph, extrema, int(node), cloud.points) for node in nodes)
     start = cloud.points[source].astype(np.float64)
     return Effectors(cloud.points[nodes].astype(np.float64), start, _summit(cloud.points, start), paths)
