@@ -16,7 +16,7 @@ import numpy as np
 
 from toolkit.mocap.read import find_clips
 from toolkit.retrieval.annotation.annotator import Annotator, Intervals, MotionClass
-from toolkit.retrieval.annotation.documents import assemble
+from toolkit.retrieval.annotation.documents import assemble, excerpt
 from toolkit.retrieval.annotation.measures import Segment, label_frames
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.motion import Motion
@@ -109,10 +109,7 @@ def make_documents(
 
 def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.Generator) -> tuple[Motion, str | None]:
     if rng.random() < FILLER_SHARE:
-        motion = filler[int(rng.integers(len(filler)))]
-        length = min(len(motion), int(rng.uniform(*FILLER_SECONDS) * motion.frame_rate))
-        start = int(rng.integers(len(motion) - length + 1))
-        return motion.sliced(start, start + length), None
+        return excerpt(filler, FILLER_SECONDS, rng), None
     example = examples[int(rng.integers(len(examples)))]
     motion = example.motion.at_speed(float(np.exp(rng.uniform(*np.log(SPEEDS)))))
     if rng.random() < 0.5:

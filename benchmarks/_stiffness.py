@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 _ROUNDING = 1e-9
 """Slack of the roundings in Eq. 4.5 and 4.6, so that 0.7 * 10 counts as 7."""
@@ -36,15 +34,3 @@ def distance_of(bound: tuple[int, int | None]) -> float:
     """
     least, greatest = bound
     return float(least) if greatest is None else math.sqrt(least * greatest)
-
-
-def placed_query(placed: Iterable[tuple[int, Sequence[Keyframe]]], length: int, stiffness: float) -> KeyframeQuery:
-    """A query from keyframes placed at frames (from 0) of a motion of `length` frames.
-
-    Keyframes at the same frame get the bounds (0, 0), others those of `admissible`.
-    """
-    ordered = sorted(((position, k) for position, group in placed for k in group), key=lambda item: item[0])
-    gaps = [b - a for (a, _), (b, _) in zip(ordered, ordered[1:], strict=False)]
-    bounds = tuple(admissible(gap, stiffness if gap else 1.0) for gap in gaps)
-    lead, tail = (ordered[0][0], length - 1 - ordered[-1][0]) if ordered else (0, 0)
-    return KeyframeQuery(tuple(k for _, k in ordered), bounds, lead, tail)

@@ -31,6 +31,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_e
 from benchmarks._record import pin_to_one_processor, save_figures
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
-from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
+from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble, excerpt
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
@@ -77,12 +78,15 @@ class Corpus:
     motions: list[Motion]
     segments: list[tuple[int, int, int, str, str]]
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "features", [relational_features(motion) for motion in self.motions])
-        object.__setattr__(self, "index", KeyframeIndex.build(self.features))
+    @cached_property
+    def features(self) -> list[FeatureMatrix]:
+        """Of each document."""
+        return [relational_features(motion) for motion in self.motions]
 
-    features: Any = None
-    index: Any = None
+    @cached_property
+    def index(self) -> KeyframeIndex:
+        """Of all documents."""
+        return KeyframeIndex.build(self.features)
 
 
 def corpus_of(
@@ -94,10 +98,7 @@ def corpus_of(
     if decoys:
         parts += [(e.motion.mirrored(), None) for e in examples if e.label not in SYMMETRIC]
     for _ in range(int(len(parts) * FILLER_SHARE)):
-        motion = filler[int(rng.integers(len(filler)))]
-        length = min(len(motion), int(rng.uniform(*FILLER_SECONDS) * motion.frame_rate))
-        start = int(rng.integers(len(motion) - length + 1))
-        parts.append((motion.sliced(start, start + length), None))
+        parts.append((excerpt(filler, FILLER_SECONDS, rng), None))
     order = rng.permutation(len(parts))
     groups = [[parts[i] for i in order[k : k + PARTS]] for k in range(0, len(order), PARTS)]
     documents = [assemble(f"document {number}", group, joins) for number, group in enumerate(groups)]
@@ -352,7 +353,6 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--tune", action="store_true", help="examples by bd and bk, with the other filler, instead")
-    parser.add_argument("--times", action="store_true", help="times alone: of a search in an hour, of the command")
     parser.add_argument("--constants", action="store_true", help="print the tables of features/grades.py and stop")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
@@ -371,10 +371,6 @@ def main() -> None:
     figures: dict[str, Any] = {}
     print(f"people: {len(queries)} examples", flush=True)
     corpus = corpus_of(examples, late, options.seed, decoys=False, joins=JOINS)
-    if options.times:
-        times = timed(corpus, queries) | {"seconds_of_the_command": processor_seconds_of_the_command(corpus, clip)}
-        print(save_figures("by_example_times", times, {"seed": options.seed}))
-        return
     figures["people"] = table(corpus, queries)
     print("decoys", flush=True)
     figures["decoys"] = table(corpus_of(examples, late, options.seed, decoys=True, joins=HARD_JOINS), queries)

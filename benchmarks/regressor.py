@@ -3,10 +3,10 @@
 - `joints [--split report]`: people whose motions and bodies the regressor was not trained on stand before ordinary
   cameras of six kinds: in full view, cut off by the lower border of the image, seated, behind a board, before a camera
   that is raised and tilted, and children of 0.8 to 1.25 m. Standing motions are those of the suite's split, seated ones
-  the bundled `SEATED_SUBJECT`; bodies are full-resolution subjects with local deformations outside the shape space. A
-  joint is in view if it is inside the image with nothing foreign before it. Of these: the share within 10 and 15 cm,
-  their mean error, and whether reliability means what it says (expected calibration error, ten bins). Of all joints:
-  the share whose `in_view` is on the right side of a half, and the area under its ROC curve.
+  the bundled `SEATED_SUBJECT_MOTIONS`; bodies are full-resolution subjects with local deformations outside the shape
+  space. A joint is in view if it is inside the image with nothing foreign before it. Of these: the share within 10 and
+  15 cm, their mean error, and whether reliability means what it says (expected calibration error, ten bins). Of all
+  joints: the share whose `in_view` is on the right side of a half, and the area under its ROC curve.
 - `people [--split report]`: does it tell people from rooms? Rooms that it was not trained on, furnished at random, seen
   by the two sensors of the simulator from 0.5 to 2.5 m above the floor, with people in them: standing, seated, and
   no person. For pixels, and for surfaces (all people, and every patch of 64 pixels without one): the area under the

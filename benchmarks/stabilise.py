@@ -120,7 +120,7 @@ def noisy(path: Path, mm: float) -> Path:
 
 def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespace) -> tuple[Path, Performed]:
     """The sequence's run folder, made if it is not there yet, and what was performed."""
-    path, performed = record_sequence(sequence, options.split, options.work, filler=options.filler)
+    path, performed = record_sequence(sequence, options.split, options.work)
     path = noisy(path, options.noise)
     run = options.work / "sequences" / "runs" / options.config / path.stem
     if not (run / TRACK_FILE).exists():
@@ -174,7 +174,6 @@ def classes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", default="hybrid", help="settings of the tracker")
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation of every depth, millimetres")
-    parser.add_argument("--filler", action="store_true", help="other motions between the clips")
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
     parser.add_argument("--pages", type=Path, help="folder for the pages of `depthmocap stabilise`, with pictures")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
@@ -205,7 +204,6 @@ def classes(parser: argparse.ArgumentParser) -> None:
     marks = [
         options.split,
         *([options.config] if options.config != "hybrid" else []),
-        *["filler"] * options.filler,
         *["noise"] * bool(options.noise),
         *["without_marks"] * options.without_marks,
     ]

@@ -25,6 +25,8 @@ def database_text(database: PoseDatabase) -> str:
         f"sources    {len(database.sources)}, {len(notes.get('skipped', []))} skipped",
     ]
     lines += [f"  {count:6d}  {name}" for name, count in _largest_sources(database)]
+    if len(database.sources) > LISTED_SOURCES:
+        lines.append(f"          and {len(database.sources) - LISTED_SOURCES} more")
     lines.append("end effectors about the centre, metres (5th to 95th percentile)")
     points = database.features.reshape(len(database), -1, 3)
     for name, (low, high) in zip(

@@ -161,7 +161,7 @@ def track(
     people : 1 follows the one person; a number or "all" several, in a list in order of appearance
     timestamps, background : of an array: seconds (T,), and the depth of the empty scene (H, W)
     database : file of a pose database; the default one otherwise
-    config : name or file of settings: hybrid, baak2013, swarm, particles
+    config : name or file of settings: hybrid, baak2013, swarm, qammaz, particles, lopez2011
     settings : single settings by dotted names, such as {"sensing.segment": "person"}
     progress : called with the frames done and all frames, in each pass over the recording
     options : how to read the recording, as the options of `depthmocap track`: depth_unit, up_camera, mirrored, ...
@@ -244,5 +244,7 @@ def evaluate(
 
     if isinstance(tracks, (str, Path)):
         return evaluate_runs([tracks], None if truth is None else [Path(str(truth))])
+    if truth is None:
+        raise UsageError("tracks in memory know no truth; give truth=, joints (frames, 20, 3) in metres")
     several = [tracks] if isinstance(tracks, Track) else list(tracks)
     return evaluate_tracks([(each.name, each.person.track) for each in several], np.asarray(truth, dtype=np.float64))

@@ -23,7 +23,6 @@ from benchmarks import (
     _takes,
     ablation,
     accuracy,
-    lookup,
     real,
     recovery,
     regressor,
@@ -357,28 +356,6 @@ def test_real_recordings_are_measured(
     run(real, "tracked", *arguments, *QUICK, monkeypatch=monkeypatch)
     mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
     assert 0 < mean["overlap"] <= 1
-
-
-def test_candidates_are_counted_in_frames_with_free_end_effectors(
-    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run(
-        lookup, "candidates", "--takes", 1, "--frames", 4, "--database", small_database, "--recordings", work,
-        "--work", work, *QUICK, monkeypatch=monkeypatch,
-    )  # fmt: skip
-    figures = json.loads((bundled / "candidates_tune_part.json").read_text())["figures"]
-    assert figures["real"] == {"frames": 0, "first_five": None, "all_extrema": None, "queries": None}
-    row = figures["simulated"]
-    assert 0 < row["frames"] == sum(figures[group]["frames"] for group in GROUPS) <= 4 * len(GROUPS)
-    assert row["first_five"] <= row["all_extrema"]
-    for share in ("first_five", "all_extrema", "queries"):
-        hits = [figures[group]["frames"] * (figures[group][share] or 0.0) for group in GROUPS]
-        assert row[share] * row["frames"] == pytest.approx(sum(hits), abs=0.01)
-
-
-def test_shares_are_those_of_the_frames_that_count() -> None:
-    row = lookup.shares([(True, True, False), (False, True, True), (False, True, False), (False, False, False)])
-    assert row == {"frames": 4, "first_five": 0.25, "all_extrema": 0.75, "queries": 0.25}
 
 
 def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, work: Path, small_database: Path) -> None:

@@ -16,10 +16,10 @@ from toolkit.fitting import terms as terms_room
 from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, WORSE, Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import ANGLE_DAMPING, CONVERGED, ROOT_DAMPING, Refiner, pair_terms
-from toolkit.fitting.scene import Scene
+from toolkit.fitting.scene import EXTREMUM_WEIGHT, Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import EXTREMUM_WEIGHT, CloudTerm, ContactTerm, Pairs
+from toolkit.fitting.terms import CloudTerm, ContactTerm, Pairs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, cropped
 from toolkit.testing.plain_fitting import back_projected

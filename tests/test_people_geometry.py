@@ -14,7 +14,7 @@ from toolkit.errors import SegmentationError
 from toolkit.people import stills
 from toolkit.people.candidates import KNEE_REACH, apart, beside, headless, in_a_mirror, shaped_alone
 from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE, Head
-from toolkit.people.floor import Floor, find_floor, find_known_floor
+from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.one import ID, OneOfSeveral, meant_person
 from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
@@ -68,15 +68,6 @@ def test_a_table_with_the_floor_below_it_is_not_the_floor():
     on_it[:, :20] = False
     floor = find_known_floor(np.where(on_it, table, depth_mm), TOF, up)
     assert floor is not None and floor.height == pytest.approx(1.6, abs=0.015)
-
-
-def test_heights_above_the_floor_are_those_of_the_points():
-    rng = np.random.default_rng(0)
-    depth_mm = rng.integers(500, 4000, TOF.shape).astype(np.uint16)
-    floor = Floor(up_of_tilt(0.4), 1.3)
-    z = depth_mm * 1e-3
-    points = np.dstack([TOF.rays() * z[..., None], z])
-    np.testing.assert_allclose(floor.heights(TOF, depth_mm), points @ floor.up_camera + 1.3, atol=1e-5)
 
 
 # Candidates for a new person.

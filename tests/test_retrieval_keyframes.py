@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks._stiffness import admissible, distance_of, placed_query, stiffness_of
+from benchmarks._stiffness import admissible, distance_of, stiffness_of
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.keyframes.query import (
     Keyframe,
@@ -84,10 +84,3 @@ def test_stiffness_zero_has_no_upper_bound_even_at_distance_zero() -> None:
 def test_distance_and_stiffness_give_the_bounds_back(least: int, more: int) -> None:
     bound = (least, least + more)
     assert admissible(distance_of(bound), stiffness_of(bound)) == bound
-
-
-def test_keyframes_at_one_position_get_the_distance_zero() -> None:
-    query = placed_query([(9, (KNEE,)), (4, (HAND, KNEE))], length=12, stiffness=0.5)
-    assert query.keyframes == (HAND, KNEE, KNEE)
-    assert query.bounds == ((0, 0), (3, 10))
-    assert (query.lead, query.tail) == (4, 2)

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks._stiffness import admissible, placed_query
+from benchmarks._stiffness import admissible
 from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -144,7 +144,8 @@ def test_several_keyframes_at_one_position_constrain_the_same_frame() -> None:
     index = KeyframeIndex.build([FeatureMatrix("noise", values)])
     column = np.full(40, -1, np.int8)
     column[[1, 8, 16, 30]] = 1, 0, 1, 1
-    hits = find(index, placed_query([(0, keyframes_of_column(column))], length=1, stiffness=0.5))
+    keyframes = keyframes_of_column(column)
+    hits = find(index, KeyframeQuery(keyframes, ((0, 0),) * (len(keyframes) - 1)))
     expected = np.flatnonzero(values[1] & ~values[8] & values[16] & values[30])
     frames = np.concatenate([np.arange(a, b) for a, b in zip(hits.starts, hits.stops, strict=True)])
     assert np.array_equal(frames, expected) and len(expected) > 5

@@ -223,6 +223,8 @@ def locked(folder: str | Path) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
+    if is_file(folder):
+        raise OutputError(f"{folder} is a file; name a folder")
     path, owner = Path(folder) / LOCK_FILE, Path(folder) / OWNER_FILE
     lock = FileLock(path, mode=0o666)
     try:
@@ -311,5 +313,6 @@ def shipped(*parts: str) -> Path:
         if (candidate := root.joinpath(*parts)).exists():
             return candidate
     folder = next((r.joinpath(*parts).parent for r in roots if r.joinpath(*parts).parent.is_dir()), roots[-1])
-    present = ", ".join(sorted(p.name for p in folder.iterdir())) if folder.is_dir() else "none"
+    files = sorted(p.name for p in folder.iterdir() if p.is_file()) if folder.is_dir() else []
+    present = ", ".join(files) or "none"
     raise UsageError(f"no shipped file {'/'.join(parts)}; there are: {present}")

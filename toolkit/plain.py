@@ -54,9 +54,9 @@ def read_json(path: str | Path, error: type[DepthMocapError], hint: str, *, insi
     return parse_json(read_text(path, error, hint, most=LARGEST_JSON, inside=inside), str(path), error, hint)
 
 
-def read_yaml(path: str | Path, where: str, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Any:
+def read_yaml(path: str | Path, where: str, error: type[DepthMocapError], hint: str) -> Any:
     """The value of a YAML file, called `where` in messages; raises as `read_text`, and for what is no plain YAML."""
-    return parse_yaml(read_text(path, error, hint, most=LARGEST_YAML, inside=inside), where, error, hint)
+    return parse_yaml(read_text(path, error, hint, most=LARGEST_YAML), where, error, hint)
 
 
 def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:

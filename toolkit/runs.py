@@ -204,7 +204,7 @@ class Person:
         if len(steps) == 0 or not np.median(steps) > 0:
             raise UsageError(
                 f"a file with a frame rate needs two frames whose times grow; {self.name} has {len(self.track)} in all,"
-                " export it as .csv or .json"
+                " export it as .glb, .csv or .json"
             )
         return float(1.0 / np.median(steps))
 

@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from toolkit.biomechanics.contact import frames_in, smoothed, typical_step
+from toolkit.biomechanics.contact import ANKLES, frames_in, smoothed, typical_step
 from toolkit.body.body import Body
 from toolkit.body.sole import soles
-from toolkit.skeleton import REPORTED, ROOT_POSITION
+from toolkit.skeleton import ROOT_POSITION
 from toolkit.spans import spans
 
 SIDES = ("left", "right")
-ANKLES = [REPORTED.index(f"{side}_ankle") for side in SIDES]
 WALKING = 0.35
 """Metres a second: a pelvis that is faster for a second walks."""
 PACE = 0.35

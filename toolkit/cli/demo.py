@@ -15,7 +15,7 @@ from toolkit.progress import Progress, silent
 
 if TYPE_CHECKING:
     from toolkit.evaluation.scores import EvaluationTable
-    from toolkit.pipeline import RunSummary
+    from toolkit.pipeline.summary import RunSummary
 
 SUBJECT, SUBJECT_SEED = "slim_male", 7
 """Whose body is simulated, and the seed of what makes it unlike every body that a tracker can fit."""

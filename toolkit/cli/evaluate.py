@@ -28,7 +28,10 @@ def evaluate(
     ] = None,
     surface: Annotated[
         bool,
-        typer.Option("--surface/--no-surface", help="Also look at every depth frame: overlap, hidden joints, extrema."),
+        typer.Option(
+            "--surface/--no-surface",
+            help="Look at the depth of one person's frames, too: overlap, extrema.",
+        ),
     ] = True,
     recording: MovedRecording = None,
 ) -> None:

@@ -30,7 +30,11 @@ class Guiding:
     ] = None
     events: Annotated[
         str | None,
-        typer.Option(metavar="FILE|-", help="One JSON line for each motion that ends.", rich_help_panel=EVENTS),
+        typer.Option(
+            metavar="FILE|-",
+            help="A JSON line for each motion that ends; in one pass (--online).",
+            rich_help_panel=EVENTS,
+        ),
     ] = None
     inertial: Annotated[
         Path | None,

@@ -92,7 +92,7 @@ def calibrate(
         runs, sensors, output, settings=CalibrationSettings(method=method, heading=heading),
         sync=SyncSettings(max_offset, _rates(rate)),
     )  # fmt: skip
-    table = Table("sensor", "status", "spread", "median", "90 %", "inliers %", "why")
+    table = Table("sensor", "status", "spread deg", "median deg", "90 % deg", "inliers %", "why")
     for limb, s in found.sensors.items():
         figures = (f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", f"{100 * s.inliers:.0f}")
         table.add_row(limb, s.status, *figures, s.reason)
@@ -127,7 +127,7 @@ def check(
         runs, sensors, calibration=calibration, truth=truth, threshold=threshold,
         sync=SyncSettings(max_offset, _rates(rate)),
     )  # fmt: skip
-    table = Table("run", "part", "from s", "to s", "peak", "mean", "kind")
+    table = Table("run", "part", "from s", "to s", "peak deg", "mean deg", "kind")
     for found in checks:
         folder = output if len(checks) == 1 else output / found.name
         write_check(found, folder)
@@ -140,7 +140,10 @@ def check(
                 say(f"{found.name}: {limb} takes no part: {sensor.reason}")
         for name, s in found.scores().items():
             say(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
-    print_table(table)
+    if table.row_count:
+        print_table(table)
+    else:
+        say(f"no disagreement above {threshold:g} degrees")
 
 
 def _rates(rate: str) -> tuple[float, float] | None:

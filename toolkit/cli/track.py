@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
@@ -148,6 +148,8 @@ def _track_one(
     from toolkit.recordings.opening import open_upright
 
     guide, watcher = guiding.guide([path]), guiding.watcher([path])
+    if watcher is not None:  # motions are told as they end, in the rows of the first pass
+        tracking = replace(tracking, online=True)
     with progress_bars() as bars:
         recipe, preparing = tracking.recipe(guiding.inertial), doing_words("compiling")
         bars(preparing, 0, 1)
@@ -163,7 +165,7 @@ def _track_one(
             made_of=recipe,
             **how,
         )
-    _say_done(summary.text(), run)
+    _say_done(summary.text(), run, sys.stderr if guiding.events == "-" else None)
     if summary.interrupted:
         raise typer.Exit(1)
     if not summary.states["tracked"]:
@@ -208,10 +210,10 @@ def _track_batch(
     )
 
 
-def _say_done(text: str, run: Path) -> None:
+def _say_done(text: str, run: Path, file: TextIO | None = None) -> None:
     """What became of a recording, and who is in it where several were followed."""
     from toolkit.runs import PEOPLE_FILE, load_people
 
-    say(text)
+    say(text, file=file)
     if (run / PEOPLE_FILE).exists():
-        say(load_people(run).text())
+        say(load_people(run).text(), file=file)

@@ -306,8 +306,8 @@ class _Notes:
 
 BUILD = "depthmocap database build MOCAP"
 BUILT_AGAIN = f"build it again with `{BUILD}`"
-FARTHEST, WIDEST = 10.0, 6.5
-"""Metres and radians: no entry of a canonical pose, joint, feature or offset is larger."""
+FARTHEST = 10.0
+"""Metres: no entry of a canonical pose, joint, feature or offset is larger."""
 
 
 def _rebuild(file: Path) -> str:

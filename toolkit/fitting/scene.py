@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs
 from toolkit.sensing.cloud import Cloud, cropped, marked
+
+EXTREMUM_WEIGHT = 3.0
+"""Of a geodesic extremum against another sample: extrema are on the limbs, which the torso outnumbers."""
 
 
 class Scene:
@@ -53,7 +57,6 @@ class Scene:
         self.samples = np.ascontiguousarray(
             np.concatenate([linear.rotated(cloud.points.take(rows, axis=0), cloud.rotation), self.extrema])
         )
-        self._weights: dict[float, np.ndarray] = {}
 
     def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
         """Fill `out` (C, 3) with the median of the `count` measured points nearest to each of `points` (C, 3).
@@ -63,9 +66,7 @@ class Scene:
         """
         pairs.nearest_medians(points, wanted, *self._person, reach, count, out)
 
-    def weights(self, extremum: float) -> np.ndarray:
-        """How much each sample counts, float64 (N,): `extremum` for a geodesic extremum that may be a limb, else 1."""
-        if extremum not in self._weights:
-            free = np.where(self.cut, 1.0, extremum)
-            self._weights[extremum] = np.concatenate([np.ones(self.plain_samples), free])
-        return self._weights[extremum]
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """How much each sample counts, float64 (N,): `EXTREMUM_WEIGHT` for an extremum that may be a limb, else 1."""
+        return np.concatenate([np.ones(self.plain_samples), np.where(self.cut, 1.0, EXTREMUM_WEIGHT)])

@@ -18,8 +18,6 @@ HIDDEN = 0.03
 mesh."""
 CLOUD_PLANE, CLOUD_POINT = 1.0, 0.3
 """Weights of the two parts of a pair from cloud to mesh."""
-EXTREMUM_WEIGHT = 3.0
-"""Of a geodesic extremum against another sample: extrema are on the limbs, which the torso outnumbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +86,7 @@ class SurfaceTerm:
 
 @dataclass(frozen=True)
 class CloudTerm:
-    """Measured samples to the nearest visible point of the drawn body; extrema count `EXTREMUM_WEIGHT` times."""
+    """Measured samples to the nearest visible point of the drawn body; extrema count `scene.EXTREMUM_WEIGHT` times."""
 
     reach: float
     sigma: float
@@ -108,7 +106,7 @@ class CloudTerm:
         """See `PairTerm.add`."""
         points, vertex_of = self.nearest(placed, scene)
         pairs.add_pairs(
-            scene.samples, points, vertex_of, scene.weights(EXTREMUM_WEIGHT), placed.normals,
+            scene.samples, points, vertex_of, scene.weights, placed.normals,
             placed.body.skin_joints, placed.body.skin_weights, system.reference,
             self.sigma, CLOUD_PLANE, CLOUD_POINT, system.hessian, system.gradient,
         )  # fmt: skip

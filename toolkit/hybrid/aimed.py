@@ -13,7 +13,7 @@ from toolkit.kernels.fit import aiming
 from toolkit.lopez2011.initial import sides_of
 from toolkit.lopez2011.upper import UpperBodies, aimed_all_round
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.arms import arm_exchange
+from toolkit.tracking.search.arms import LimbExchange
 from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
 
 SOURCE = "head_hands"
@@ -39,7 +39,7 @@ class AimedArms:
 
     def __init__(self, objective: Objective, refiner: Refiner, settings: ArmSettings, bodies: UpperBodies) -> None:
         self._settings, self._sigma, self._bodies = settings, refiner.settings.sigma, bodies
-        self._exchange = arm_exchange(objective, refiner, settings)
+        self._exchange = LimbExchange(objective, refiner, settings)
 
     def of(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """A hypothesis with arms that leave less unexplained; the same one if there are none."""

@@ -133,7 +133,7 @@ class ParticleFollower(FollowedPerson):
             found = self._first(effectors, seen.frame(effectors), rng)
             source = DETECTED
         else:
-            found = self._next(effectors, seen.frame(effectors), timestamp, rng, clock)
+            found = self._next(seen.frame(effectors), timestamp, rng, clock)
             source = PARTICLES
         self.state = state = replace(self.state, generator=self.after(rng), turn=state.turn + 1)
         if found is None:
@@ -171,7 +171,7 @@ class ParticleFollower(FollowedPerson):
         return first.pose, first.particles, mean_cost(upper, first.pose, frame)
 
     def _next(
-        self, effectors: Effectors, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
+        self, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
     ) -> tuple[np.ndarray, np.ndarray, float]:
         """Pose, particles and cost by the three layers; arms take turns in coming first."""
         state, upper = self.state, self._bodies.of(self.state.body)

@@ -71,7 +71,7 @@ def describe(
     depth = recording.depth(frame)
     lens = Lens(recording.camera.undistorted(), recording.up_camera, sensing)
     people = [person_text(s, lens, finder.evidence.get(s.id)) for s in sightings]
-    advice = _advice(recording, surroundings, sightings, depth, lens)
+    advice = _advice(recording, surroundings, sightings, depth)
     lines = (
         _camera_line(recording),
         _up_line(recording),
@@ -163,7 +163,6 @@ def _advice(
     surroundings: Surroundings,
     sightings: tuple[Sighting, ...],
     depth_mm: np.ndarray,
-    lens: Lens,
 ) -> list[str]:
     found = []
     if len(sightings) > 1:
@@ -171,11 +170,9 @@ def _advice(
     if not sightings:
         knows_up = recording.vertical.source == "file"
         turned = 0 if knows_up else turns_with_heads(depth_mm, recording.camera)
-        found.append(
-            f"--rotate {90 * turned}: heads are seen in the turned image"
-            if turned
-            else "no person is seen: check --depth-unit and --intrinsics, or give --segment seed:U,V"
-        )
+        found.append("no person is seen: check --depth-unit and --intrinsics, or give --segment seed:U,V")
+        if turned:
+            found.append(f"--rotate {90 * turned}: heads are seen in the turned image")
     elif len(sightings) == 1 and not surroundings.cut_out and recording.background is None:
         found.append("--people all tells the person from the room, or give --background")
     if recording.vertical.source == "assumed" and not surroundings.cut_out:

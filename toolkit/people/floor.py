@@ -35,15 +35,6 @@ class Floor:
     up_camera: np.ndarray
     height: float
 
-    def heights(self, camera: Camera, depth_mm: np.ndarray) -> np.ndarray:
-        """Height above the floor of every pixel of a depth image (H, W) in millimetres: float32 (H, W), metres."""
-        return (self.slopes(camera) * depth_mm * 1e-3 + self.height).astype(np.float32)
-
-    def slopes(self, camera: Camera) -> np.ndarray:
-        """By how much the height above the floor rises with the depth along every pixel's ray: float64 (H, W)."""
-        rays = camera.rays()
-        return rays[..., 0] * self.up_camera[0] + rays[..., 1] * self.up_camera[1] + self.up_camera[2]
-
 
 def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     """The floor in a depth image, uint16 (H, W) millimetres, or None where no floor is visible.

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.kernels import linear
-from toolkit.people.floor import Floor, find_floor, find_known_floor
+from toolkit.people.floor import LARGEST_TILT, Floor, find_floor, find_known_floor
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import find_planes
 from toolkit.people.surroundings import first_look, tolerances
@@ -26,7 +26,6 @@ PEOPLE_FRAMES = 8  # a stride leans, several do not
 FIRST_SECONDS = 3.0
 CAMERA_HEIGHT = (0.3, 4.0)  # m above the floor: from a chair's seat to a ceiling
 AGREEING = np.deg2rad(3.0)  # between the floors of two frames
-LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
 WALL_TILT = np.deg2rad(25.0)  # by which a wall may lean in the image of a tilted camera
 TRUST = {"wall": np.deg2rad(2.0), "standing": np.deg2rad(8.0), "torso": np.deg2rad(15.0), "image": np.deg2rad(20.0)}
 CLEARLY = np.deg2rad(10.0)  # from the image's vertical: a lean of as much is everyday

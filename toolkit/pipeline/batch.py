@@ -175,7 +175,7 @@ def _in_worker(job: _Job) -> ManifestRow:
     return job.done(_TRACKERS[key], warm_up=first)
 
 
-def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any] | None = None) -> dict[Path, str]:
+def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any]) -> dict[Path, str]:
     """Recordings that cannot be opened or whose first frame cannot be read, with the reason: told before work starts.
 
     Raises
@@ -189,7 +189,7 @@ def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any] | 
     first: RecordingError | None = None
     for path in map(Path, paths):
         try:
-            recording = open_recording(path, **(reader_options or {}))
+            recording = open_recording(path, **reader_options)
             next(iter(recording.stream()), None)
         except RecordingError as error:
             failed[path], first = str(error), first or error

@@ -186,7 +186,8 @@ def _track(
     except DepthMocapError:
         sink.abandon()
         raise
-    return summarised(recording.name, folder, tracks, len(recording), unfinished=not complete)
+    stature = None if several else next((float(body.height) for body in bodies.values()), None)
+    return summarised(recording.name, folder, tracks, len(recording), unfinished=not complete, stature=stature)
 
 
 def _first_pass(

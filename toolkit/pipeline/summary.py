@@ -27,11 +27,12 @@ class RunSummary:
     name : of the recording
     run : its run folder
     frames, recorded_frames : rows of the track and frames of the recording
-    stage_ms : median milliseconds of each stage, of all people together
+    stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together
     states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
     people : how many were followed
     confidence : mean of the observed joints in tracked frames, of all people together; NaN where there is none
     unfinished : the second pass was stopped, and all rows are those of the first
+    stature : metres, of the fitted body of the one person; None of several
     """
 
     name: str
@@ -39,10 +40,12 @@ class RunSummary:
     frames: int
     recorded_frames: int
     stage_ms: dict[str, float]
+    frame_ms: float
     states: dict[str, int]
     people: int = 1
     confidence: float = float("nan")
     unfinished: bool = False
+    stature: float | None = None
 
     @property
     def interrupted(self) -> bool:
@@ -61,12 +64,19 @@ class RunSummary:
         elif self.confidence < LOW_CONFIDENCE:
             hint += f"; the tracker is hardly sure of it: {LOW_ADVICE}"
         sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
-        spent = f", {sum(self.stage_ms.values()):.1f} ms a frame ({stages})" if self.stage_ms else ""
+        sure += f", {self.stature:.2f} m tall" if self.states["tracked"] and self.stature is not None else ""
+        spent = f", {self.frame_ms:.1f} ms a frame ({stages})" if self.stage_ms else ""
         return f"{self.run}: {count} frames{people}: {states or 'no person seen'}{sure}{spent}{hint}"
 
 
 def summarised(
-    name: str, run: Path, tracks: Sequence[Track], recorded_frames: int, *, unfinished: bool = False
+    name: str,
+    run: Path,
+    tracks: Sequence[Track],
+    recorded_frames: int,
+    *,
+    unfinished: bool = False,
+    stature: float | None = None,
 ) -> RunSummary:
     """The summary of a recording of which these are the tracks, one for each person."""
     stage_ms: dict[str, float] = {}
@@ -78,8 +88,10 @@ def summarised(
         for state in (TRACKED, LOST, EMPTY):
             states[STATE_NAMES[state]] += int((track.state == state).sum())
     frames = len(tracks[0]) if tracks else recorded_frames
-    sure = confidence_of(tracks)
-    return RunSummary(name, run, frames, recorded_frames, stage_ms, states, len(tracks), sure, unfinished)
+    each = sum((track.stage_ms.sum(axis=1) for track in tracks), np.zeros(frames if tracks else 0))
+    frame_ms = float(np.median(each)) if len(each) else 0.0
+    people, sure = len(tracks), confidence_of(tracks)
+    return RunSummary(name, run, frames, recorded_frames, stage_ms, frame_ms, states, people, sure, unfinished, stature)
 
 
 def confidence_of(tracks: Sequence[Track]) -> float:

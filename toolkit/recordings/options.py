@@ -15,6 +15,13 @@ LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
 FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
 LARGEST_RATE = 1000.0  # frames a second: faster than any depth camera
 LARGEST_SIDE = 20_000  # pixels: larger than any image
+SETTINGS = {
+    "segment": "settings={'sensing.segment': ...}",
+    "subject": "settings={'sensing.subject': ...}",
+    "online": "settings={'passes': 1}",
+    "up": "up_camera=(x, y, z)",
+}
+"""What the command takes as options, though it does not say how a recording is read -> how Python says it."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,8 @@ class ReaderOptions:
         names = [f.name for f in fields(cls)]
         unknown = sorted(set(options) - set(names))
         if unknown:
-            raise UsageError(f"unknown reader option {unknown[0]!r}; there are: {', '.join(names)}")
+            instead = f"give {SETTINGS[unknown[0]]}" if unknown[0] in SETTINGS else f"there are: {', '.join(names)}"
+            raise UsageError(f"unknown reader option {unknown[0]!r}; {instead}")
         plain = {
             k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
         }

@@ -22,8 +22,8 @@ class DepthPainter:
     settings : how high a picture is; panels of people are left out
     """
 
-    def __init__(self, recording: Recording, settings: RenderSettings | None = None) -> None:
-        self._height = (settings or RenderSettings()).height
+    def __init__(self, recording: Recording, settings: RenderSettings) -> None:
+        self._height = settings.height
         self._name, self._times = recording.name, recording.timestamps
         self._range: tuple[float, float] | None = None
 

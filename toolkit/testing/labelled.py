@@ -107,14 +107,12 @@ def perform(sequence: MotionSequence, split: str, *, filler: bool = False) -> Pe
     return Performed(PoseClip(sequence.name, in_place(poses), RATE, sequence.name), body, segments)
 
 
-def record_sequence(
-    sequence: MotionSequence, split: str, work: Path, *, filler: bool = False
-) -> tuple[Path, Performed]:
+def record_sequence(sequence: MotionSequence, split: str, work: Path) -> tuple[Path, Performed]:
     """The sequence as a recording in `work`, made if it is not there yet, and what was performed."""
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
-    digest = digest_of((perform,), folders, sequence, split, filler)
-    path = work / "sequences" / f"{sequence.name}_{split}{'_filler' if filler else ''}_{digest}.npz"
-    done = perform(sequence, split, filler=filler)
+    digest = digest_of((perform,), folders, sequence, split)
+    path = work / "sequences" / f"{sequence.name}_{split}_{digest}.npz"
+    done = perform(sequence, split)
     if not path.exists():
         person = SimulatedPerson(done.clip, done.body, yaw=sequence.yaw)
         shot = Shot(

@@ -17,9 +17,9 @@ from toolkit.fitting.objective import WORSE, Comparison, Objective
 from toolkit.fitting.placed import Drawn, NormalSystem, PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
-from toolkit.fitting.scene import Scene
+from toolkit.fitting.scene import EXTREMUM_WEIGHT, Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import CLOUD_PLANE, CLOUD_POINT, EXTREMUM_WEIGHT, CloudTerm, SurfaceTerm, visible_chosen
+from toolkit.fitting.terms import CLOUD_PLANE, CLOUD_POINT, CloudTerm, SurfaceTerm, visible_chosen
 
 
 class PlainScene(Scene):

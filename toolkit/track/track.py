@@ -113,6 +113,8 @@ class Track:
             raise TrackError(f"{folder} holds no {TRACK_FILE}; name a run folder that `depthmocap track` wrote")
         arrays = load_archive(path, TrackError, AGAIN, inside=path != folder)
         names = [f.name for f in fields(cls)]
+        if "depth" in arrays:
+            raise TrackError(f"{path} is a recording and no track; track it first, and name its run folder")
         if "confidence" in arrays:  # earlier versions did not say what was observed
             arrays.setdefault("observed", np.ones(arrays["confidence"].shape, dtype=np.bool_))
             arrays.setdefault("contact", np.zeros((len(arrays["confidence"]), 2), dtype=np.bool_))  # nor who stands

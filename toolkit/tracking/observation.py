@@ -41,7 +41,7 @@ class Observer:
     landmarks : of the graph and the facing
     extrema : how many geodesic extrema
     samples : measured points of the scene, see `Scene`
-    forest, vote_samples : the joint regressor, None for no votes, and how many pixels vote
+    regressor, vote_samples : the joint regressor, None for no votes, and how many pixels vote
     guide : what is known besides the depth
     vote_pull : weight of a joint that the votes are sure of against one correspondence, where it is not known yet how
         large the person is or where they stand; 0 = none

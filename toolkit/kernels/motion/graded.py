@@ -217,7 +217,7 @@ def differences(
 ) -> np.ndarray:
     """How an example and what it was found in differ, feature by feature, along the best alignment: float32 (H, F).
 
-    Steps as in `graded_distance`; means over the example's columns of the absolute differences.
+    Steps as in `graded_distances`; means over the example's columns of the absolute differences.
 
     Parameters
     ----------

@@ -46,6 +46,6 @@ def reader_for(path: Path, name: str | None) -> Reader:
             return read
     raise RecordingError(
         f"{path} looks like no known recording; it may be an .npz file, a .db3, .bag, .mcap, .mkv or .r3d file, "
-        "a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, a .pcd or .ply file or a folder of them, "
-        "or a folder of raw uint16 frames (--format raw)"
+        "a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, of TUM RGB-D or of a Stray Scanner, a .pcd or .ply file "
+        "or a folder of them, or a folder of raw uint16 frames (--format raw); name each recording of a folder of many"
     )

@@ -279,7 +279,8 @@ def read_depth_png(path: Path) -> np.ndarray:
 
     image = _read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
-        raise RecordingError(f"{path} is {image.dtype} of shape {image.shape}; depth must be one channel of 16 bits")
+        what = f"{image.dtype} of shape {image.shape}"
+        raise RecordingError(f"{path} is {what}; depth is one channel of 16 bits: name the folder of the depth images")
     return image
 
 

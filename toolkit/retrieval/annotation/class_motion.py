@@ -86,11 +86,11 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
             raise RetrievalError(
                 f"clip {example.features.name!r} has {len(example.features)} columns but {len(example.poses)} poses"
             )
-    values, weights = expand(template.values, template.weights)
-    warped = [_warped(values, weights, example) for example in examples]
+    values, _ = expand(template.values, template.weights)
+    warped = [_warped(values, example) for example in examples]
     for _ in range(ROUNDS - 1):
         mean = np.mean(warped, axis=0)
-        warped = [_warped(values, weights, example, mean) for example in examples]
+        warped = [_warped(values, example, mean) for example in examples]
     stack = np.stack(warped)
     mean = stack.mean(axis=0)
     away = stack - mean
@@ -102,7 +102,7 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
     return ClassMotion(mean, spread, flat.T @ flat / (len(flat) * freedom), _memory(away))
 
 
-def _warped(values: np.ndarray, weights: np.ndarray, example: Example, mean: np.ndarray | None = None) -> np.ndarray:
+def _warped(values: np.ndarray, example: Example, mean: np.ndarray | None = None) -> np.ndarray:
     """Angles (N, A) of a clip on the columns of a template; `mean` (N, A) helps to align."""
     own = example.features.values.astype(np.float64)
     angles = example.poses[:, ANGLES]

@@ -101,6 +101,14 @@ def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Joi
     return Document(Motion(name, joints, rate, axes), tuple(segments), tuple(joins))
 
 
+def excerpt(motions: Sequence[Motion], seconds: tuple[float, float], rng: np.random.Generator) -> Motion:
+    """A random piece of a random one of the motions, of a random length between two bounds."""
+    motion = motions[int(rng.integers(len(motions)))]
+    length = min(len(motion), int(rng.uniform(*seconds) * motion.frame_rate))
+    start = int(rng.integers(len(motion) - length + 1))
+    return motion.sliced(start, start + length)
+
+
 def shuffled_parts(
     clips: Sequence[tuple[Motion, str | None]],
     fillers: Sequence[Motion],
@@ -110,10 +118,7 @@ def shuffled_parts(
     parts: list[tuple[Motion, str | None]] = []
     for index in rng.permutation(len(clips)):
         if fillers and rng.random() < 0.5 and parts:
-            filler = fillers[int(rng.integers(len(fillers)))]
-            length = min(len(filler), int(rng.uniform(*FILLER_SECONDS) * filler.frame_rate))
-            start = int(rng.integers(len(filler) - length + 1))
-            parts.append((filler.sliced(start, start + length), None))
+            parts.append((excerpt(fillers, FILLER_SECONDS, rng), None))
         parts.append(clips[index])
     return parts
 

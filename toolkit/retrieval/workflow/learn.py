@@ -27,13 +27,13 @@ def learn_queries(
     output: str | Path,
     rng: np.random.Generator,
     *,
-    labels: Sequence[str] | None = None,
-    others: Sequence[str | Path] = (),
-    settings: LearningSettings | None = None,
-    alternatives: int = 1,
-    tight: bool = False,
-    workers: int = 1,
-    progress: Progress = silent,
+    labels: Sequence[str] | None,
+    others: Sequence[str | Path],
+    settings: LearningSettings,
+    alternatives: int,
+    tight: bool,
+    workers: int,
+    progress: Progress,
 ) -> dict[str, LearnedQuery]:
     """Learn keyframe queries for motion classes and write them as one file.
 
@@ -42,7 +42,7 @@ def learn_queries(
     clips : cut clip -> its class
     output : the query file (JSON)
     rng : source of all randomness
-    labels : classes to learn; all by default
+    labels : classes to learn; None = all
     others : clips and folders of clips that belong to no class
     settings : how
     alternatives : queries written per class, the best first
@@ -52,7 +52,6 @@ def learn_queries(
     """
     check_output(output, [*clips, *others])
     motions: dict[str, list[Motion]] = {label: [] for label in sorted(set(clips.values()))}
-    settings = settings or LearningSettings()
     for file, label in clips.items():
         motions[label].append(load_motion(file))
     classes, checks = training_clips(motions, settings)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -22,23 +21,23 @@ ITERATIONS = 2
 """Iterations that refine a pose with one new limb."""
 
 
+FARTHER = 1.2
+"""Times by which the sparse distance may grow; beyond it the new arm hides measured points."""
+
+
 @dataclass(frozen=True)
 class LimbExchange:
-    """Refines candidates one after the other and keeps the cheapest pose so far.
+    """Refines candidates one after the other and keeps the pose that leaves least unexplained so far.
 
     Attributes
     ----------
     objective, refiner : compare with the frame, and refine
-    cost : of a compared pose, what decides
-    margin : by which a candidate must be cheaper
-    farther : how many times its sparse distance may be that of the pose it replaces
+    settings : see `ArmSettings`
     """
 
     objective: Objective
     refiner: Refiner
-    cost: Callable[[Comparison], float]
-    margin: float
-    farther: float = np.inf
+    settings: ArmSettings
 
     def best(
         self, body: Body, pose: np.ndarray, compared: Comparison, candidates: Iterable[np.ndarray], scene: Scene
@@ -46,14 +45,10 @@ class LimbExchange:
         """The best of a pose (P,), as it `compared` with the frame, and the `candidates` (P,) to take its place."""
         for candidate in candidates:
             refined = self.refiner.refine(body, candidate, scene, iterations=ITERATIONS)
-            tried = self.objective.compare(body, refined, scene, self.farther * compared.distance)
-            if self.cost(tried) < self.cost(compared) - self.margin:
+            tried = self.objective.compare(body, refined, scene, FARTHER * compared.distance)
+            if unexplained(tried, self.settings) < unexplained(compared, self.settings) - self.settings.margin:
                 pose, compared = refined, tried
         return pose, compared
-
-
-FARTHER = 1.2
-"""Metres by which the sparse distance may grow; beyond it the new arm hides measured points."""
 
 
 class ArmSearch:
@@ -77,7 +72,7 @@ class ArmSearch:
         self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings, period: int = 1
     ) -> None:
         self._poses, self._settings, self._sigma = poses, settings, refiner.settings.sigma
-        self._exchange = arm_exchange(objective, refiner, settings)
+        self._exchange = LimbExchange(objective, refiner, settings)
         self._period = period
 
     def propose(
@@ -100,12 +95,6 @@ class ArmSearch:
         if pose is best.hypothesis.pose:
             return NOTHING
         return Proposal((Hypothesis("arms", pose, compared, improves=best),))
-
-
-def arm_exchange(objective: Objective, refiner: Refiner, settings: ArmSettings) -> LimbExchange:
-    """How one arm is exchanged for another."""
-    cost = partial(unexplained, settings=settings)
-    return LimbExchange(objective, refiner, cost, settings.margin, FARTHER)
 
 
 def unexplained(compared: Comparison, settings: ArmSettings) -> float:
