@@ -322,7 +322,7 @@ def test_a_row_is_called_by_its_run_folder_and_names_a_recording_of_another_name
     folders = {"a/run": "take", "a/take": "take", "a/run/person_01": "take/person_01"}
     rows = [RunScores(recording, run, 1, 1) for run, recording in folders.items()]
     names = list(EvaluationTable(rows).to_rich().columns[0].cells)
-    assert names == ["run (take)", "take", "take/person_01", "mean of 3"]
+    assert names == ["run (take)", "take", "run/person_01 (take)", "mean of 3"]
 
 
 def test_plots_are_written_where_there_is_anything_to_plot(tmp_path: Path) -> None:

@@ -243,7 +243,7 @@ def test_an_unknown_suffix_and_a_rig_for_a_table_are_refused(runs: Path, tmp_pat
 
 def test_a_single_frame_has_no_rate_and_says_so(tmp_path: Path) -> None:
     write_run(tmp_path / "run", random_poses(1))
-    with pytest.raises(UsageError, match="export it as .csv or .json"):
+    with pytest.raises(UsageError, match="export it as .glb, .csv or .json"):
         export_run(tmp_path / "run", tmp_path / "track.bvh")
     export_run(tmp_path / "run", tmp_path / "track.json")
 

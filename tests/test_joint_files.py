@@ -17,8 +17,8 @@ from toolkit.detector.pose_model import MODEL_FILE, PoseModel
 from toolkit.errors import ModelError, RecordingError, UsageError
 from toolkit.people.joints import GivenJoints, NoJoints
 from toolkit.people.survey import find_people
-from toolkit.pipeline import JointChoice, track_recording
-from toolkit.pipeline.joints import give_joints, joint_source
+from toolkit.pipeline import track_recording
+from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera

@@ -144,7 +144,7 @@ def test_a_track_is_scored_against_the_truth(sways: depthmocap.Track) -> None:
     assert [row.recording for row in both] == ["take", "not found"]
     with pytest.raises(depthmocap.DepthMocapError, match="has 11 frames"):
         depthmocap.evaluate(sways, truth[:-1])
-    with pytest.raises(depthmocap.DepthMocapError, match="give joints"):
+    with pytest.raises(depthmocap.DepthMocapError, match="give truth=, joints"):
         depthmocap.evaluate(sways)
 
 

@@ -100,15 +100,13 @@ def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | 
     own, missing = match_people(find_reference(recording, references, frames), tracks)
     rows = []
     for folder, track, person in zip(folders, tracks, own, strict=True):
-        name = recording.name if alone else f"{run.name}/{folder.name} ({recording.name})"
+        name = recording.name if alone else f"{recording.name}/{folder.name}"
         row = _scores(track, name, str(folder), len(recording), person)
         if surface and alone:
             row = replace(row, **_frame_figures(track, RunInfo.load(folder), recording, person))
         rows.append(row)
-    if alone:
-        return rows
-    name = f"{run.name}/not found ({recording.name})"
-    return rows + [_not_found(name, str(run), person) for person in missing]
+    lost = [] if alone else [_not_found(f"{recording.name}/not found", str(run), person) for person in missing]
+    return rows + lost
 
 
 def match_people(

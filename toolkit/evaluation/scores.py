@@ -185,8 +185,9 @@ class EvaluationTable:
 
 def _label(row: RunScores) -> str:
     """What a row is called: its run folder, and the recording where that has another name."""
-    run = Path(row.run).name
-    return row.recording if run in ("", *row.recording.split("/")) else f"{run} ({row.recording})"
+    run, (recording, *person) = Path(row.run), row.recording.split("/")
+    folder = run.parent.name if person == [run.name] else run.name
+    return row.recording if folder in ("", recording) else f"{'/'.join([folder, *person])} ({recording})"
 
 
 def _number(value: Any) -> float:

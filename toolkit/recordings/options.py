@@ -19,7 +19,6 @@ SETTINGS = {
     "segment": "settings={'sensing.segment': ...}",
     "subject": "settings={'sensing.subject': ...}",
     "online": "settings={'passes': 1}",
-    "up": "up_camera=(x, y, z)",
 }
 """What the command takes as options, though it does not say how a recording is read -> how Python says it."""
 
