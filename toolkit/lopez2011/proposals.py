@@ -23,7 +23,7 @@ which an arm is diffused instead: four spreads from the candidate."""
 SWIVEL = 0.5
 """Radians of spread about the swivel nearest to the arm before."""
 NEAR = 0.25
-"""Metres: a candidate counts exp(-(distance / NEAR)^2) as much as one at the hand before (`f` of Eq. 5)."""
+"""Metres: a candidate counts exp(-(distance / NEAR)^power) as much as one at the hand before (`f` of Eq. 5)."""
 HOLDING = 0.15
 """Metres: the other hand holds a candidate that is as near as this."""
 DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
@@ -126,7 +126,7 @@ class UpperProposals:
         """Weights (N, M), which sum to 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq. 5)."""
         s = self.settings
         own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
-        weights = np.maximum(np.exp(-((own / NEAR) ** 2)), s.floor) * np.where(other < HOLDING, s.held, 1.0)
+        weights = np.maximum(np.exp(-((own / NEAR) ** s.power)), s.floor) * np.where(other < HOLDING, s.held, 1.0)
         return weights / weights.sum(axis=1, keepdims=True)
 
     def _far(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:

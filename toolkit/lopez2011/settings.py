@@ -22,6 +22,7 @@ class ParticleSettings:
     looks : swivel samples, all round, of a candidate arm. They are scored against the frame, for either arm in every
         second frame, and every second aimed arm is drawn by its cost: from an arm that is folded the wrong way the
         near ones lead beyond the joint limits; 0 = the paper's draw without scores
+    power : of the distance in `f` of Eq. 5: the paper's 2 makes far candidates rarer, and first poses in rooms worse
     floor : least share that a candidate counts (`f` of Eq. 5), or a raised hand is never proposed to a hanging arm
     held : share that a candidate counts that the other hand holds, or both arms take the same hand
     fine : every second pair of particles diffuses only this share as far, and one not at all: mostly people move slowly
@@ -33,6 +34,7 @@ class ParticleSettings:
     arm_columns: int = constant(160)
     alternate: bool = constant(True)
     looks: int = constant(8)
+    power: float = constant(1.0)
     floor: float = constant(0.3)
     held: float = constant(0.05)
     fine: float = constant(0.3)
@@ -41,6 +43,8 @@ class ParticleSettings:
         for name in ("count", "trunk_columns", "arm_columns"):
             if getattr(self, name) < 1:
                 raise SettingsError(f"particles.{name} is {getattr(self, name)}; give at least 1")
+        if not self.power > 0.0:
+            raise SettingsError(f"particles.power is {self.power}; give more than 0")
         if self.looks < 0:
             raise SettingsError(f"particles.looks is {self.looks}; give 0 for none, or a number of swivels")
         for name in ("alpha", "floor", "held", "fine"):
