@@ -1,12 +1,14 @@
-"""Run folders of made-up tracks, of one person or of several."""
+"""The command as it is typed; run folders of made-up tracks, of one person or of several."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from toolkit import skeleton
+from toolkit.cli.main import main
 from toolkit.runs import PersonSummary, save_people
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
 
@@ -14,6 +16,13 @@ TURN = np.diag([1.0, -1.0, -1.0])
 """R_level_camera of a camera that looks horizontally, its own inverse."""
 KNOWN_SIZE = ("--set", "shape.seconds=0", "--set", "sizes=[-0.6]")
 """Of `track`: people are as tall as simulated ones, so that no other size is looked for, and no body learnt."""
+
+
+def run(*words: object) -> int:
+    """Exit code of the command."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(word) for word in words])
+    return int(stop.value.code or 0)
 
 
 def write_run(

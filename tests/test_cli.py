@@ -15,9 +15,10 @@ import typer
 
 from database_builder import build as builder
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
+from tests.run_helpers import run
 from toolkit.cli import bench
 from toolkit.cli.examples import EXAMPLES
-from toolkit.cli.main import app, main
+from toolkit.cli.main import app
 from toolkit.cli.options import numbers
 from toolkit.database.default import default_database_path
 from toolkit.errors import UsageError
@@ -42,13 +43,6 @@ VERBS = (
     "export",
     "bench",
 )
-
-
-def run(*arguments: str | Path) -> int:
-    """Exit code of the command."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    return int(stop.value.code or 0)
 
 
 @pytest.fixture

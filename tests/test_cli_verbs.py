@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from database_builder import build as builder
-from tests.run_helpers import write_run
+from tests.run_helpers import run, write_run
 from toolkit import skeleton
 from toolkit.cli import report as report_verb
-from toolkit.cli.main import main
 from toolkit.evaluation import evaluate
 from toolkit.export import run as export
 from toolkit.pipeline import store_joints
@@ -25,13 +24,6 @@ from toolkit.rendering import film
 from toolkit.report import page
 from toolkit.report.content import LONGEST
 from toolkit.stabilising import workflow
-
-
-def run(*words: object) -> int:
-    """Exit code of the command."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(word) for word in words])
-    return int(stop.value.code or 0)
 
 
 @pytest.fixture

@@ -12,21 +12,14 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import write_recording
+from tests.run_helpers import run
 from tests.sensing_scenes import KINECT
 from toolkit import pipeline
 from toolkit.cli import terminal
-from toolkit.cli.main import main
 from toolkit.database import default
 from toolkit.people.describe import largest_surface
 from toolkit.people.sighting import Sighting
 from toolkit.pipeline import TrackerRecipe
-
-
-def run(*arguments: str | Path) -> int:
-    """Exit code of the command."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    return int(stop.value.code or 0)
 
 
 @pytest.fixture

@@ -20,6 +20,7 @@ from toolkit.kernels.fit import pairs, twists
 from toolkit.kernels.image import depth, raster
 from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.testing.plain_fitting import back_projected
 
 CAMERA = Camera(150.0, 170.0, 83.0, 60.0, 176, 144)
 TILTED = level_rotation(np.array([0.1, -1.0, -0.2]))
@@ -37,14 +38,6 @@ def some_pose(seed: int, place: tuple[float, float, float] = (0.1, 0.1, 2.4), sp
 
 def placed(body: Body, pose: np.ndarray, camera: Camera = CAMERA) -> PlacedBody:
     return Placer(body, camera, TILTED).place(body, pose)
-
-
-def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of an image and their flat pixels (N,), in scan order."""
-    v, u = np.nonzero(depth > 0)
-    z = depth[v, u].astype(np.float64)
-    fx, fy, cx, cy = intrinsics
-    return np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1), v * depth.shape[1] + u
 
 
 @pytest.fixture(scope="module")
