@@ -215,3 +215,10 @@ def test_a_digest_of_a_folder_leaves_links_out_and_ends(tmp_path: Path, monkeypa
     monkeypatch.setattr(files, "LARGEST_FOLDER", 2)
     with pytest.raises(UsageError, match="more than 2 files"):
         sha256_of(tmp_path / "take")
+
+
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path) -> None:
+    (tmp_path / "run").write_text("years")
+    with pytest.raises(OutputError, match="run is a file; name a folder"), files.locked(tmp_path / "run"):
+        pass
+    assert (tmp_path / "run").read_text() == "years"

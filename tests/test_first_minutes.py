@@ -150,9 +150,10 @@ def test_a_summary_says_where_the_tracker_is_hardly_sure(tmp_path: Path, confide
     track = Track(
         joints=np.zeros((count, 20, 3), np.float32), pose=np.zeros((count, 43)),
         confidence=np.full((count, 20), confidence, np.float32), state=np.array([TRACKED] * 3 + [EMPTY], np.uint8),
-        source=np.zeros(count, np.uint8), timestamps=np.arange(count) / 30, stage_ms=np.zeros((count, 1), np.float32),
-        observed=np.ones((count, 20), dtype=bool), source_names=("local",), stage_names=("all",),
+        source=np.zeros(count, np.uint8), timestamps=np.arange(count) / 30,
+        stage_ms=np.array([[1, 9], [1, 0], [9, 1], [2, 2]], np.float32), stage_names=("one", "two"),
+        observed=np.ones((count, 20), dtype=bool), source_names=("local",),
     )  # fmt: skip
-    text = summarised("take", tmp_path, [track], count).text()
-    assert f"confidence {confidence:.2f}" in text
+    text = summarised("take", tmp_path, [track], count, stature=1.744).text()
+    assert f"confidence {confidence:.2f}, 1.74 m tall, 7.0 ms a frame (one 1.5, two 1.5)" in text
     assert ("hardly sure" in text and "depthmocap render" in text and "--intrinsics" in text) == says

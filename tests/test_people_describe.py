@@ -57,7 +57,8 @@ def test_a_camera_on_its_side_is_noticed(tmp_path):
 def test_a_file_that_knows_up_is_not_told_to_turn(tmp_path, monkeypatch):
     monkeypatch.setattr("toolkit.people.describe.turns_with_heads", lambda *arguments: 3)
     empty = [np.zeros(KINECT.shape, dtype=np.uint16)]
-    assert "--rotate 270" in describe(open_recording(recorded(tmp_path, empty))).lines[4]
+    turned = describe(open_recording(recorded(tmp_path, empty))).lines[4]
+    assert "--rotate 270" in turned and "--depth-unit" in turned
     knows = recorded(tmp_path, empty, up_camera=up_of_tilt(0.2))
     assert "no person is seen" in describe(open_recording(knows)).lines[4]
 

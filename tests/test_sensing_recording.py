@@ -217,6 +217,8 @@ def test_damaged_frames_are_an_error_when_they_are_read(tmp_path, compressed):
 
 
 def test_an_unknown_option_lists_the_known_ones(tmp_path):
+    with pytest.raises(UsageError, match=r"unknown reader option 'segment'; give settings=\{'sensing.segment'"):
+        open_recording(write(tmp_path / "a.npz"), segment="person")
     with pytest.raises(UsageError, match="unknown reader option 'mirror'; there are: format, mirrored"):
         open_recording(write(tmp_path / "a.npz"), mirror=True)
 

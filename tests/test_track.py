@@ -312,3 +312,8 @@ def test_a_track_that_cannot_be_is_named(
     np.savez(tmp_path / "track.npz", **{**arrays, name: change(arrays[name])})
     with pytest.raises(TrackError, match=words):
         Track.load(tmp_path)
+
+
+def test_a_recording_in_the_place_of_a_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match="is a recording and no track; track it first"):
+        Track.load(write_recording(tmp_path / "take.npz", 2))
