@@ -89,7 +89,7 @@ class Ablation:
 
     def _real(self, tracker: HybridTracker, folder: Path) -> dict[str, Any]:
         """The script's counts over all real rooms."""
-        runs, failed = rooms.track_rooms(list(rooms.RATES), self._options.rooms, folder / "rooms", tracker)
+        runs, failed = rooms.track_rooms(list(rooms.RATES), self._options.rooms, folder, tracker)
         total: dict[str, Any] = {}
         for name, run in runs.items():
             tracks = self._score.load_run(run) if name not in failed else []

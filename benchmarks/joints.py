@@ -6,10 +6,10 @@
   swapped (the joints fit the truth twice as well with the names exchanged). With `--real` also the shaded depth of
   UTD-MHAD against the Kinect SDK's joints, which are no truth, and the colour frame of a RealSense camera against the
   joints of OpenPose.
-- `followed [--rows swarm,hybrid] [--database POSES]`: the RealSense clip among the shared recordings, 40 frames of two
-  people in a room, one seated. Joints are found in the colour, of all people, once; the swarm tracker, and the hybrid
-  one beside it, follow with them. There is no truth: printed is how far the fitted joints lie from the detected ones in
-  the image, at the joint's distance.
+- `followed [--rows swarm,hybrid,not told] [--database POSES]`: the RealSense clip among the shared recordings, 40
+  frames of two people in a room, one seated. Joints are found in the colour, of all people, once; the swarm tracker,
+  and the hybrid one beside it, follow with them, `not told` is the hybrid one without. There is no truth: printed is
+  how far the fitted joints lie from the detected ones in the image, at the joint's distance.
 
 Both need the pose model (`depthmocap joints --fetch`).
 """
@@ -238,7 +238,7 @@ def _off(seen: Joints2D, pixels: np.ndarray, focal: tuple[float, float], z: np.n
 def followed(parser: argparse.ArgumentParser) -> None:
     """Track, compare, print, write JSON."""
     parser.add_argument("--clip", type=Path, default=CLIP)
-    parser.add_argument("--rows", default="swarm", help="names of settings files, with commas between them")
+    parser.add_argument("--rows", default="swarm", help="names of settings files, or `not told`, with commas")
     add_database_options(parser)
     options = parser.parse_args()
     stored = options.work / "joints" / "realsense.npz"
@@ -248,9 +248,10 @@ def followed(parser: argparse.ArgumentParser) -> None:
     for row in options.rows.split(","):
         run = options.work / "runs" / "realsense" / row
         shutil.rmtree(run, ignore_errors=True)
+        config, joints = ("hybrid", JointChoice("none")) if row == "not told" else (row, JointChoice())
         database = None if row in ("swarm", "qammaz") else poses_of(options)
-        tracker = TrackerRecipe(row, parse_overrides(options.set), database=database).build()
-        track_recording(open_upright(stored), tracker, run, people=None)
+        tracker = TrackerRecipe(config, parse_overrides(options.set), database=database).build()
+        track_recording(open_upright(stored), tracker, run, people=None, joints=joints)
         for person in load_people(run).people:
             track = Track.load(run / person.folder)
             off = apart_mm(track, recording)

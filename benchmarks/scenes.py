@@ -208,7 +208,9 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--takes", type=int, help="at most so many scenes of each group")
     parser.add_argument("--frames", type=int, help="at most so many frames of each scene")
     parser.add_argument("--people", type=_people, default=None, metavar="all|N", help="as of `depthmocap track`")
-    parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`: depth shades it")
+    parser.add_argument(
+        "--joints", default="none", help="in the image, as of `depthmocap track`; colour makes scenes in colour"
+    )
     parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
     add_database_options(parser)
     return parser.parse_args()
@@ -221,7 +223,7 @@ def main() -> None:
     groups = tuple(options.groups.split(",")) if options.groups else all_groups
     chosen = chosen_scenes(options.split, groups, options.takes)
     print(f"{len(chosen)} scenes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")
-    paths = [record_scene(scene, options.work, options.frames) for scene in chosen]
+    paths = [record_scene(scene, options.work, options.frames, color=options.joints == "colour") for scene in chosen]
     failed: dict[str, str] = {}
     if options.runs is None:
         runs, failed = track_scenes(paths, options)
@@ -235,9 +237,10 @@ def main() -> None:
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
     complete = len(chosen) == len(scenes(options.split, all_groups)) and options.frames is None
-    plain = options.people is None and options.joints == "none"
+    plain = options.people is None and options.joints in ("none", "colour")
     whole = complete and plain and not options.set
-    stem = f"scenes{'_rooms' if options.rooms else ''}_{options.split}{'' if whole else '_part'}"
+    told = "_colour" if options.joints == "colour" else ""
+    stem = f"scenes{'_rooms' if options.rooms else ''}_{options.split}{told}{'' if whole else '_part'}"
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
     times = frame_times([tracks_of(run) for run in runs])
     print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))

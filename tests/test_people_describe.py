@@ -38,6 +38,19 @@ def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
     assert advice == "advice: --people all follows all of them"
 
 
+def test_colour_is_a_witness_where_somebody_is_seen(tmp_path):
+    someone, nobody = scene(KINECT, ((0.0, 2.0),))[0], np.zeros(KINECT.shape, dtype=np.uint16)
+    color = np.zeros((1, *KINECT.shape, 3), dtype=np.uint8)
+    for name, frame, more, told in (
+        ("a", someone, color, True),
+        ("b", someone, None, False),
+        ("c", nobody, color, False),
+    ):
+        (tmp_path / name).mkdir()
+        look = describe(open_recording(recorded(tmp_path / name, [frame], color=more)))
+        assert ("--joints colour" in look.lines[4]) == told
+
+
 @pytest.mark.parametrize(
     ("height", "distance", "where"), [(1.45, 1.0, "chest"), (1.2, 1.5, "waist"), (1.2, 2.0, "knees")]
 )

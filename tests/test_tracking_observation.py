@@ -19,6 +19,7 @@ from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.joints2d import Joints2D
 from toolkit.tracking import observation as room
 from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
@@ -215,3 +216,18 @@ def test_whoever_is_told_to_be_an_upper_body_has_no_legs_to_look_for_and_a_whole
 def test_how_much_there_is_to_see_is_one_of_three_words() -> None:
     with pytest.raises(SettingsError, match="body is 'half'; choose auto, whole or upper"):
         HybridSettings(body="half")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("told", "on", "off", "believed"),
+    [(True, 10, 10, 10), (True, 9, 11, None), (True, 20, 0, 20), (False, 20, 0, None)],
+)
+def test_joints_in_the_image_are_evidence_where_at_least_half_lie_on_the_persons_own_pixels(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, told: bool, on: int, off: int, believed: int | None
+) -> None:
+    pixels = np.array([[40.0, 30.0]] * on + [[70.0, 30.0]] * off, dtype=np.float32)
+    joints = Joints2D(pixels, np.full(20, 0.9, dtype=np.float32))
+    calls = recorded(monkeypatch, "SightedJoints", "evidence")
+    observed = Observation(replace(OBSERVER, told_joints=told), cloud, 0.0, state(), joints=joints)
+    assert ("evidence" in observed.evidence) == (believed is not None)
+    assert [int((seen.confidence > 0).sum()) for seen, _ in calls] == ([] if believed is None else [believed])

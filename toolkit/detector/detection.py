@@ -107,7 +107,7 @@ class DetectedJoints:
             pixels = same_rays(pixels, self._camera, sighting.camera)
         found = np.concatenate([pixels, seen.visibility[:, None]], axis=1)
         joints = Joints2D.of_rows(reported_rows(found, POSE_MODEL))
-        if on_cut_out(joints, sighting.depth) < LEAST_SHARE * np.count_nonzero(joints.sure) or crop.side < 1.0:
+        if on_cut_out(joints, sighting.depth).sum() < LEAST_SHARE * joints.sure.sum() or crop.side < 1.0:
             return None
         self._crops[sighting.id] = crop
         return joints

@@ -217,6 +217,8 @@ def _carriers() -> list[tuple[int, int]]:
 
 CARRIERS: tuple[tuple[int, int], ...] = tuple(_carriers())
 """Of each reported joint, the articulated joint that carries it and its site, -1 for none; -1, -1 if it is derived."""
+CARRIED: np.ndarray = np.array([carrier >= 0 for carrier, _ in CARRIERS])
+"""Bool (20,): reported joints that the body carries; the others are derived from these."""
 
 
 def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:

@@ -88,7 +88,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def joints_wanted(self) -> Wanted:
-        """See `Tracker.joints_wanted`: the swarm starts from them."""
+        """See `Tracker.joints_wanted`: the swarm starts from them, and in every frame they are evidence."""
         return "offered" if self._swarm else "none"
 
     @property
@@ -144,7 +144,7 @@ class HybridTracker(SearchingTracker):
         s = self.settings
         return Observer(
             s.landmarks, s.extrema, s.fitting.cloud_samples, self._regressor, s.vote_samples,
-            self.guide, s.vote_pull, body=s.body,
+            self.guide, s.vote_pull, body=s.body, told_joints=bool(self._swarm),
         )  # fmt: skip
 
     @cached_property

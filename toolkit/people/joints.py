@@ -85,7 +85,7 @@ class GivenJoints(NoJoints):
         if not frame.joints or not sightings:
             return tuple(sightings)
         seen = [self._seen_by(joints, sightings[0].camera) for joints in frame.joints]
-        claims = np.array([[on_cut_out(joints, s.depth) for joints in seen] for s in sightings])
+        claims = np.array([[on_cut_out(joints, s.depth).sum() for joints in seen] for s in sightings])
         sure = np.array([np.count_nonzero(joints.sure) for joints in seen])
         claims[claims < LEAST_SHARE * sure] = 0
         with_joints = list(sightings)
@@ -104,10 +104,11 @@ class GivenJoints(NoJoints):
         return Joints2D.of_rows(rows)
 
 
-def on_cut_out(joints: Joints2D, depth: np.ndarray) -> int:
-    """How many of the sure joints lie on a person's depth (H, W), or close beside it."""
-    count = 0
-    for u, v in np.rint(joints.pixels[joints.sure]).astype(np.int64):
+def on_cut_out(joints: Joints2D, depth: np.ndarray) -> np.ndarray:
+    """Which of the sure joints lie on a person's depth (H, W), or close beside it: bool (20,)."""
+    found = np.zeros(len(joints.sure), dtype=np.bool_)
+    for joint in np.flatnonzero(joints.sure):
+        u, v = np.rint(joints.pixels[joint]).astype(np.int64)
         rows, columns = slice(max(v - REACH, 0), v + REACH + 1), slice(max(u - REACH, 0), u + REACH + 1)
-        count += bool(depth[rows, columns].any())
-    return count
+        found[joint] = depth[rows, columns].any()
+    return found

@@ -7,15 +7,13 @@ import math
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.fitting.terms import CARRIERS
+from toolkit.fitting.terms import CARRIED
 from toolkit.kernels import linear
 from toolkit.qammaz.discrepancy import JOINT_WEIGHTS, SeenJoints
 from toolkit.rotations import quaternions as quat
 from toolkit.sensing.joints2d import BEHIND_SKIN
 from toolkit.tracking.observation import Observation
 
-CARRIED: np.ndarray = np.array([carrier >= 0 for carrier, _ in CARRIERS])
-"""Bool (20,): reported joints that the body carries; the others are derived from these."""
 SWAPPED = (0.08, 0.6)
 """Metres that the previous joints are away from the seen ones, and the share of it from the seen ones with left and
 right exchanged: then a detector has taken one side for the other."""

@@ -13,6 +13,7 @@ from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.regressed import VotedJoints, links_out_of_view
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.sighted import SightedJoints
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.cuts import on_cuts
@@ -21,6 +22,7 @@ from toolkit.landmarks.facing import estimate_facing, smoothed_facing
 from toolkit.landmarks.graph import Workspace, grid_graph
 from toolkit.landmarks.regressor import JointEstimate, JointRegressor
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.people.joints import on_cut_out
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
@@ -28,6 +30,8 @@ from toolkit.tracking.state import PersonState
 
 LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
 """Bool (18,): joints of the legs."""
+OWN_SHARE = 0.5
+"""Share of the joints in the image that have to lie on the person's own pixels; with fewer they are another's."""
 VIEW_TIME = 0.3
 """Seconds over which what is in view is smoothed: a person who crouches for a moment is no head behind a desk."""
 
@@ -48,6 +52,7 @@ class Observer:
     learning : whether the body is being learnt, so that this holds for all frames: clothes hide a size as well as
         furniture does
     body : how much of a person there is to see: "auto", "whole" or "upper", see `HybridSettings`
+    told_joints : whether joints in the image are evidence in every frame, those on the person's own pixels
     """
 
     landmarks: LandmarkSettings
@@ -59,6 +64,7 @@ class Observer:
     vote_pull: float = 0.0
     learning: bool = False
     body: str = "auto"
+    told_joints: bool = False
 
     @property
     def kind(self) -> type[Observation]:
@@ -216,6 +222,11 @@ class Observation:
         unsure = not self.follows or observer.learning
         if observer.vote_pull > 0.0 and unsure and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
+        if observer.told_joints and self.joints is not None:
+            own = on_cut_out(self.joints, self.cloud.depth)
+            if own.sum() >= OWN_SHARE * self.joints.sure.sum():
+                joints = self.joints._replace(confidence=np.where(own, self.joints.confidence, 0.0))
+                evidence.append(SightedJoints(joints, self.cloud.camera))
         return evidence
 
     @cached_property
