@@ -50,7 +50,7 @@ from toolkit.tracking.heading import (
 )  # fmt: skip
 from toolkit.tracking.passes import BothWays, Plan
 from toolkit.tracking.search.extrema import ExtremaQuery
-from toolkit.tracking.sightings import SightingFile
+from toolkit.tracking.sightings import PersonSightings, SightingFile
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import (
     StatureBelief,
@@ -364,19 +364,20 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     assert RunInfo.load(run).shape == RunInfo.load(whole).shape
 
 
-@pytest.mark.parametrize("likely", [True, False])
-def test_what_never_moves_is_left_out_where_the_second_pass_finds_that_nobody_stands_like_that(
-    likely: bool, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("likely", "told"), [(True, 0.0), (False, 0.4), (False, 0.5)])
+def test_what_never_moves_is_left_out_where_nobody_stands_like_that_and_no_detector_sees_anybody(
+    likely: bool, told: float, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     still = {1: Evidence(4, 4, 8.0, 4)}
     monkeypatch.setattr(SeveralPeople, "evidence", still)
     monkeypatch.setattr(evidence, "NOBODYS", 1e3 if likely else 1e-6)
+    monkeypatch.setattr(PersonSightings, "told_share", lambda seen: told)
     summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None, warm_up=False)
-    found = load_people(tmp_path / "run")
-    assert not summary.interrupted and (len(found.people), len(found.furniture)) == (likely, not likely)
-    own = found.people[0].evidence if likely else found.furniture[0]
+    found, kept = load_people(tmp_path / "run"), likely or told == 0.5
+    assert not summary.interrupted and (len(found.people), len(found.furniture)) == (kept, not kept)
+    own = found.people[0].evidence if kept else found.furniture[0]
     assert own is not None
-    assert own.unlikely > 0.0 and (tmp_path / "run" / "person_01").exists() == likely
+    assert (own.unlikely > 0.0) == (told < 0.5) and (tmp_path / "run" / "person_01").exists() == kept
     if likely:
         poses = Track.load(tmp_path / "run" / "person_01").pose
         energies = [sum(term.energy(pose) for term in tracker.priors) for pose in poses]

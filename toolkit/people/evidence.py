@@ -42,7 +42,8 @@ class Evidence:
     shaped : how many of the looks showed a person's shape
     judged : sum of the mean log odds that the judge gave for the head's pixels
     rested : how many of the looks showed a head at which nothing ever moves
-    unlikely : energy of the pose prior, in the median over the frames, of the body that was followed; 0 before
+    unlikely : energy of the pose prior, in the median over the frames, of the body that was followed; 0 before, and of
+        whom a detector saw in the image
     """
 
     looks: Annotated[int, Range(0)] = 0

@@ -32,6 +32,8 @@ from toolkit.tracking.ways import WayFile
 FOLDER, BEFORE_FOUND = "second", "before"
 """Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
 STATE_FILE = "state.npz"
+TOLD = 0.5
+"""Share of the frames in which a detector sees joints of whoever keeps still; of coats it does in a seventh."""
 MEMORY_SECONDS = 2.0
 """A killed run loses at most this much work: the state is written so often, seconds."""
 
@@ -157,7 +159,9 @@ class SecondPass:
         if person in self.evidence:
             poses = self._sink.past(person)["pose"][seen.frames]
             energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
-            self.evidence[person] = replace(self.evidence[person], unlikely=float(np.median(energies)))
+            own = replace(self.evidence[person], unlikely=float(np.median(energies)))
+            somebody = own.lifeless and seen.told_share() >= TOLD
+            self.evidence[person] = replace(own, unlikely=0.0) if somebody else own
 
     def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
         """All rows of a person; where they were out of sight the last pose, before that the first one."""

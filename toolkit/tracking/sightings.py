@@ -216,6 +216,11 @@ class PersonSightings:
         except (ValueError, zlib.error) as error:
             raise TrackError(f"frame {frame} in {self._path} is damaged ({error}); {HINT}") from error
 
+    def told_share(self) -> float:
+        """Share of these frames in which joints of the person were seen in the image."""
+        told = (sighting is not None and sighting.joints is not None for sighting in map(self.__getitem__, self.frames))
+        return sum(told) / max(len(self.frames), 1)
+
 
 def _unwritable(folder: Path, error: OSError) -> OutputError:
     return OutputError(f"cannot write {folder}: {error.strerror or error}; free some space and continue with --resume")
