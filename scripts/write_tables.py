@@ -59,6 +59,12 @@ def column(rows: Mapping[str, Any], names: Sequence[str], figure: str = "") -> l
     return [rows[name][figure] if figure else rows[name] for name in names]
 
 
+def in_colour(line: Mapping[str, Any]) -> str:
+    """A line of scenes that were tracked with colour: error, share within 100 mm; switches, misses, false."""
+    counts = ", ".join(str(line[name]) for name in ("switches", "misses", "false"))
+    return f"{fixed(line['error_mm'])} mm, {percent(line['a100'])} %; {counts}"
+
+
 def compared(group: str, other: str) -> dict[str, Any]:
     """Mean errors of the hybrid tracker and of another row in a group of the suite, by a paired bootstrap."""
     found = figures("accuracy_report")["rows"] | figures("baak2013_report")["rows"]
@@ -95,6 +101,7 @@ ENVIRONMENT = Environment(
 ENVIRONMENT.filters |= {"f": fixed, "pct": percent}
 ENVIRONMENT.globals |= {
     "figures": figures, "results": results, "share": share, "column": column, "compared": compared, "damage": damage,
+    "in_colour": in_colour,
 }  # fmt: skip
 TABLES: dict[str, Any] = {
     name: macro for name, macro in vars(ENVIRONMENT.get_template("tables.jinja").module).items() if callable(macro)
