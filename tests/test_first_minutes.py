@@ -146,12 +146,12 @@ def test_a_summary_says_where_the_tracker_is_hardly_sure(tmp_path: Path, confide
     from toolkit.pipeline.summary import summarised
     from toolkit.track import EMPTY, TRACKED, Track
 
-    count = 4
+    count = 9
     track = Track(
         joints=np.zeros((count, 20, 3), np.float32), pose=np.zeros((count, 43)),
-        confidence=np.full((count, 20), confidence, np.float32), state=np.array([TRACKED] * 3 + [EMPTY], np.uint8),
+        confidence=np.full((count, 20), confidence, np.float32), state=np.array([TRACKED] * 3 + [EMPTY] * 6, np.uint8),
         source=np.zeros(count, np.uint8), timestamps=np.arange(count) / 30,
-        stage_ms=np.array([[1, 9], [1, 0], [9, 1], [2, 2]], np.float32), stage_names=("one", "two"),
+        stage_ms=np.array([[1, 9], [1, 0], [9, 1], *[[0, 0]] * 5, [2, 2]], np.float32), stage_names=("one", "two"),
         observed=np.ones((count, 20), dtype=bool), source_names=("local",),
     )  # fmt: skip
     text = summarised("take", tmp_path, [track], count, stature=1.744).text()

@@ -27,7 +27,8 @@ class RunSummary:
     name : of the recording
     run : its run folder
     frames, recorded_frames : rows of the track and frames of the recording
-    stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together
+    stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together, where there
+        was something to do
     states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
     people : how many were followed
     confidence : mean of the observed joints in tracked frames, of all people together; NaN where there is none
@@ -82,14 +83,15 @@ def summarised(
     stage_ms: dict[str, float] = {}
     states = dict.fromkeys(STATE_NAMES, 0)
     for track in tracks:
-        medians = np.median(track.stage_ms, axis=0) if len(track) else np.zeros(len(track.stage_names))
+        busy = track.stage_ms[track.stage_ms.any(axis=1)]
+        medians = np.median(busy, axis=0) if len(busy) else np.zeros(len(track.stage_names))
         for stage, milliseconds in zip(track.stage_names, map(float, medians), strict=True):
             stage_ms[stage] = stage_ms.get(stage, 0.0) + milliseconds
         for state in (TRACKED, LOST, EMPTY):
             states[STATE_NAMES[state]] += int((track.state == state).sum())
     frames = len(tracks[0]) if tracks else recorded_frames
     each = sum((track.stage_ms.sum(axis=1) for track in tracks), np.zeros(frames if tracks else 0))
-    frame_ms = float(np.median(each)) if len(each) else 0.0
+    frame_ms = float(np.median(each[each > 0])) if each.any() else 0.0
     people, sure = len(tracks), confidence_of(tracks)
     return RunSummary(name, run, frames, recorded_frames, stage_ms, frame_ms, states, people, sure, unfinished, stature)
 
