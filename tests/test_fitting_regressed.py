@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.placed_bodies import normal, pose
 from toolkit import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
+from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.regressed import CAP, OUT_OF_VIEW, SURE, WITHIN, VotedJoints, links_out_of_view
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
@@ -22,14 +23,6 @@ def placed(**angles: float) -> PlacedBody:
     return PLACER.place(BODY, pose(**angles))
 
 
-def pose(**entries: float) -> np.ndarray:
-    found = np.zeros(skeleton.POSE_SIZE)
-    found[2] = -2.5
-    for name, value in entries.items():
-        found[skeleton.POSE_NAMES.index(name)] += value
-    return found
-
-
 def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstimate:
     """Votes at the joints of the standing body, some of them shifted; nobody is sure of the others."""
     points = BODY.joint_positions(pose())
@@ -38,14 +31,6 @@ def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstima
         points[joint] += by
         sure[joint] = reliability
     return JointEstimate(points, sure, np.ones(20), sure)
-
-
-def normal(evidence: VotedJoints, body: PlacedBody) -> NormalSystem:
-    system = NormalSystem()
-    system.reset(body.origins[0])
-    evidence.attract(system, body)
-    system.assemble(body)
-    return system
 
 
 def test_within_ten_centimetres_a_vote_says_nothing() -> None:

@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from tests.placed_bodies import normal, pose
 from toolkit import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
+from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.sighted import CAP, PULL, WITHIN, SightedJoints
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.joints2d import SURE, Joints2D
@@ -20,14 +21,6 @@ CAMERA = Camera(100.0, 110.0, 39.5, 49.5, 80, 100)
 PLACER = Placer(BODY, CAMERA, LEVEL)
 HAND = skeleton.REPORTED.index("left_hand")
 DERIVED = ("pelvis", "spine", "neck")
-
-
-def pose(**entries: float) -> np.ndarray:
-    found = np.zeros(skeleton.POSE_SIZE)
-    found[2] = -2.5
-    for name, value in entries.items():
-        found[skeleton.POSE_NAMES.index(name)] += value
-    return found
 
 
 def placed(**angles: float) -> PlacedBody:
@@ -48,14 +41,6 @@ def seen(points: np.ndarray, confidence: np.ndarray | float = 1.0) -> Joints2D:
 def only(chosen: list[int], confidence: float = 1.0) -> np.ndarray:
     """Confidence (20,) in some joints alone."""
     return np.where(np.isin(np.arange(20), chosen), confidence, 0.0)
-
-
-def normal(evidence: SightedJoints, body: PlacedBody) -> NormalSystem:
-    system = NormalSystem()
-    system.reset(body.origins[0])
-    evidence.attract(system, body)
-    system.assemble(body)
-    return system
 
 
 def plain_cost(points: np.ndarray, sighted: Joints2D) -> float:
