@@ -33,7 +33,7 @@ class HybridSettings:
     hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
         where extrema merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on first
         frames and after losses, hands where the cloud ends, and the best pose turned round), "swarm" (likewise, where
-        joints are seen in the image; set up as in configs/swarm.yaml)
+        joints are seen in the image, which are evidence in every frame then; set up as in configs/swarm.yaml)
     body : how much of a person there is to see: "auto" (the regressor tells which links are out of view, frame by
         frame), "whole" (nothing is out of view that the frame does not hide), "upper" (legs are never looked for)
     extrema : geodesic extrema per frame: the lookup asks by them, and the local optimisation draws the body to them
