@@ -29,8 +29,10 @@ from toolkit.config import parse_overrides
 from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.joints import JointChoice
 from toolkit.recordings.opening import open_recording
+from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.rendering.film import contact_sheet, save_png
+from toolkit.sensing.camera import Camera
 from toolkit.testing.suite import ROOT
 from toolkit.track import Track
 from toolkit.tracking.protocol import Tracker
@@ -74,19 +76,16 @@ def in_colour(name: str, rooms: Path, work: Path) -> Path:
     if path.exists():
         return path
     plain = open_recording(rooms / name, intrinsics=tuple(annotations_of(rooms, name)["intrinsics"]))
-    camera, (fx, fy, cx, cy), (right, down, ahead) = plain.camera, COLOR_CAMERA, COLOR_SHIFT
-    v, u = np.mgrid[: camera.height, : camera.width]
-    with RecordingWriter(path, camera) as writer:
+    (fx, fy, cx, cy), (right, down) = COLOR_CAMERA, OFFSETS[name]
+    color_camera = Camera(fx, fy, cx + right, cy + down, plain.camera.width, plain.camera.height)
+    lenses = FactoryCalibration(plain.camera, color_camera, np.eye(3), np.array(COLOR_SHIFT), np.eye(3))
+    with RecordingWriter(path, plain.camera) as writer:
         for i in range(len(plain)):
-            z, color = plain.depth(i) / 1000.0, plain.color(i)
+            depth, color = plain.depth(i), plain.color(i)
             assert color is not None
-            near, share = (cv2.blur(image, (FILLED, FILLED)) for image in (z, (z > 0).astype(np.float64)))
-            z = np.where(z > 0, z, np.where(share > 0, near / np.maximum(share, 1e-6), np.median(z[z > 0])))
-            x, y = (u - camera.cx) * z / camera.fx + right, (v - camera.cy) * z / camera.fy + down
-            at_u = (fx * x / (z + ahead) + cx + OFFSETS[name][0]).astype(np.float32)
-            at_v = (fy * y / (z + ahead) + cy + OFFSETS[name][1]).astype(np.float32)
-            looked_up = cv2.remap(color, at_u, at_v, cv2.INTER_LINEAR).astype(np.uint8)
-            writer.append(plain.depth(i), i / RATES[name], color=looked_up)
+            near, share = (cv2.blur(image.astype(np.float64), (FILLED, FILLED)) for image in (depth, depth > 0))
+            filled = np.where(depth > 0, depth, near / np.maximum(share, 1e-6))
+            writer.append(depth, i / RATES[name], color=registered(filled, color, lenses))
     return path
 
 

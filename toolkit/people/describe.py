@@ -179,6 +179,6 @@ def _advice(
         found.append("--up X,Y,Z if the camera is tilted: no floor is seen")
     if recording.camera.width * recording.camera.height >= FULL_SIZE:
         found.append("--set sensing.half_resolution=true is faster")
-    if sightings and recording.color(0) is not None:
+    if sightings and recording.has_color:
         found.append("--joints colour has the colour as a witness, if it is registered to the depth (extra `joints`)")
     return found

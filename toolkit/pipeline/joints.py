@@ -87,7 +87,7 @@ def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> Join
         return GivenJoints(recording.camera)
     if wanted == "offered" and source == AUTO:
         return NoJoints()
-    has_color = recording.color(0) is not None
+    has_color = recording.has_color
     if source == COLOUR and not has_color:
         raise RecordingError(f"{recording.path} has no colour; use --joints depth, a folder of OpenPose JSON, or none")
     from toolkit.detector.detection import DetectedJoints

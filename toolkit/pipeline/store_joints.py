@@ -66,14 +66,13 @@ def store_joints(
     else:
         rows = _found(recording, source, finder_of(recording, people, sensing or SensingSettings()), progress)
     frames, known = range(len(recording)), recording.vertical.source in ("file", "option")
-    has_color = recording.color(0) is not None
     save_recording(
         output,
         depth=recording.frames(),
         camera=recording.camera,
         timestamps=recording.timestamps,
         background=recording.background,
-        color=(image for i in frames if (image := recording.color(i)) is not None) if has_color else None,
+        color=(image for i in frames if (image := recording.color(i)) is not None) if recording.has_color else None,
         up_camera=recording.up_camera if known else None,
         joints=recording.joints,
         reference_joints=recording.reference_joints,

@@ -188,6 +188,11 @@ class Recording:
             joints = mirrored_rows(joints, self.raw_camera.width)
         self.image_joints = rotated_rows(joints, self.raw_camera, self._turns)
 
+    @property
+    def has_color(self) -> bool:
+        """Whether the frames come with colour."""
+        return self.color(0) is not None
+
     def color(self, i: int) -> np.ndarray | None:
         """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
         image = self.source.color(self._checked(i))
