@@ -10,7 +10,7 @@ BIN := $(VENV)/bin
 # Bytecode is kept: without it every process compiles all sources anew, and pytest writes all assertions anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test quick environment lint node wheel clean
+.PHONY: demo test test-data quick environment lint node wheel clean
 
 environment:
 	@scripts/check_system_libraries.sh
@@ -35,6 +35,10 @@ quick:
 # A file of tests stays with one worker, so that what its tests share is made once; the longest files come first.
 test: lint node
 	$(BIN)/pytest -n logical --dist loadfile --no-loadscope-reorder
+
+# Needs a folder of recordings and motion capture of others: DEPTHMOCAP_DATA names it.
+test-data: environment
+	$(BIN)/pytest -n logical --dist loadfile --no-loadscope-reorder -m data
 
 wheel: environment
 	scripts/check_wheel.sh $(BIN)/python

@@ -1,10 +1,10 @@
 """Tracks against real wearable sensors: `depthmocap bench inertial real [--runs FOLDER] [--people 1,5]`.
 
-The 108 shared recordings of UTD-MHAD carry one sensor each, on the right wrist or the right thigh, without times, north
+The 108 recordings of UTD-MHAD carry one sensor each, on the right wrist or the right thigh, without times, north
 or a common clock. Per clip: the clock with its ratio by angular speed and acceleration; the correlation of the angular
 speeds there, and whether the left limb would fit as well; the full and the axis distance, with the mounting from the
 person's other clips, clock and heading from the clip. `--runs` holds the run folders of `depthmocap bench real`;
-without it the recordings are tracked first. Needs `../shared/data/inertial/utd_mhad`.
+without it the recordings are tracked first. Needs the data sets `utd_mhad` and `utd_mhad_inertial`.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, make_tracker, poses_of
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
+from toolkit.datasets.folder import data_folder
 from toolkit.errors import InertialError
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.distance import distances, worlds_of
@@ -41,8 +42,7 @@ from toolkit.kernels.motion.inertial import correlation_over_lags
 from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_upright
 
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
-RECORDINGS, SENSORS = SHARED / "depth" / "utd_mhad", SHARED / "inertial" / "utd_mhad"
+RECORDINGS, SENSORS = data_folder() / "depth" / "utd_mhad", data_folder() / "inertial" / "utd_mhad"
 SYNC = SyncSettings(max_offset=0.7, rates=(0.85, 1.35))
 """The recordings lie 49 to 68 ms apart by their own lengths, and the reader says 53."""
 SURE = 0.75

@@ -26,7 +26,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks import _record, rooms
+from benchmarks import _record, _room_scores, rooms
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of, settings_of, track_each
 from benchmarks.scenes import tracks_of
@@ -67,7 +67,7 @@ class Ablation:
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
-        self._options, self._score = options, rooms.scorer(options.rooms)
+        self._options = options
         self._scenes = {
             "scenes": chosen_scenes("report", GROUPS, options.takes),
             "furnished": chosen_scenes("report", ROOM_GROUPS, options.takes),
@@ -92,11 +92,9 @@ class Ablation:
         runs, failed = rooms.track_rooms(list(rooms.RATES), self._options.rooms, folder, tracker)
         total: dict[str, Any] = {}
         for name, run in runs.items():
-            tracks = self._score.load_run(run) if name not in failed else []
-            self._score.add(
-                total, rooms.scored(self._score, rooms.annotations_of(self._options.rooms, name), tracks)["counts"]
-            )
-        self._score.show("rooms", total)
+            tracks = _room_scores.load_run(run) if name not in failed else []
+            _room_scores.add(total, rooms.scored(rooms.annotations_of(name), tracks)["counts"])
+        _room_scores.show("rooms", total)
         return total
 
     def _simulated(self, part: str, tracker: HybridTracker, folder: Path) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 from benchmarks._record import RESULTS, commit
 from benchmarks._rows import add_database_options, poses_of
+from toolkit.datasets.folder import data_folder
 from toolkit.testing.suite import ROOT, WORK
 
 PACKAGED = "toolkit/database/assets/default.npz"
@@ -111,7 +112,7 @@ def _minutes(seconds: float | None) -> str:
 def main() -> None:
     """Run what is left."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data", help="mocap and recordings")
+    parser.add_argument("--data", type=Path, default=data_folder(), help="mocap and recordings")
     parser.add_argument("--only", nargs="+", choices=COMMANDS, metavar="RESULT", default=list(COMMANDS))
     parser.add_argument("--list", action="store_true", help="tell what would run")
     add_database_options(parser)

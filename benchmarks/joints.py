@@ -6,7 +6,7 @@
   swapped (the joints fit the truth twice as well with the names exchanged). With `--real` also the shaded depth of
   UTD-MHAD against the Kinect SDK's joints, which are no truth, and the colour frame of a RealSense camera against the
   joints of OpenPose.
-- `followed [--rows swarm,hybrid,not told] [--database POSES]`: the RealSense clip among the shared recordings, 40
+- `followed [--rows swarm,hybrid,not told] [--database POSES]`: the RealSense clip, 40
   frames of two people in a room, one seated. Joints are found in the colour, of all people, once; the swarm tracker,
   and the hybrid one beside it, follow with them, `not told` is the hybrid one without. There is no truth: printed is
   how far the fitted joints lie from the detected ones in the image, at the joint's distance.
@@ -30,6 +30,7 @@ from benchmarks._record import run_part, save_figures
 from benchmarks._rows import add_database_options, add_take_options, poses_of
 from toolkit import skeleton
 from toolkit.config import parse_overrides
+from toolkit.datasets.folder import data_folder
 from toolkit.detector.detection import DetectedJoints
 from toolkit.detector.joint_formats import COCO_18, POSE_MODEL, reported_rows
 from toolkit.detector.pose_model import PoseModel
@@ -49,10 +50,10 @@ from toolkit.sensing.settings import SensingSettings
 from toolkit.simulation.simulate import simulate_scene
 from toolkit.testing.casting import Scene
 from toolkit.testing.scenes import people_of, shot_of
-from toolkit.testing.suite import GROUPS, RATE, ROOT, WORK, chosen_takes, digest_of
+from toolkit.testing.suite import GROUPS, RATE, WORK, chosen_takes, digest_of
 from toolkit.track import TRACKED, Track
 
-DEPTH = ROOT.parent / "shared" / "data" / "depth"
+DEPTH = data_folder() / "depth"
 FOUND = [skeleton.REPORTED.index(name) for name in POSE_MODEL]
 """The joints that the network knows."""
 SOURCES = ("colour", "depth")
@@ -212,7 +213,7 @@ def detected(parser: argparse.ArgumentParser) -> None:
     print(save_figures(f"joints_{options.split}", figures, vars(options)))
 
 
-CLIP = ROOT.parent / "shared" / "data" / "depth" / "realsense" / "images_n40"
+CLIP = DEPTH / "realsense" / "images_n40"
 
 
 def apart_mm(track: Track, recording: Recording) -> np.ndarray:

@@ -37,6 +37,7 @@ from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
+from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
@@ -46,11 +47,11 @@ from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.skeleton import END_EFFECTORS
-from toolkit.testing.suite import ROOT, WORK
+from toolkit.testing.suite import WORK
 from toolkit.track import TRACKED, RunInfo, Track
 from toolkit.tracking.protocol import Tracker
 
-RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"
+RECORDINGS = data_folder() / "depth" / "utd_mhad"
 LIMB_BONES = BONES[(OWNERS >= 0) & (OWNERS < END_EFFECTORS.index("head"))]
 """Of arms and legs: the reported neck lies between the shoulders, so that neck and head have no bone between them."""
 
@@ -163,7 +164,7 @@ def tracked(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures("real" if whole else part, figures, settings))
 
 
-DEPTH = ROOT.parent / "shared" / "data" / "depth"
+DEPTH = data_folder() / "depth"
 SETS = ("utd_mhad", "msr_action3d")
 
 

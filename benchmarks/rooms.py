@@ -1,9 +1,9 @@
 """People in real rooms, annotated by hand: `depthmocap bench rooms [--names um,filinha] [--frames] [--database POSES]`.
 
-Six sequences of a structured-light camera among the shared recordings: a classroom, five people in a row, two views of
-people who cross a laboratory. Each is tracked with `--people all` and no other option, and scored by the script that
-lies beside the annotations, in place. The figures hold its counts for every sequence, for all, and frame by frame, with
-a line for every miss, false person and switch. `--sheets` draws the annotated frames into the work folder: they show
+Six sequences of a structured-light camera: a classroom, five people in a row, two views of people who cross a
+laboratory. Each is tracked with `--people all` and no other option, and scored by `_room_scores.py` against
+`annotations/rooms/`. The figures hold the counts of each sequence, of all, and of each frame, with a line for each
+miss, false person and switch. `--sheets` draws the annotated frames into the work folder: they show
 people who can be recognised and belong nowhere else. `--joints colour` registers the colour to the depth by the
 calibration that is written beside the annotations. Never tune on these sequences: they judge.
 """
@@ -11,21 +11,19 @@ calibration that is written beside the annotations. Never tune on these sequence
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import io
 import json
 from collections.abc import Sequence
-from contextlib import redirect_stdout
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from benchmarks import _room_scores
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of, track_each
 from benchmarks.scenes import frame_picture, frame_times, tracks_of
 from toolkit.config import parse_overrides
+from toolkit.datasets.folder import data_folder
 from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.joints import JointChoice
 from toolkit.recordings.opening import open_recording
@@ -37,7 +35,8 @@ from toolkit.testing.suite import ROOT
 from toolkit.track import Track
 from toolkit.tracking.protocol import Tracker
 
-ROOMS = ROOT.parent / "shared" / "data" / "rooms"
+ROOMS = data_folder() / "rooms"
+ANNOTATIONS = ROOT / "benchmarks" / "annotations" / "rooms"
 RATES = {"filinha": 5.0, "um": 3.5, "lab1_cam1": 1.7, "lab1_cam2": 1.7, "lab2_cam1": 1.7, "lab2_cam2": 1.7}
 """Frames a second of the sequences, good to a quarter."""
 OFFSETS = {"filinha": (9.0, 2.5), "um": (9.0, 2.5), "lab1_cam1": (10.4, -4.8), "lab1_cam2": (5.4, 1.4)}
@@ -52,19 +51,9 @@ ALL = "all"
 """The name of all sequences together."""
 
 
-def scorer(rooms: Path) -> ModuleType:
-    """The script beside the annotations, loaded where it lies."""
-    spec = importlib.util.spec_from_file_location("score_rooms", rooms / "score_rooms.py")
-    if spec is None or spec.loader is None:
-        raise SystemExit(f"there is no score_rooms.py in {rooms}; name the folder with --rooms")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def annotations_of(rooms: Path, name: str) -> dict[str, Any]:
-    """What was drawn by hand into a sequence."""
-    truth: dict[str, Any] = json.loads((rooms / "annotations" / f"{name}.json").read_text(encoding="utf-8"))
+def annotations_of(name: str) -> dict[str, Any]:
+    """Return the annotations of a sequence."""
+    truth: dict[str, Any] = json.loads((ANNOTATIONS / f"{name}.json").read_text(encoding="utf-8"))
     return truth
 
 
@@ -75,7 +64,7 @@ def in_colour(name: str, rooms: Path, work: Path) -> Path:
     path = work / "rooms" / f"{name}_colour.npz"
     if path.exists():
         return path
-    plain = open_recording(rooms / name, intrinsics=tuple(annotations_of(rooms, name)["intrinsics"]))
+    plain = open_recording(rooms / name, intrinsics=tuple(annotations_of(name)["intrinsics"]))
     (fx, fy, cx, cy), (right, down) = COLOR_CAMERA, OFFSETS[name]
     color_camera = Camera(fx, fy, cx + right, cy + down, plain.camera.width, plain.camera.height)
     lenses = FactoryCalibration(plain.camera, color_camera, np.eye(3), np.array(COLOR_SHIFT), np.eye(3))
@@ -99,20 +88,19 @@ def track_rooms(
         if joints == "colour":
             runs[run] = in_colour(name, rooms, work), {}
         else:
-            camera = annotations_of(rooms, name)["intrinsics"]
+            camera = annotations_of(name)["intrinsics"]
             runs[run] = rooms / name, {"intrinsics": tuple(camera), "frame_rate": RATES.get(name, 5.0)}
     failed = track_each(runs, tracker, people=None, joints=JointChoice(joints))
     return {run.name: run for run in runs}, {run.name: reason for run, reason in failed.items()}
 
 
-def scored(score: ModuleType, truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any]:
-    """The script's counts of a sequence, and those of each annotated frame with what happened in it."""
-    with redirect_stdout(io.StringIO()) as told:
-        counts = score.score(truth, tracks, verbose=True)
-    lines = [line.strip() for line in told.getvalue().splitlines()]
+def scored(truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the counts of a sequence, and those of each annotated frame with its events."""
+    lines: list[str] = []
+    counts = _room_scores.score(truth, tracks, lines)
     frames = {}
     for key, entry in truth["frames"].items():
-        own = score.score(truth | {"frames": {key: entry}}, tracks)
+        own = _room_scores.score(truth | {"frames": {key: entry}}, tracks)
         events = [line.split(": ", 1)[1] for line in lines if line.startswith(f"frame {key}: ")]
         frames[key] = own | {"events": events}
     return {"counts": counts, "frames": frames}
@@ -143,7 +131,7 @@ def print_times(runs: dict[str, Path]) -> dict[int, float]:
 def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of sequences, annotations and score_rooms.py")
+    parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of the sequences")
     parser.add_argument("--names", help="comma-separated, out of: " + ", ".join(RATES))
     parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`")
     parser.add_argument("--frames", action="store_true", help="print misses, switches and false people")
@@ -156,8 +144,7 @@ def parse() -> argparse.Namespace:
 def main() -> None:
     """Track, score, print, write JSON and sheets."""
     options = parse()
-    score = scorer(options.rooms)
-    there = [path.stem for path in sorted((options.rooms / "annotations").glob("*.json"))]
+    there = [path.stem for path in sorted(ANNOTATIONS.glob("*.json"))]
     names = options.names.split(",") if options.names else there
     failed: dict[str, str] = {}
     if options.runs is None:
@@ -168,17 +155,17 @@ def main() -> None:
     figures: dict[str, Any] = {}
     total: dict[str, Any] = {}
     for name, run in runs.items():
-        truth = annotations_of(options.rooms, name)
-        figures[name] = scored(score, truth, score.load_run(run) if run.is_dir() else [])
-        score.show(name, figures[name]["counts"])
+        truth = annotations_of(name)
+        figures[name] = scored(truth, _room_scores.load_run(run) if run.is_dir() else [])
+        _room_scores.show(name, figures[name]["counts"])
         if options.frames:
             for key, frame in figures[name]["frames"].items():
                 print(*(f"  frame {key}: {event}\n" for event in frame["events"]), sep="", end="")
-        score.add(total, figures[name]["counts"])
+        _room_scores.add(total, figures[name]["counts"])
         if options.sheets:
             reader = {"intrinsics": tuple(truth["intrinsics"])}
             print("  written:", write_sheet(name, run, truth, reader, options))
-    score.show(f"{ALL} ({len(runs)} sequences)", total)
+    _room_scores.show(f"{ALL} ({len(runs)} sequences)", total)
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
     figures[ALL] = {"counts": total, "failed": failed, "frame_ms": print_times(runs)}

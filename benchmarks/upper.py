@@ -29,6 +29,7 @@ from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.config import parse_overrides
+from toolkit.datasets.folder import data_folder
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation.joints import visible_joints
 from toolkit.files import save_bytes
@@ -46,7 +47,7 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.solo import Solo
-from toolkit.testing.suite import ROOT, WORK
+from toolkit.testing.suite import WORK
 from toolkit.testing.upper import GROUPS, MORE, upper_scenes
 from toolkit.track import TRACKED
 from toolkit.tracking.protocol import Tracker
@@ -64,7 +65,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 filter's first poses, `particles` lets local optimisation compete, numbers are particles in each layer."""
 
 
-DEPTH = ROOT.parent / "shared" / "data" / "depth"
+DEPTH = data_folder() / "depth"
 ANNOTATIONS = Path(__file__).parent / "annotations"
 STILL_CAMERA = (575.0, 575.0, 320.0, 240.0)
 SEATED = "seed:263,271"

@@ -69,7 +69,7 @@ def load_mutants(path: Path = MUTANTS) -> list[Mutant]:
 
 
 def copy_tree(folder: Path) -> Path:
-    """A copy of the project in `folder`, beside whatever lies beside the project, without compiled code."""
+    """Copy the project into `folder`, without compiled code, and return the copy."""
     tree = folder / "project"
     tree.mkdir(parents=True)
     for name in COPIED:
@@ -79,8 +79,6 @@ def copy_tree(folder: Path) -> Path:
             shutil.copytree(source, tree / name, ignore=left_out)
         else:
             shutil.copy(source, tree / name)
-    if (ROOT.parent / "shared").exists():
-        (folder / "shared").symlink_to(ROOT.parent / "shared")
     return tree
 
 

@@ -44,7 +44,13 @@ def environments(runs: int, folders: list[Path]) -> Iterator[tuple[dict[str, str
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("recordings", nargs="*", type=Path, metavar="RECORDING", help="else those in ../shared/data")
+    parser.add_argument(
+        "recordings",
+        nargs="*",
+        type=Path,
+        metavar="RECORDING",
+        help="default: the data sets repro, utd_mhad, realsense and skeltrack",
+    )
     parser.add_argument("--database", type=Path, required=True, help="pose database")
     parser.add_argument("--runs", type=int, default=20, help="environments per recording")
     parser.add_argument("--set", action="append", default=[], help="a setting, as `depthmocap track` takes it")

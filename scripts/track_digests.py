@@ -21,8 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.datasets.folder import data_folder
+
 ROOT = Path(__file__).resolve().parents[1]
-DEPTH = ROOT.parent / "shared" / "data" / "depth"
+DEPTH = data_folder() / "depth"
 TIMES = ("stage_ms", "stage_names", "checksum")
 """Columns of a track that are no result."""
 

@@ -30,15 +30,18 @@ LONGEST = (
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # its threads would spin on the processor of the other worker
 settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("suite")
-SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+ABSENT = "needs recordings of others: set DEPTHMOCAP_DATA to the folder that holds them"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what `make quick` runs, and put the longest modules first."""
     places = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.path.stem, len(LONGEST)))
+    absent = pytest.mark.skip(reason=ABSENT)
     for item in items:
-        if item.path.stem in QUICK and item.get_closest_marker("shared_data") is None:
+        if item.get_closest_marker("data") is not None and not os.environ.get("DEPTHMOCAP_DATA"):
+            item.add_marker(absent)
+        if item.path.stem in QUICK and item.get_closest_marker("data") is None:
             item.add_marker(pytest.mark.quick)
 
 
@@ -66,7 +69,7 @@ def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def cut_recordings(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def cut_recordings(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of two recordings of UTD-MHAD with their skeletons, the first 24 frames of each."""
     from scipy.io import loadmat, savemat
 
@@ -74,13 +77,13 @@ def cut_recordings(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) 
     for name in ("a1_s1_t1", "a3_s3_t1"):
         for kind, key in (("depth", "d_depth"), ("skeleton", "d_skel")):
             file = f"{name}_{kind}.mat"
-            savemat(folder / file, {key: loadmat(shared_data / "depth" / "utd_mhad" / file)[key][..., :24]})
+            savemat(folder / file, {key: loadmat(data_folder / "depth" / "utd_mhad" / file)[key][..., :24]})
     return folder
 
 
 @pytest.fixture(scope="session")
-def shared_data() -> Path:
-    """Folder of real recordings and mocap beside the project; tests that ask for it are skipped where it is absent."""
-    if not SHARED_DATA.is_dir():
-        pytest.skip("the shared data folder ../shared/data is absent")
-    return SHARED_DATA
+def data_folder() -> Path:
+    """Return the folder of recordings and mocap of others; skip the test where there is none."""
+    if not os.environ.get("DEPTHMOCAP_DATA"):
+        pytest.skip(ABSENT)
+    return Path(os.environ["DEPTHMOCAP_DATA"])

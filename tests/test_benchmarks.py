@@ -101,14 +101,14 @@ def test_no_actor_of_a_take_is_in_the_database_or_in_the_other_split() -> None:
     assert actors == [{"bk"}, {"dg", "02", "49"}]
 
 
-@pytest.mark.shared_data
-def test_the_database_is_made_of_other_actors(shared_data: Path) -> None:
+@pytest.mark.data
+def test_the_database_is_made_of_other_actors(data_folder: Path) -> None:
     names = [path.stem for path in suite.database_sources() or []]
     assert names and not any(name.startswith(("02_", "49_", "HDM_bk", "HDM_dg")) for name in names)
 
 
-@pytest.mark.shared_data
-def test_every_motion_of_the_suite_exists(shared_data: Path) -> None:
+@pytest.mark.data
+def test_every_motion_of_the_suite_exists(data_folder: Path) -> None:
     for take in takes("tune") + takes("report"):
         assert len(suite.motion_files(take.actor.clip)) == 1, take.name
 
@@ -178,7 +178,6 @@ def test_wrong_frames_are_counted_over_all_recordings_and_in_a_row_within_one(
     assert accuracy.wrong_stretches([Path("a"), Path("b")], [tmp_path] * 2) == {"frames": 8, "longest": 5}
 
 
-@pytest.mark.shared_data
 def test_what_each_part_of_telling_people_from_rooms_is_worth_is_told_row_by_row(
     bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -348,7 +347,7 @@ def test_six_people_are_recorded_by_a_camera_of_its_own_size(tmp_path: Path) -> 
     assert recording.depth(1).shape == (480, 640)
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_real_recordings_are_measured(
     cut_recordings: Path, bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -274,9 +274,9 @@ def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
         assert words in text
 
 
-@pytest.mark.shared_data
-def test_real_mocap_becomes_a_database_with_plausible_people(shared_data: Path, tmp_path: Path) -> None:
-    folder = shared_data / "mocap"
+@pytest.mark.data
+def test_real_mocap_becomes_a_database_with_plausible_people(data_folder: Path, tmp_path: Path) -> None:
+    folder = data_folder / "mocap"
     files = [
         folder / "cmu" / "02_01.bvh",
         folder / "cmu" / "49_02.bvh",

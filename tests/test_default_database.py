@@ -38,7 +38,7 @@ def test_it_knows_rooms_people_who_sit_and_what_it_was_made_of(database: PoseDat
     assert len(database) > 5000 and database.body_name == "neutral" and not database.notes["skipped"]
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_its_mocap_is_that_of_the_shared_cmu_folders_and_of_nobody_else(database: PoseDatabase) -> None:
     files = [p for folder in ("mocap/cmu", "mocap_more/cmu") for p in (MOCAP.parent / folder).rglob("*.*")]
     known = {path.name: sha256_of(path) for path in files}

@@ -351,12 +351,12 @@ def test_the_benchmark_finds_equal_extrema_and_visits_on_rendered_people() -> No
     assert row["visited_mean"][1:].max() < 0.5 * row["visited_mean"][0]
 
 
-@pytest.mark.shared_data
-def test_on_real_recordings_the_fast_extrema_are_those_of_algorithm_1(shared_data) -> None:
+@pytest.mark.data
+def test_on_real_recordings_the_fast_extrema_are_those_of_algorithm_1(data_folder) -> None:
     from scipy.io import loadmat
 
     names = ("a1_s1_t1", "a8_s3_t1", "a21_s4_t1", "a27_s1_t1")
-    paths = [p for p in (shared_data / "depth" / "utd_mhad" / f"{name}_depth.mat" for name in names) if p.exists()]
+    paths = [p for p in (data_folder / "depth" / "utd_mhad" / f"{name}_depth.mat" for name in names) if p.exists()]
     assert paths
     for path in paths:
         depth = loadmat(path)["d_depth"][:, ::-1, 30].astype(np.float32) / 1000

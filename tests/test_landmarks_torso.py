@@ -225,11 +225,11 @@ def test_the_first_frame_trusts_the_estimate_by_its_weight() -> None:
         assert low < np.arctan2(*smoothed_facing(None, FacingEstimate(0.795, weight), 0.0, centre)) < high
 
 
-@pytest.mark.shared_data
-def test_people_who_face_the_camera_have_a_yaw_near_zero(shared_data) -> None:
+@pytest.mark.data
+def test_people_who_face_the_camera_have_a_yaw_near_zero(data_folder) -> None:
     from scipy.io import loadmat
 
-    paths = sorted((shared_data / "depth" / "utd_mhad").glob("a*_depth.mat"))[::9]
+    paths = sorted((data_folder / "depth" / "utd_mhad").glob("a*_depth.mat"))[::9]
     yaws = []
     for path in paths:
         depth = loadmat(path)["d_depth"][:, ::-1, 2].astype(np.float32) / 1000  # a standing start

@@ -12,7 +12,7 @@ from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.skeleton import REPORTED
 from toolkit.track import TRACKED, RunInfo, Track
 
-pytestmark = pytest.mark.shared_data
+pytestmark = pytest.mark.data
 
 NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
 

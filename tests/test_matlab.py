@@ -40,10 +40,10 @@ def test_cells_are_lists_and_what_holds_no_numbers_is_left_out(tmp_path: Path) -
     assert [cell.shape for cell in found["sensor"]] == [(2, 3), (4, 1)]
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 @pytest.mark.parametrize("folder", ["depth/utd_mhad", "inertial/utd_mhad"])
-def test_files_of_matlab_itself_are_read_as_scipy_reads_them(shared_data: Path, folder: str) -> None:
-    for path in sorted((shared_data / folder).glob("*.mat"))[::60]:
+def test_files_of_matlab_itself_are_read_as_scipy_reads_them(data_folder: Path, folder: str) -> None:
+    for path in sorted((data_folder / folder).glob("*.mat"))[::60]:
         found, expected = read_matlab(path, RecordingError), loadmat(path)
         (name,) = found
         assert found[name].dtype == expected[name].dtype

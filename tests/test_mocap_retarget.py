@@ -238,13 +238,13 @@ def test_a_rest_pose_lying_along_no_axis_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def real(shared_data: Path) -> list[tuple[Clip, PoseClip]]:
+def real(data_folder: Path) -> list[tuple[Clip, PoseClip]]:
     """Some real clips of both collections with their poses on the neutral body."""
-    clips = [read_clip(path) for path in find_clips(shared_data / "mocap")[::14]]
+    clips = [read_clip(path) for path in find_clips(data_folder / "mocap")[::14]]
     return [(clip, retarget(clip, load_body("neutral"))) for clip in clips]
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_limbs_of_real_clips_point_as_in_the_source(real: list[tuple[Clip, PoseClip]]) -> None:
     errors: dict[tuple[str, str], list[np.ndarray]] = {bone: [] for bone in LIMBS}
     for clip, found in real:
@@ -257,7 +257,7 @@ def test_limbs_of_real_clips_point_as_in_the_source(real: list[tuple[Clip, PoseC
         assert np.quantile(degrees, 0.95) < 8.0, bone
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_real_clips_keep_facing_sides_and_floor(real: list[tuple[Clip, PoseClip]]) -> None:
     body = load_body("neutral")
     heights = []
@@ -273,7 +273,7 @@ def test_real_clips_keep_facing_sides_and_floor(real: list[tuple[Clip, PoseClip]
     assert np.quantile(np.abs(heights), 0.8) < 0.08
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_poses_of_real_clips_respect_the_limits_and_move_smoothly(real: list[tuple[Clip, PoseClip]]) -> None:
     low, high = skeleton.POSE_LIMITS.T
     jumps, steps = 0, 0
@@ -287,11 +287,11 @@ def test_poses_of_real_clips_respect_the_limits_and_move_smoothly(real: list[tup
     assert jumps / steps < 0.004  # some sources flip a thigh by half a turn within a frame
 
 
-@pytest.mark.shared_data
-def test_calibration_frames_of_cmu_clips_are_dropped_and_none_of_hdm05(shared_data: Path) -> None:
+@pytest.mark.data
+def test_calibration_frames_of_cmu_clips_are_dropped_and_none_of_hdm05(data_folder: Path) -> None:
     for folder, dropped in (("cmu", 1), ("hdm05", 0)):
-        for path in find_clips(shared_data / "mocap" / folder)[::15]:
+        for path in find_clips(data_folder / "mocap" / folder)[::15]:
             clip = read_clip(path)
             assert len(clip) - KeyedClip.of(clip, load_rig(clip)).frames == dropped
-    twice = read_clip(shared_data / "mocap" / "cmu" / "07_12.bvh")
+    twice = read_clip(data_folder / "mocap" / "cmu" / "07_12.bvh")
     assert len(twice) - KeyedClip.of(twice, load_rig(twice)).frames == 2

@@ -159,9 +159,9 @@ def test_a_hole_larger_than_what_was_measured_of_a_person_is_space_and_a_smaller
     assert mask[0, [0, 7, 8]].all() and not mask[0, 3:6].any()
 
 
-@pytest.mark.shared_data
-def test_five_people_in_a_real_room_are_five(shared_data):
-    recording = open_recording(shared_data / "depth/pcl/five_people.pcd")
+@pytest.mark.data
+def test_five_people_in_a_real_room_are_five(data_folder):
+    recording = open_recording(data_folder / "depth/pcl/five_people.pcd")
     sightings = SeveralPeople(recording.camera, recording.up_camera).find(recording.depth(0), 0.0, {})
     assert len(sightings) == 5
     distances = sorted(float(np.median(s.depth[s.depth > 0])) for s in sightings)
@@ -189,32 +189,32 @@ def test_a_room_is_known_from_its_empty_scene_or_learnt_from_people_who_walk(tmp
     assert np.median(overlaps) > 0.9
 
 
-@pytest.mark.shared_data
-def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(shared_data):
-    recording = open_recording(shared_data / "depth/realsense/images_n40")
+@pytest.mark.data
+def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(data_folder):
+    recording = open_recording(data_folder / "depth/realsense/images_n40")
     finder = find_people(recording)
     ids = [tuple(s.id for s in finder.find(recording.depth(i), i / 30, {})) for i in range(0, len(recording), 3)]
     assert set(ids) == {(1, 2)}
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 @pytest.mark.parametrize(
     ("name", "count"),
     [("cleaning whiteboard", 1), ("person standing", 1), ("two people moving", 2), ("two people walking", 2)],
 )
-def test_single_frames_of_real_rooms_hold_the_right_number(shared_data, name, count):
+def test_single_frames_of_real_rooms_hold_the_right_number(data_folder, name, count):
     import cv2
 
     camera = Camera(527.0, 533.0, 319.5, 239.5, 640, 480)
     for k in (0, 1):
-        depth = cv2.imread(str(shared_data / "depth/pairs" / name / f"depth{k}.png"), cv2.IMREAD_UNCHANGED)
+        depth = cv2.imread(str(data_folder / "depth/pairs" / name / f"depth{k}.png"), cv2.IMREAD_UNCHANGED)
         assert len(SeveralPeople(camera, UP).find((depth // 5).astype(np.uint16), 0.0, {})) == count
 
 
-@pytest.mark.shared_data
-def test_somebody_behind_is_found_without_a_visible_head(shared_data):
+@pytest.mark.data
+def test_somebody_behind_is_found_without_a_visible_head(data_folder):
     camera = Camera(575.8, 575.8, 319.5, 239.5, 640, 480)
-    for path in sorted((shared_data / "depth/skeltrack").glob("depth-data-*")):
+    for path in sorted((data_folder / "depth/skeltrack").glob("depth-data-*")):
         depth = np.fromfile(path, dtype="<u2").reshape(480, 640)
         expected = 2 if path.name.endswith("1399145206") else 1
         assert len(SeveralPeople(camera, UP).find(depth, 0.0, {})) == expected

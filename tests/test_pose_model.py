@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from toolkit import skeleton
 from toolkit.body.shape import subject_body
+from toolkit.datasets.folder import data_folder
 from toolkit.detector import pose_model
 from toolkit.detector.detection import DetectedJoints
 from toolkit.detector.pose_model import CENTRE, POINTS, SIDE, UPWARD, Crop, Landmarks, PoseModel, cropped, refined
@@ -252,7 +253,7 @@ def test_the_runtime_computes_what_opencv_computes() -> None:
     model = model_or_skip()
     depth, _ = subject(1)
     picture, crop = shaded(depth, CAMERA), Crop.around(depth > 0).scaled(ENLARGED)
-    path = str(pose_model.data_folder() / pose_model.MODEL_FILE)
+    path = str(data_folder() / pose_model.MODEL_FILE)
     engine = (cv2.dnn.ENGINE_CLASSIC,) if hasattr(cv2.dnn, "ENGINE_CLASSIC") else ()
     net = cv2.dnn.readNetFromTFLite(path, *engine)
     net.setInput(cropped(picture, crop).transpose(2, 0, 1)[None].copy())

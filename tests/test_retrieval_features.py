@@ -217,46 +217,46 @@ def joint(motion: Motion, name: str) -> np.ndarray:
     return motion.joints[:, NAMED_JOINTS.index(name)]
 
 
-@pytest.mark.shared_data
-def test_the_share_of_ones_per_class_is_the_published_one_to_half_a_percent(shared_data: Path) -> None:
+@pytest.mark.data
+def test_the_share_of_ones_per_class_is_the_published_one_to_half_a_percent(data_folder: Path) -> None:
     for name, expected in PERCENT_ONES.items():
-        shares = np.mean([100.0 * values.mean(axis=1) for _, values in hdm05(shared_data)[name]], axis=0)
+        shares = np.mean([100.0 * values.mean(axis=1) for _, values in hdm05(data_folder)[name]], axis=0)
         np.testing.assert_allclose(shares[np.array(COLUMNS) - 1], expected, atol=0.5, err_msg=name)
 
 
-@pytest.mark.shared_data
-def test_every_left_kick_raises_the_left_foot_and_not_the_right_one(shared_data: Path) -> None:
-    for motion, values in hdm05(shared_data)["kickLFront1Reps"]:
+@pytest.mark.data
+def test_every_left_kick_raises_the_left_foot_and_not_the_right_one(data_folder: Path) -> None:
+    for motion, values in hdm05(data_folder)["kickLFront1Reps"]:
         highest = int(joint(motion, "left_toes")[:, 1].argmax())
         assert values[17, highest] and not values[16, highest]
 
 
-@pytest.mark.shared_data
-def test_every_lie_down_ends_horizontal_low_and_wide(shared_data: Path) -> None:
-    for _, values in hdm05(shared_data)["lieDownFloor"]:
+@pytest.mark.data
+def test_every_lie_down_ends_horizontal_low_and_wide(data_folder: Path) -> None:
+    for _, values in hdm05(data_folder)["lieDownFloor"]:
         assert values[[31, 36, 37], -1].all()
 
 
-@pytest.mark.shared_data
-def test_the_lowest_fifth_of_a_squat_has_both_knees_bent_and_a_small_height(shared_data: Path) -> None:
+@pytest.mark.data
+def test_the_lowest_fifth_of_a_squat_has_both_knees_bent_and_a_small_height(data_folder: Path) -> None:
     small = []
-    for motion, values in hdm05(shared_data)["squat1Reps"]:
+    for motion, values in hdm05(data_folder)["squat1Reps"]:
         low = joint(motion, "root")[:, 1] <= np.quantile(joint(motion, "root")[:, 1], 0.2)
         assert values[19:21, low].all()
         small.append(values[36, low])
     assert np.concatenate(small).mean() > 0.98
 
 
-@pytest.mark.shared_data
-def test_feet_are_behind_each_other_at_the_same_time_in_about_one_percent_of_frames(shared_data: Path) -> None:
-    values = np.concatenate([values for clips in hdm05(shared_data).values() for _, values in clips], axis=1)
+@pytest.mark.data
+def test_feet_are_behind_each_other_at_the_same_time_in_about_one_percent_of_frames(data_folder: Path) -> None:
+    values = np.concatenate([values for clips in hdm05(data_folder).values() for _, values in clips], axis=1)
     assert 0.005 < (values[14] & values[15]).mean() < 0.02
 
 
-@pytest.mark.shared_data
-def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(shared_data: Path) -> None:
+@pytest.mark.data
+def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(data_folder: Path) -> None:
     changed, frames = np.zeros(40), 0
-    for clips in hdm05(shared_data).values():
+    for clips in hdm05(data_folder).values():
         for motion, values in clips:
             changed += (native(motion.mirrored()) != values[MIRROR]).sum(axis=1)
             frames += len(motion)
@@ -264,8 +264,8 @@ def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(shared_
     assert changed[:2].max() < 0.03 and changed[2:].max() < 0.0125
 
 
-@pytest.mark.shared_data
-def test_the_line_of_the_hips_turns_like_the_root(shared_data: Path) -> None:
-    for motion, values in hdm05(shared_data)["jogLeftCircle4StepsRstart"]:
+@pytest.mark.data
+def test_the_line_of_the_hips_turns_like_the_root(data_folder: Path) -> None:
+    for motion, values in hdm05(data_folder)["jogLeftCircle4StepsRstart"]:
         without_root = native(Motion(motion.name, motion.joints, motion.frame_rate))
         assert np.array_equal(without_root[39], values[39])

@@ -189,11 +189,11 @@ def test_joints_of_another_count_are_refused() -> None:
         from_joints(np.zeros((7, 25, 3)), 30.0, "kinect two")
 
 
-@pytest.mark.shared_data
-def test_retargeting_changes_few_entries_and_using_only_the_reported_joints_few_more(shared_data: Path) -> None:
+@pytest.mark.data
+def test_retargeting_changes_few_entries_and_using_only_the_reported_joints_few_more(data_folder: Path) -> None:
     body = load_body("neutral")
     by_poses, by_joints = [], []
-    for path in find_clips(shared_data / "mocap" / "hdm05")[::16]:
+    for path in find_clips(data_folder / "mocap" / "hdm05")[::16]:
         clip = read_clip(path)
         poses = retarget(clip, body)
         original = relational_features(from_clip(clip)).values
@@ -206,10 +206,10 @@ def test_retargeting_changes_few_entries_and_using_only_the_reported_joints_few_
     assert np.mean(by_joints) < 0.03
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 @pytest.mark.parametrize("rig", FILES)
-def test_real_skeletons_have_human_proportions_left_at_positive_x_when_facing_z(shared_data: Path, rig: str) -> None:
-    motion = from_clip(read_clip(shared_data / FILES[rig]))
+def test_real_skeletons_have_human_proportions_left_at_positive_x_when_facing_z(data_folder: Path, rig: str) -> None:
+    motion = from_clip(read_clip(data_folder / FILES[rig]))
     lengths = BodyLengths.of(motion)
     assert 1.2 < lengths.body < 1.9 and 0.2 < lengths.humerus_left < 0.4 and 0.2 < lengths.shoulders < 0.5
     across = place(motion, "left_hip") - place(motion, "right_hip")

@@ -153,12 +153,12 @@ def test_labels_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def squats(shared_data: Path) -> list[Path]:
-    folder = shared_data / "mocap" / "hdm05"
+def squats(data_folder: Path) -> list[Path]:
+    folder = data_folder / "mocap" / "hdm05"
     return sorted(folder.glob("HDM_bd_squat1Reps_00*.amc"))[:4] + sorted(folder.glob("HDM_bd_kickLFront*.amc"))[:4]
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_an_index_grows_by_the_clips_that_are_added(squats: list[Path], tmp_path: Path) -> None:
     path = tmp_path / "motions.index"
     index_motions(squats[:2], path)
@@ -171,7 +171,7 @@ def test_an_index_grows_by_the_clips_that_are_added(squats: list[Path], tmp_path
     assert len(KeyframeIndex.open(path)) == 4
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tmp_path: Path) -> None:
     index = index_motions(squats, tmp_path / "motions.index")
     example = cut_example(squats[0], 0.1, load_motion(squats[0]).duration - 0.1)
@@ -181,7 +181,7 @@ def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tm
     assert {match.document for match in best} == own
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_an_example_outside_of_its_clip_is_refused(squats: list[Path]) -> None:
     with pytest.raises(UsageError, match="0.5 to 900 s is no stretch of 'HDM_bd_squat1Reps_001_120'"):
         cut_example(squats[0], 0.5, 900.0)
@@ -192,7 +192,7 @@ def test_an_example_outside_of_its_clip_is_refused(squats: list[Path]) -> None:
         by_example(KeyframeIndex.build([short]), short)
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path) -> None:
     import typer
 
@@ -226,7 +226,7 @@ def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path)
         run("search", index, "--by-example", squats[0], "--play", film)
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path], tmp_path: Path) -> None:
     import typer
 

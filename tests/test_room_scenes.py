@@ -52,8 +52,8 @@ def test_the_splits_have_the_same_groups_and_share_neither_rooms_nor_bodies() ->
     assert not bodies[0] & bodies[1]
 
 
-@pytest.mark.shared_data
-def test_every_motion_of_the_scenes_exists(shared_data: Path) -> None:
+@pytest.mark.data
+def test_every_motion_of_the_scenes_exists(data_folder: Path) -> None:
     for split in ("tune", "report"):
         for actor in (actor for scene in scenes(split, ROOM_GROUPS) for actor in scene.actors):
             assert actor.clip.startswith("bundled_") or len(suite.motion_files(actor.clip)) == 1, actor.clip

@@ -40,14 +40,14 @@ def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OPENBLAS_NUM_THREADS")
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
-    shared_data: Path, tmp_path: Path, scripts: None
+    data_folder: Path, tmp_path: Path, scripts: None
 ) -> None:
     from same_tracks import environments
     from track_digests import track
 
-    with np.load(shared_data / "depth" / "repro" / "desk.npz") as desk:
+    with np.load(data_folder / "depth" / "repro" / "desk.npz") as desk:
         few = {name: desk[name][:3] if name in ("depth", "timestamps") else desk[name] for name in desk.files}
     np.savez(tmp_path / "desk.npz", **few)
     small_database().save(tmp_path / "poses.npz")

@@ -56,8 +56,8 @@ def test_the_splits_share_neither_actors_nor_adult_bodies_nor_rooms() -> None:
     assert len(rooms[0] | rooms[1]) == 2 * EMPTY_ROOMS
 
 
-@pytest.mark.shared_data
-def test_every_motion_of_the_scenes_exists(shared_data: Path) -> None:
+@pytest.mark.data
+def test_every_motion_of_the_scenes_exists(data_folder: Path) -> None:
     for scene in scenes("tune") + scenes("report"):
         for actor in scene.actors:
             assert len(suite.motion_files(actor.clip)) == 1, actor.clip

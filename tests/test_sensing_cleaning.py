@@ -242,18 +242,18 @@ def test_a_setting_out_of_range_is_an_error(options):
         SensingSettings(**options)
 
 
-@pytest.mark.shared_data
-def test_real_segmented_recordings_keep_their_pixels(shared_data):
+@pytest.mark.data
+def test_real_segmented_recordings_keep_their_pixels(data_folder):
     for name in ("a27_s7_t1", "a21_s1_t1"):
-        recording = open_recording(shared_data / "depth" / "utd_mhad" / f"{name}_depth.mat")
+        recording = open_recording(data_folder / "depth" / "utd_mhad" / f"{name}_depth.mat")
         cleaner = LonePerson.of(recording)
         for frame in recording.frames():
             assert (cleaner.clean(frame) > 0).sum() > 0.95 * (frame > 0).sum()
 
 
-@pytest.mark.shared_data
-def test_the_second_person_of_a_real_recording_is_left_out(shared_data):
-    recording = open_recording(shared_data / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))
+@pytest.mark.data
+def test_the_second_person_of_a_real_recording_is_left_out(data_folder):
+    recording = open_recording(data_folder / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))
     frame = recording.depth(7)
     with pytest.raises(SegmentationError, match="2 people"):
         LonePerson.of(recording).clean(frame)
@@ -261,9 +261,9 @@ def test_the_second_person_of_a_real_recording_is_left_out(shared_data):
     assert cleaned.max() < 1.6 < frame.max() / 1000
 
 
-@pytest.mark.shared_data
-def test_one_of_five_real_people_is_cut_out(shared_data):
-    recording = open_recording(shared_data / "depth" / "pcl" / "five_people.pcd")
+@pytest.mark.data
+def test_one_of_five_real_people_is_cut_out(data_folder):
+    recording = open_recording(data_folder / "depth" / "pcl" / "five_people.pcd")
     frame = recording.depth(0)
     with pytest.raises(SegmentationError, match="give --segment"):
         LonePerson.of(recording).clean(frame)
@@ -277,9 +277,9 @@ def test_one_of_five_real_people_is_cut_out(shared_data):
     assert 0.35 < area < 0.8
 
 
-@pytest.mark.shared_data
-def test_a_real_person_in_a_cluttered_room_is_followed(shared_data):
-    recording = open_recording(shared_data / "depth" / "realsense" / "images_n40")
+@pytest.mark.data
+def test_a_real_person_in_a_cluttered_room_is_followed(data_folder):
+    recording = open_recording(data_folder / "depth" / "realsense" / "images_n40")
     finder = find_person(recording, SensingSettings(segment="seed:450,200"))
     for i, frame in enumerate(recording.frames()):
         v, u = np.nonzero(finder.find(frame, float(recording.timestamps[i]), {})[0].depth)

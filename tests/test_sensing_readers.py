@@ -125,10 +125,10 @@ def test_a_mat_file_of_something_else_is_an_error(tmp_path):
         open_recording(tmp_path / "b.mat")
 
 
-@pytest.mark.shared_data
-def test_real_subjects_face_the_camera_with_the_left_hand_at_positive_x(shared_data):
+@pytest.mark.data
+def test_real_subjects_face_the_camera_with_the_left_hand_at_positive_x(data_folder):
     for action in (1, 27):
-        recording = open_recording(shared_data / "depth" / "utd_mhad" / f"a{action}_s1_t1_depth.mat")
+        recording = open_recording(data_folder / "depth" / "utd_mhad" / f"a{action}_s1_t1_depth.mat")
         joints = recording.reference_joints
         assert np.median(joints[:, [15, 19], 2] - joints[:, [14, 18], 2]) < 0, "toes are nearer than ankles"
         assert np.median(joints[:, 12, 0] - joints[:, 16, 0]) > 0, "the left hip is at greater x"
@@ -342,16 +342,16 @@ def test_a_folder_without_frames_is_an_error(tmp_path):
         open_recording(tmp_path)
 
 
-@pytest.mark.shared_data
-def test_the_real_room_scans_open_with_their_cameras(shared_data):
-    real = open_recording(shared_data / "depth" / "realsense" / "images_n40")
+@pytest.mark.data
+def test_the_real_room_scans_open_with_their_cameras(data_folder):
+    real = open_recording(data_folder / "depth" / "realsense" / "images_n40")
     assert len(real) == 40
     np.testing.assert_allclose(real.camera.intrinsics, (617.25, 617.5486, 317.3921, 245.9802), rtol=1e-5)
     assert real.color(3).shape == (480, 640, 3)
-    people = open_recording(shared_data / "depth" / "pcl" / "five_people.pcd")
+    people = open_recording(data_folder / "depth" / "pcl" / "five_people.pcd")
     np.testing.assert_allclose(people.camera.intrinsics, (525, 525, 319.5, 239.5), atol=1e-3)
     assert np.degrees(np.arccos(-people.up_camera[1])) < 6, "the floor tells the vertical"
-    assert len(open_recording(shared_data / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))) == 8
+    assert len(open_recording(data_folder / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))) == 8
 
 
 def test_the_vertical_comes_from_a_visible_floor(tmp_path):

@@ -238,11 +238,11 @@ def test_what_is_written_is_read_back(tmp_path: Path, furnished: bool) -> None:
     assert (recording.background is not None) == furnished
 
 
-@pytest.mark.shared_data
-def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(shared_data: Path, tmp_path: Path) -> None:
+@pytest.mark.data
+def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(data_folder: Path, tmp_path: Path) -> None:
     from toolkit.mocap.read import find_clips, read_clip
 
-    path = next(p for p in find_clips(shared_data / "mocap") if p.suffix == ".bvh")
+    path = next(p for p in find_clips(data_folder / "mocap") if p.suffix == ".bvh")
     simulation = alone(path, body="neutral", frame_rate=30.0)
     assert simulation.frame_rate == pytest.approx(30.0)
     assert simulation.frames_in_all <= 30 * read_clip(path).duration + 2

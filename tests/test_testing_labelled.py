@@ -11,9 +11,9 @@ from toolkit.testing.labelled import ACTORS, FILLER, SEQUENCES, MotionSequence, 
 from toolkit.testing.suite import RATE
 
 
-@pytest.mark.shared_data
+@pytest.mark.data
 @pytest.mark.parametrize("split", ["tune", "report"])
-def test_no_clip_that_is_known_before_is_of_the_split_s_actor(split: str, shared_data: Path) -> None:
+def test_no_clip_that_is_known_before_is_of_the_split_s_actor(split: str, data_folder: Path) -> None:
     known = class_clips(split)
     assert known and not any(f"_{ACTORS[split]}_" in path.name for path in known)
     wanted = {motion for sequence in SEQUENCES for motion, _ in sequence.motions}
@@ -21,8 +21,8 @@ def test_no_clip_that_is_known_before_is_of_the_split_s_actor(split: str, shared
     assert label_of(Path("HDM_bk_kickLFront1Reps_001_120.amc")) == "kickLFront1Reps"
 
 
-@pytest.mark.shared_data
-def test_joins_and_filler_belong_to_no_class(shared_data: Path) -> None:
+@pytest.mark.data
+def test_joins_and_filler_belong_to_no_class(data_folder: Path) -> None:
     done = perform(MotionSequence("two", (("squat", 1), ("hop", 1)), "slim_male"), "tune", filler=True)
     squat, hop = done.segments
     assert (squat.start, squat.label[:5], hop.label[:3]) == (0.0, "squat", "hop")

@@ -8,7 +8,8 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from toolkit.detector.pose_model import MODEL_FILE, check_model, data_folder
+from toolkit.datasets.folder import data_folder
+from toolkit.detector.pose_model import MODEL_FILE, check_model
 from toolkit.errors import ModelError
 from toolkit.files import atomic_path
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import hashlib
 import math
-import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from toolkit.datasets.folder import data_folder
 from toolkit.errors import ModelError
 from toolkit.files import is_file
 
@@ -96,15 +96,6 @@ class Landmarks(NamedTuple):
     points: np.ndarray
     visibility: np.ndarray
     presence: float
-
-
-def data_folder() -> Path:
-    """Where the user's programs keep data, of depthmocap; `DEPTHMOCAP_DATA` names another folder."""
-    if own := os.environ.get("DEPTHMOCAP_DATA"):
-        return Path(own)
-    from platformdirs import user_data_path
-
-    return user_data_path("depthmocap", appauthor=False)
 
 
 def check_model(content: bytes, where: str | Path) -> bytes:

@@ -29,6 +29,7 @@ from scipy.ndimage import gaussian_filter1d
 from database_builder.build import THRESHOLD, Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
+from toolkit.datasets.folder import data_folder
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
 from toolkit.mocap.read import read_clip
@@ -38,7 +39,7 @@ from toolkit.simulation.person import mean_place, turned
 from toolkit.testing.casting import Actor, Scene, listed
 
 ROOT = Path(__file__).resolve().parents[2]
-MOCAP = ROOT.parent / "shared" / "data" / "mocap"
+MOCAP = data_folder() / "mocap"
 WORK = ROOT / "benchmarks" / ".work"
 
 GROUPS = ("basic", "fast", "turn", "side", "low")

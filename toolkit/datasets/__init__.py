@@ -1,0 +1,1 @@
+"""Data sets of others: their registry, the folder that holds them, and the download."""
