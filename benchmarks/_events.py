@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import save_figures
+from tests.support.labelled import SEQUENCES, class_clips, perform
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
 from toolkit.retrieval.annotation.online import HOLD, Event, OnlineAnnotator
@@ -19,7 +20,6 @@ from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.keyframes.query_file import load_queries
 from toolkit.retrieval.workflow.learn import learn_templates
-from toolkit.testing.labelled import SEQUENCES, class_clips, perform
 
 
 def told_events(parser: argparse.ArgumentParser) -> None:

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.body.rotations import quaternions as quat
 from toolkit.evaluation.orientations import THRESHOLDS
-from toolkit.files import save_bytes
 from toolkit.inertial.calibrate import Take
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.stream import GRAVITY
-from toolkit.pages import png_of
+from toolkit.io.files import save_bytes
+from toolkit.io.html import png_of
 from toolkit.retrieval.annotation.measures import Scores
-from toolkit.rotations import quaternions as quat
 
 SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
 """Figures over thresholds and their colours."""

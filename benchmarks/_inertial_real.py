@@ -19,13 +19,13 @@ import numpy as np
 
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, make_tracker, poses_of
-from toolkit.config import parse_overrides
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline import track_recording
 from toolkit.database.database import PoseDatabase
 from toolkit.datasets.folder import data_folder
-from toolkit.errors import InertialError
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.distance import distances, worlds_of
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import SensorStream
 from toolkit.inertial.suspicions import other_side
 from toolkit.inertial.synchronise import (
@@ -38,8 +38,8 @@ from toolkit.inertial.synchronise import (
     track_signals,
 )
 from toolkit.inertial.workflow import read_sensors
+from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import correlation_over_lags
-from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_upright
 
 RECORDINGS, SENSORS = data_folder() / "depth" / "utd_mhad", data_folder() / "inertial" / "utd_mhad"

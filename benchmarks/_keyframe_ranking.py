@@ -23,7 +23,7 @@ from benchmarks._keyframe_corpus import (
 )
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._stiffness import admissible, distance_of, stiffness_of
-from toolkit.files import atomic_path
+from toolkit.io.files import atomic_path
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery

@@ -10,22 +10,22 @@ from typing import NamedTuple
 import numpy as np
 from filelock import FileLock
 
-from toolkit import skeleton
-from toolkit.biomechanics.contact import foot_contacts
+from tests.support.suite import WORK, motion_of
+from tests.support.walking import Rising, Walk, rising, walking
+from toolkit.app.pipeline import TrackerRecipe
+from toolkit.app.pipeline.run import track_recording
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.mocap.clip import PoseClip
-from toolkit.pipeline import TrackerRecipe
-from toolkit.pipeline.run import track_recording
+from toolkit.motion.contact import foot_contacts
 from toolkit.recordings.opening import open_recording
-from toolkit.runs import Person, load_persons
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
-from toolkit.testing.suite import WORK, motion_of
-from toolkit.testing.walking import Rising, Walk, rising, walking
-from toolkit.track import TRACK_FILE, TRACKED
+from toolkit.tracks import TRACK_FILE, TRACKED
+from toolkit.tracks.runs import Person, load_persons
 
 RATE = 30.0
 

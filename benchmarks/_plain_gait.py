@@ -1,6 +1,6 @@
 """Gait and rises known without the project's own code for them: from how a motion was made, or from where feet stay.
 
-A made motion (`toolkit.testing.walking`) has its strides and durations in its plan. Of mocap a foot stands while its
+A made motion (`tests.support.walking`) has its strides and durations in its plan. Of mocap a foot stands while its
 lowest vertex stays where it is; a stride goes from one stand's place to the foot's next. Neither peaks
 of the heel before the pelvis nor joint angles are used.
 """
@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit import skeleton
+from tests.support.walking import Rising, Walk
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.testing.walking import Rising, Walk
 
 ONSET = 0.05
 """Share of the way up at which a rise begins, and that is left when it ends, by definition of the figure."""

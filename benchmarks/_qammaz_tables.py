@@ -14,17 +14,17 @@ from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import swarm_settings
 from benchmarks._swarm_runs import SWARM_KINDS, Tracked, follow, print_row, swarm_figures
 from benchmarks._takes import SOURCES, scanned, sequence
+from tests.support.bootstrap import paired_bootstrap
+from tests.support.sequences import FRAMES, SEQUENCES, sequence_body
+from tests.support.suite import WORK
+from toolkit.app.config import parse_overrides
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.config import parse_overrides
-from toolkit.evaluation.joints import CURVE
-from toolkit.files import save_bytes
-from toolkit.names import shown
-from toolkit.pages import png_of
-from toolkit.qammaz.tracker import SwarmTracker
-from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.testing.sequences import FRAMES, SEQUENCES, sequence_body
-from toolkit.testing.suite import WORK
+from toolkit.evaluation.joint_errors import CURVE
+from toolkit.io.display_names import shown
+from toolkit.io.files import save_bytes
+from toolkit.io.html import png_of
+from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 PAPER: dict[str, dict[str, float]] = {
     "sequences": {"MS_1": 67.3, "MS_2": 76.9, "FS_1": 75.6, "FS_2": 79.7},

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.files import save_json
+from toolkit.io.files import save_json
 
 RESULTS = Path(__file__).parent / "results"
 CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")

@@ -12,33 +12,33 @@ import numpy as np
 
 from database_builder.build import THRESHOLD
 from database_builder.regressor import RegressorSettings
+from tests.support.suite import LONGEST, WORK, database
+from toolkit.app.config import load_settings
+from toolkit.app.pipeline import track_recording
+from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.body.body import Body
-from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
-from toolkit.hybrid.baak2013 import Baak2013Tracker
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import HybridTracker
+from toolkit.io.errors import DepthMocapError
 from toolkit.kernels import linear
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import track_recording
-from toolkit.pipeline.joints import JointChoice
-from toolkit.qammaz.tracker import SwarmTrackerSettings
 from toolkit.recordings.opening import open_upright
 from toolkit.sensing.camera import Camera
-from toolkit.testing.suite import LONGEST, WORK, database
-from toolkit.track import FrameResult
+from toolkit.trackers.baak2013 import Baak2013Tracker
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.protocol import Tracker
-from toolkit.tracking.search.local import LocalSearch
-from toolkit.tracking.search.lookup import DatabaseLookup
-from toolkit.tracking.search.protocol import NOTHING, Proposal, ScoredHypothesis, Search
+from toolkit.tracking.search.database_lookup import DatabaseLookup
+from toolkit.tracking.search.local_search import LocalSearch
+from toolkit.tracking.search.search_protocol import NOTHING, Proposal, ScoredHypothesis, Search
 from toolkit.tracking.state import PersonState
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import FrameResult
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),

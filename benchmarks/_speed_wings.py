@@ -26,23 +26,23 @@ import numpy as np
 from benchmarks._record import percentiles, pin_to_one_processor, save_figures
 from benchmarks._rows import swarm_settings
 from benchmarks._takes import joints_of, prepared
+from tests.support.scenes import record_scene
+from tests.support.solo import Solo
+from tests.support.suite import WORK, takes
+from tests.support.upper import GROUPS, upper_scenes
+from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.detector.pose_model import Crop, PoseModel
-from toolkit.detector.shaded import ENLARGED, shaded
-from toolkit.lopez2011.tracker import DETECTED, ParticleTracker
-from toolkit.people.lone import LonePerson
-from toolkit.pipeline.trackers import TrackerRecipe
-from toolkit.qammaz.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
-from toolkit.qammaz.tracker import SwarmTracker
+from toolkit.people.image_joints.pose_model import Crop, PoseModel
+from toolkit.people.image_joints.shaded import ENLARGED, shaded
+from toolkit.people.single_person import LonePerson
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.testing.scenes import record_scene
-from toolkit.testing.solo import Solo
-from toolkit.testing.suite import WORK, takes
-from toolkit.testing.upper import GROUPS, upper_scenes
+from toolkit.trackers.lopez2011.tracker import DETECTED, ParticleTracker
+from toolkit.trackers.qammaz.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
+from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 IMAGES = ((30, 40), (45, 60), (60, 80), (90, 120))
 """Width and height of the small image, pixels."""

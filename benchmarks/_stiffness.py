@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 
 _ROUNDING = 1e-9
 """Slack of the roundings in Eq. 4.5 and 4.6, so that 0.7 * 10 counts as 7."""

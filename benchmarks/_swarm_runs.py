@@ -9,10 +9,10 @@ import numpy as np
 
 from benchmarks._takes import is_right, joints_of
 from benchmarks._two_phases import TwoPhaseTracker
+from tests.support.solo import Solo
 from toolkit.body.body import Body
-from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.sensing.recording import Recording
-from toolkit.testing.solo import Solo
+from toolkit.trackers.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 
 EVERY = 6
 """Frames from one cold start to the next."""

@@ -6,23 +6,23 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
+from tests.support.casting import Scene
+from tests.support.image_joints import detected
+from tests.support.scenes import record_scene
+from tests.support.sequences import DISTANCE, record_sequence, sequence_body
+from tests.support.suite import digest_of
+from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.app.pipeline.scan import FRAMES, scan_recordings
+from toolkit.app.pipeline.store_joints import store_joints
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body
-from toolkit.evaluation.joints import joint_errors
+from toolkit.evaluation.joint_errors import joint_errors
 from toolkit.mocap.clip import PoseClip
-from toolkit.pipeline.joints import JointChoice
-from toolkit.pipeline.scan import FRAMES, scan_recordings
-from toolkit.pipeline.store_joints import store_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.casting import Scene
-from toolkit.testing.joints import detected
-from toolkit.testing.scenes import record_scene
-from toolkit.testing.sequences import DISTANCE, record_sequence, sequence_body
-from toolkit.testing.suite import digest_of
 
 SOURCES = ("colour", "depth", "truth", "none")
 """Where joints come from: found by the network in colour or in shaded depth, the true ones with its errors, nowhere."""

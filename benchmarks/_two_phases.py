@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
-from toolkit.qammaz.discrepancy import Discrepancy
-from toolkit.qammaz.search import ANGLES, SwarmSearch
-from toolkit.qammaz.swarm import minimise
-from toolkit.qammaz.tracker import SwarmTracker
-from toolkit.tracking.search.protocol import Search
+from toolkit.trackers.qammaz.discrepancy import Discrepancy
+from toolkit.trackers.qammaz.swarm import minimise
+from toolkit.trackers.qammaz.swarm_search import ANGLES, SwarmSearch
+from toolkit.trackers.qammaz.tracker import SwarmTracker
+from toolkit.tracking.search.search_protocol import Search
 
 
 class TwoPhaseSearch(SwarmSearch):

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.sensing.camera import Camera
-from toolkit.track import TRACKED
+from toolkit.tracks import TRACKED
 
 JOINTS = ("head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hand", "right_hand")
 ROWS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in JOINTS])

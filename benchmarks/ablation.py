@@ -32,16 +32,16 @@ from benchmarks._rows import add_database_options, poses_of, settings_of, track_
 from benchmarks.scenes import tracks_of
 from database_builder.regressor import RegressorSettings
 from database_builder.views import ViewSettings
-from toolkit.config import parse_overrides
+from tests.support.scene_scores import SceneScore, scene_figures, score_scene
+from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
+from tests.support.suite import chosen_takes, database
+from toolkit.app.config import parse_overrides
 from toolkit.database.database import PoseDatabase
-from toolkit.hybrid.tracker import HybridTracker
 from toolkit.people import survey
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.testing.scene_scores import SceneScore, scene_figures, score_scene
-from toolkit.testing.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
-from toolkit.testing.suite import chosen_takes, database
-from toolkit.tracking.learning import FollowedBody
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.tracking.body_learning import FollowedBody
 
 LONGEST = 45
 """Frames of a simulated recording."""

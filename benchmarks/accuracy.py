@@ -1,6 +1,6 @@
 """Accuracy on the simulated suite, with ablations: `depthmocap bench accuracy [--split report] [--rows hybrid,local]`.
 
-The suite is described in `toolkit/testing/suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the
+The suite is described in `tests/support/suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the
 recording and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over
 the frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus the result's,
 over the frames in which a database hypothesis won. Right is a frame of which 18 of 20 joints are within 150 mm; a wrong
@@ -33,21 +33,21 @@ from benchmarks._rows import (
     settings_of,
 )
 from benchmarks._takes import is_right
-from toolkit.config import parse_overrides
+from tests.support.bootstrap import paired_bootstrap
+from tests.support.casting import Scene
+from tests.support.scenes import record_scene
+from tests.support.suite import GROUPS, LONGEST, chosen_takes, has_mocap, takes
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline import track_recording
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.evaluation.joints import frame_errors, joint_errors
+from toolkit.evaluation.joint_errors import frame_errors, joint_errors
 from toolkit.evaluation.scores import EvaluationTable, RunScores
-from toolkit.files import save_bytes
 from toolkit.fitting.objective import WITHIN
-from toolkit.pages import png_of
-from toolkit.pipeline import track_recording
+from toolkit.io.files import save_bytes
+from toolkit.io.html import png_of
 from toolkit.recordings.opening import open_recording
-from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.testing.casting import Scene
-from toolkit.testing.scenes import record_scene
-from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, has_mocap, takes
-from toolkit.track import TRACKED, Track
+from toolkit.tracks import TRACKED, Track
 
 COLUMNS = (
     ("error_mm", "error", 1.0),

@@ -20,8 +20,8 @@ from pathlib import Path
 
 from benchmarks._record import RESULTS, commit
 from benchmarks._rows import add_database_options, poses_of
+from tests.support.suite import ROOT, WORK
 from toolkit.datasets.folder import data_folder
-from toolkit.testing.suite import ROOT, WORK
 
 PACKAGED = "toolkit/database/assets/default.npz"
 """What users have; no actor of the motions that are tracked with it is in it."""

@@ -7,7 +7,7 @@
   both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins
   and unlabelled filler.
 - `events [--split report] [--queries FILE] [--threshold 0.06]`: motions told while they go on. True poses of the
-  sequences of `toolkit/testing/labelled.py`, with other motions between the clips, on the neutral body's proportions;
+  sequences of `tests/support/labelled.py`, with other motions between the clips, on the neutral body's proportions;
   classes of the other actors. F over segments of the events against that of annotation of the whole, both without
   keyframes unless a file of queries is given; seconds from the end of a motion to its event; milliseconds of processor
   time per frame.
@@ -38,17 +38,12 @@ from benchmarks._keyframe_corpus import (
     load_filler,
 )
 from benchmarks._record import RESULTS, run_part, save_figures
-from toolkit.retrieval.annotation.annotator import (
-    AS_PUBLISHED,
-    Annotator,
-    DecisionSettings,
-    Intervals,
-)
+from toolkit.retrieval.annotation.annotation_report import plot_annotation
+from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, DecisionSettings, Intervals
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.preselection import preselect
-from toolkit.retrieval.annotation.report import plot_annotation
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex

@@ -31,10 +31,10 @@ VALUES = (
     "\u202ezpn", "/dev/full", "/proc/self/mem", "1e400", "0x10", "٣", "%s%n", "{}", "*", "\t", "NaN,NaN,NaN", "1;2",
 )  # fmt: skip
 IMPORTED = (
-    "toolkit.pipeline", "toolkit.evaluation.evaluate", "toolkit.report.page", "toolkit.export.run",
-    "toolkit.simulation.simulate", "toolkit.inertial.workflow", "toolkit.retrieval.workflow.search",
+    "toolkit.app.pipeline", "toolkit.evaluation.evaluate", "toolkit.output.report.page", "toolkit.output.export.run",
+    "toolkit.simulation.simulate", "toolkit.inertial.workflow", "toolkit.retrieval.workflow.search_files",
     "toolkit.retrieval.workflow.annotate", "toolkit.retrieval.workflow.learn", "database_builder.build",
-    "toolkit.hybrid.tracker", "toolkit.stabilising.workflow", "toolkit.pipeline.events",
+    "toolkit.trackers.hybrid.tracker", "toolkit.app.stabilise.workflow", "toolkit.app.pipeline.events",
 )  # fmt: skip
 """Modules that every call would import anew."""
 PATIENCE = 120
@@ -46,7 +46,7 @@ def options_of(verb: list[str]) -> list[str]:
     """Names of the options of a verb."""
     import typer
 
-    from toolkit.cli.main import app
+    from toolkit.app.cli.main import app
 
     command: Any = typer.main.get_command(app)
     for word in verb:
@@ -94,7 +94,7 @@ def outcome(number: int, seed: int, work: Path) -> tuple[str, list[str]]:
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
             os.chdir(folder)
             os.dup2(os.open(os.devnull, os.O_RDWR), 0)
-            from toolkit.cli.main import main as command
+            from toolkit.app.cli.main import main as command
 
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
                 try:
@@ -130,7 +130,7 @@ def main() -> None:
     from tests.database_helpers import small_database
     from tests.fake_tracker import write_recording
     from tests.run_helpers import write_run
-    from toolkit import skeleton
+    from toolkit.body import skeleton
 
     for module in IMPORTED:
         importlib.import_module(module)

@@ -303,7 +303,7 @@ def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motions.index"
         corpus.index.save(path)
-        command = [sys.executable, "-m", "toolkit.cli.main", "search", str(path), "--by-example", str(clip)]
+        command = [sys.executable, "-m", "toolkit.app.cli.main", "search", str(path), "--by-example", str(clip)]
         environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
         environment["PYTHONPYCACHEPREFIX"] = str(Path(folder) / "compiled")
         for _ in range(4):

@@ -33,14 +33,14 @@ from database_builder import pool
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from database_builder.sampling import pose_distance
-from toolkit import skeleton
+from tests.support.amass import write_amass
+from tests.support.suite import MOCAP
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.testing.amass import write_amass
-from toolkit.testing.suite import MOCAP
 
 JITTER = 0.02
 """Radians, standard deviation."""

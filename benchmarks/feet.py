@@ -20,17 +20,17 @@ import numpy as np
 
 from benchmarks._movement import TAKES, Tracked, movement_options, tracked, tracked_run, tracked_shot
 from benchmarks._record import save_figures
-from toolkit import skeleton
-from toolkit.biomechanics.contact import smoothed
-from toolkit.biomechanics.resting import at_rest
+from tests.support import suite
+from tests.support.casting import Scene
+from tests.support.scenes import people_of, shot_of
+from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.body.sole import soles
-from toolkit.runs import Person
-from toolkit.spans import spans
-from toolkit.testing import suite
-from toolkit.testing.casting import Scene
-from toolkit.testing.scenes import people_of, shot_of
-from toolkit.track import TRACKED
+from toolkit.io.spans import spans
+from toolkit.motion.contact import smoothed
+from toolkit.motion.resting import at_rest
+from toolkit.tracks import TRACKED
+from toolkit.tracks.runs import Person
 
 SHORTEST = 5
 """Frames of a step that is measured."""

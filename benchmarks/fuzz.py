@@ -24,7 +24,7 @@ from collections import Counter
 from pathlib import Path
 
 from benchmarks._record import save_figures
-from toolkit.files import save_json
+from toolkit.io.files import save_json
 
 PATIENCE, FIRST_PATIENCE = 120.0, 1200.0
 """Seconds without an outcome after which a process is said to be in an endless loop; the first one takes compiling."""

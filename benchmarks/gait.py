@@ -15,10 +15,10 @@ import numpy as np
 from benchmarks._movement import RATE, TAKES, Take, Tracked, movement_options, tracked
 from benchmarks._plain_gait import planned_rises, planned_walk, walk_on_ground
 from benchmarks._record import save_figures
-from toolkit.biomechanics.angles import COLUMNS
-from toolkit.biomechanics.resting import at_rest
-from toolkit.biomechanics.summary import Summary, summary_of
-from toolkit.testing.walking import Rising, Walk
+from tests.support.walking import Rising, Walk
+from toolkit.motion.angles import COLUMNS
+from toolkit.motion.motion_summary import Summary, summary_of
+from toolkit.motion.resting import at_rest
 
 WAYS = ("tracked", "true poses")
 

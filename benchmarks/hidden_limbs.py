@@ -3,7 +3,7 @@
 True poses of HDM05, without a camera: one actor is left out in turn, classes are learned from the other two, and one
 limb of each clip of the third is hidden, for the whole clip or for a while in its middle. Mean distance of the limb's
 three outer joints from the true ones, on the neutral body, for arms and legs: the pose of the last frame in which it
-was seen held on, straight from end to end, and what `toolkit/stabilising/` expects.
+was seen held on, straight from end to end, and what `toolkit/retrieval/priors/` expects.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import save_figures
+from tests.support.labelled import ACTORS, clips_of, label_of
 from toolkit.body.shape import load_body
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
 from toolkit.retrieval.annotation.class_motion import Example
@@ -25,13 +26,12 @@ from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
+from toolkit.retrieval.priors.expectation import Told, expect, fill
+from toolkit.retrieval.priors.gap_trajectories import flags_of
+from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
 from toolkit.retrieval.workflow.motions import load_motion, load_poses
-from toolkit.stabilising.allocation import Allocation, allocate, unknown_rows
-from toolkit.stabilising.expectation import Told, expect, fill
-from toolkit.stabilising.gaps import Gap
-from toolkit.stabilising.limbs import ENTRIES, LIMBS, OUTER
-from toolkit.stabilising.ways import flags_of
-from toolkit.testing.labelled import ACTORS, clips_of, label_of
 
 BODY = load_body("neutral")
 PEOPLE = ("bd", *sorted(ACTORS.values()))

@@ -38,30 +38,30 @@ from benchmarks._inertial_figures import (
 from benchmarks._inertial_real import real
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
-from toolkit import skeleton
+from tests.support.scenes import people_of, shot_of
+from tests.support.suite import MOCAP, RATE, takes
+from toolkit.app.pipeline import track_recording
+from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import InertialError
 from toolkit.evaluation.orientations import RunCheck, frame_scores
-from toolkit.hybrid.tracker import HybridTracker
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
 from toolkit.inertial.calibration import GOOD, Calibration, Mounting, TakeClock
 from toolkit.inertial.distance import distances, errors_of
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
 from toolkit.inertial.workflow import clock_of
+from toolkit.io.errors import InertialError
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
-from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import SensorNoise, SimulatedSensors, simulate_sensors
 from toolkit.simulation.simulate import simulate_scene
-from toolkit.testing.scenes import people_of, shot_of
-from toolkit.testing.suite import MOCAP, RATE, takes
-from toolkit.track import Track
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.tracks import Track
 
 
 def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:

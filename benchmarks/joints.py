@@ -28,30 +28,30 @@ import numpy as np
 
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import add_database_options, add_take_options, poses_of
-from toolkit import skeleton
-from toolkit.config import parse_overrides
+from tests.support.casting import Scene
+from tests.support.scenes import people_of, shot_of
+from tests.support.suite import GROUPS, RATE, WORK, chosen_takes, digest_of
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline import TrackerRecipe, track_recording
+from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.app.pipeline.store_joints import store_joints
+from toolkit.body import skeleton
 from toolkit.datasets.folder import data_folder
-from toolkit.detector.detection import DetectedJoints
-from toolkit.detector.joint_formats import COCO_18, POSE_MODEL, reported_rows
-from toolkit.detector.pose_model import PoseModel
 from toolkit.mocap.clip import PoseClip
-from toolkit.people.joints import on_cut_out
-from toolkit.people.lone import LonePerson
+from toolkit.people.image_joints.detected_joints import DetectedJoints
+from toolkit.people.image_joints.joint_formats import COCO_18, POSE_MODEL, reported_rows
+from toolkit.people.image_joints.pose_model import PoseModel
+from toolkit.people.joint_masks import on_cut_out
 from toolkit.people.sighting import Sighting
+from toolkit.people.single_person import LonePerson
 from toolkit.people.survey import find_people
-from toolkit.pipeline import TrackerRecipe, track_recording
-from toolkit.pipeline.joints import JointChoice
-from toolkit.pipeline.store_joints import store_joints
 from toolkit.recordings.opening import open_recording, open_upright
-from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.simulation.simulate import simulate_scene
-from toolkit.testing.casting import Scene
-from toolkit.testing.scenes import people_of, shot_of
-from toolkit.testing.suite import GROUPS, RATE, WORK, chosen_takes, digest_of
-from toolkit.track import TRACKED, Track
+from toolkit.tracks import TRACKED, Track
+from toolkit.tracks.runs import load_people
 
 DEPTH = data_folder() / "depth"
 FOUND = [skeleton.REPORTED.index(name) for name in POSE_MODEL]

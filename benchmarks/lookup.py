@@ -23,15 +23,15 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
+from tests.support.searches import ScipySearch
+from tests.support.subjects import moving_clouds
 from toolkit.database.database import PoseDatabase
-from toolkit.database.search import LeafSearch
+from toolkit.database.pose_search import LeafSearch
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.graph import Workspace, grid_graph
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
-from toolkit.testing.searches import ScipySearch
-from toolkit.testing.subjects import moving_clouds
 
 PIXELS = (3_000, 6_000, 16_000)
 REPEATS = 5

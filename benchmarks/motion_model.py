@@ -44,7 +44,7 @@ from toolkit.retrieval.annotation.training import CutClip, documents_of, train, 
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.workflow.search import by_class
+from toolkit.retrieval.workflow.search_files import by_class
 
 SETS = {"easy": False, "hard": True}
 SHARES = (0.34, 0.67, 1.0)

@@ -33,23 +33,23 @@ from benchmarks._rows import (
     swarm_settings,
     track_each,
 )
-from toolkit import skeleton
-from toolkit.config import parse_overrides
+from tests.support.suite import WORK
+from toolkit.app.config import parse_overrides
+from toolkit.body import skeleton
+from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.evaluation.extrema import BONES, OWNERS
+from toolkit.evaluation.extrema_scores import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
-from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
-from toolkit.skeleton import END_EFFECTORS
-from toolkit.testing.suite import WORK
-from toolkit.track import TRACKED, RunInfo, Track
-from toolkit.tracking.protocol import Tracker
+from toolkit.trackers.qammaz.tracker import SwarmTracker
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import TRACKED, RunInfo, Track
 
 RECORDINGS = data_folder() / "depth" / "utd_mhad"
 LIMB_BONES = BONES[(OWNERS >= 0) & (OWNERS < END_EFFECTORS.index("head"))]

@@ -35,15 +35,15 @@ from benchmarks._rows import (
     swarm_settings,
 )
 from benchmarks._takes import SOURCES, is_right, joints_of, prepared
-from toolkit.config import parse_overrides
+from tests.support.bootstrap import paired_bootstrap
+from tests.support.misled import KINDS, misled, wrong_pose
+from tests.support.solo import Solo
+from tests.support.suite import GROUPS, LONGEST, chosen_takes
+from toolkit.app.config import parse_overrides
 from toolkit.database.database import PoseDatabase
-from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.sensing.recording import Recording
-from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.testing.misled import KINDS, misled, wrong_pose
-from toolkit.testing.solo import Solo
-from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes
-from toolkit.tracking.protocol import Tracker
+from toolkit.trackers.qammaz.tracker import SwarmTracker
+from toolkit.tracking.tracker_protocol import Tracker
 
 CAP = 90
 """Frames after which a start counts as not recovered."""

@@ -25,23 +25,23 @@ import numpy as np
 
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
-from toolkit import skeleton
+from tests.support.calibration import calibration_error
+from tests.support.scenes import people_of
+from tests.support.suite import BODIES, RATE, takes
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import GROWTH, ShapeSpace, subject_body
 from toolkit.database.canonical import canonicalise, place
 from toolkit.database.database import PoseDatabase
-from toolkit.interiors.room import KINDS as ROOM_KINDS
 from toolkit.kernels.image import raster
 from toolkit.landmarks.regressor import JointEstimate, JointRegressor
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
+from toolkit.simulation.interiors.room import KINDS as ROOM_KINDS
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, prepare
-from toolkit.testing.calibration import calibration_error
-from toolkit.testing.scenes import people_of
-from toolkit.testing.suite import BODIES, RATE, takes
 
 KINDS = ("full", "waist_up", "seated", "hidden", "tilted", "child")
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)

@@ -22,18 +22,18 @@ from benchmarks import _room_scores
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of, track_each
 from benchmarks.scenes import frame_picture, frame_times, tracks_of
-from toolkit.config import parse_overrides
+from tests.support.suite import ROOT
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline import TrackerRecipe
+from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.datasets.folder import data_folder
-from toolkit.pipeline import TrackerRecipe
-from toolkit.pipeline.joints import JointChoice
+from toolkit.output.rendering.film import contact_sheet, save_png
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.recordings.writer import RecordingWriter
-from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.sensing.camera import Camera
-from toolkit.testing.suite import ROOT
-from toolkit.track import Track
-from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import Track
 
 ROOMS = data_folder() / "rooms"
 ANNOTATIONS = ROOT / "benchmarks" / "annotations" / "rooms"

@@ -26,14 +26,14 @@ import numpy as np
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of
 from benchmarks.real import RECORDINGS
-from toolkit import skeleton
+from toolkit.app.pipeline.manifest import DONE, MANIFEST_FILE
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.files import sha256_of
-from toolkit.pipeline.manifest import DONE, MANIFEST_FILE
+from toolkit.io.files import sha256_of
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks import TRACKED, FrameResult, RunInfo, TrackWriter
 
 FRAMES = 67
 """Of a recording: the mean of UTD-MHAD."""
@@ -43,7 +43,15 @@ TURN = np.diag([1.0, -1.0, -1.0])
 
 def measured_batch(recordings: list[Path], database: Path, workers: int, runs: Path) -> dict[str, Any]:
     """Figures of a batch that is tracked as it is typed."""
-    command = [sys.executable, "-m", "toolkit.cli.main", "track", *map(str, recordings), "--database", str(database)]
+    command = [
+        sys.executable,
+        "-m",
+        "toolkit.app.cli.main",
+        "track",
+        *map(str, recordings),
+        "--database",
+        str(database),
+    ]
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run([*command, "--output", str(runs), "--workers", str(workers)], check=True, capture_output=True)
     after, seconds = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - start

@@ -1,6 +1,6 @@
 """People as they are recorded: `depthmocap bench scenes [--split report] [--groups waist,seated]`.
 
-The scenes are described in `toolkit/testing/scenes.py`: from the waist up, seated, behind furniture, several people,
+The scenes are described in `tests/support/scenes.py`: from the waist up, seated, behind furniture, several people,
 children and tilted cameras, clothes, rooms without people. `--rooms` takes the seven groups of furnished rooms
 instead: people who enter and leave, carry things, embrace and hand over, crowds of four to six, cameras from 0.8 to
 2.5 m above the floor, stills of one frame, and ten rooms of 300 frames without people. Every recording is
@@ -23,20 +23,20 @@ import numpy as np
 
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import add_database_options, poses_of, track_each
-from toolkit.config import parse_overrides
-from toolkit.pipeline import TrackerRecipe
-from toolkit.pipeline.joints import JointChoice
+from tests.support.casting import Scene
+from tests.support.scene_scores import SceneScore, scene_figures, score_scene
+from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene, scenes
+from tests.support.suite import has_mocap
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline import TrackerRecipe
+from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.output.rendering import style
+from toolkit.output.rendering.film import contact_sheet, save_png
+from toolkit.output.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.recordings.opening import open_recording
-from toolkit.rendering import style
-from toolkit.rendering.film import contact_sheet, save_png
-from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
-from toolkit.runs import person_runs
 from toolkit.sensing.recording import Recording
-from toolkit.testing.casting import Scene
-from toolkit.testing.scene_scores import SceneScore, scene_figures, score_scene
-from toolkit.testing.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene, scenes
-from toolkit.testing.suite import has_mocap
-from toolkit.track import EMPTY, TRACK_FILE, TRACKED, Track
+from toolkit.tracks import EMPTY, TRACK_FILE, TRACKED, Track
+from toolkit.tracks.runs import person_runs
 
 WIDTH, HEIGHT = 640, 480
 """Pixels of a picture, filled as far as the recording's proportions allow."""

@@ -3,7 +3,7 @@
 - `hybrid DATABASE [--frames 1050] [--max-poses 25000]`: a rendered subject moves before cameras that see it with 3,000,
   6,000 and 16,000 pixels. Times are those of the stages, without reading the file, in one pinned process with one
   thread; the first 50 frames, in which code is compiled, are left out. The same follows at half resolution, the error
-  beside both; then the whole frame against the plain pipeline (`toolkit/testing/plain_pipeline.py`) in the same run;
+  beside both; then the whole frame against the plain pipeline (`tests/support/plain_pipeline.py`) in the same run;
   and the peak memory of `depthmocap track` over a short and a long recording. A database of fewer poses than asked for
   is filled up with its own poses, moved by two degrees per angle. Runs too short for a 99.9th percentile (1,000 frames)
   are written to a file of their own, ending in `_part`.
@@ -37,29 +37,29 @@ import numpy as np
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
 from benchmarks._rows import settings_of
 from benchmarks._speed_wings import swarm, upper
-from toolkit import skeleton
+from tests.support import suite
+from tests.support.plain_pipeline import PlainTracker
+from tests.support.solo import Solo
+from tests.support.subjects import DISTANCE, camera_for, draw, moving_poses, write_recording
+from toolkit.app.config import load_settings, parse_overrides
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body, subject_body
-from toolkit.config import load_settings, parse_overrides
 from toolkit.database.database import PoseDatabase, PoseOrigins
-from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import HybridTracker
+from toolkit.evaluation.joint_errors import accuracy, frame_errors, joint_errors
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.runs import person_runs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.sensors import KinectV1
 from toolkit.simulation.simulate import Shot, simulate_scene
-from toolkit.testing import suite
-from toolkit.testing.plain_pipeline import PlainTracker
-from toolkit.testing.solo import Solo
-from toolkit.testing.subjects import DISTANCE, camera_for, draw, moving_poses, write_recording
-from toolkit.tracking.crowd import Crowd
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.tracking.multi_person import Crowd
+from toolkit.tracks.runs import person_runs
 
 JITTER = np.radians(2.0)
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -165,7 +165,17 @@ def tracked(recording: Path, database: Path, output: Path, *options: str) -> tup
     """Peak resident memory of `depthmocap track` over a recording, megabytes, and its processor time, seconds; its run
     folder goes to `output`.
     """
-    command = [sys.executable, "-m", "toolkit.cli.main", "track", recording, "--database", database, "--output", output]
+    command = [
+        sys.executable,
+        "-m",
+        "toolkit.app.cli.main",
+        "track",
+        recording,
+        "--database",
+        database,
+        "--output",
+        output,
+    ]
     words = [sys.executable, "-c", MEASURED, *map(str, (*command, *options))]
     ended = subprocess.run(words, env={**os.environ, **ONE_THREAD}, stdout=subprocess.PIPE, text=True, check=False)
     if ended.returncode:

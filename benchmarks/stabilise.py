@@ -1,6 +1,6 @@
 """Hidden limbs told afterwards or by sensors: `depthmocap bench stabilise PART`, which is one of
 
-- `classes [--split report] [--config hybrid]`: sequences of one actor's clips (`toolkit/testing/labelled.py`) are
+- `classes [--split report] [--config hybrid]`: sequences of one actor's clips (`tests/support/labelled.py`) are
   simulated, tracked, and stabilised with classes of the other actors. How well the labels are those performed. `--noise
   200` adds Gaussian noise of so many millimetres to every measured pixel of every frame: the thesis's second experiment
   (6.5: 15 % of the full range of its colours, here of the 1.3 m that a person's sequence takes up).
@@ -27,15 +27,20 @@ import numpy as np
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from benchmarks.inertial import levelled, wrong_calibration
+from tests.support.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
+from tests.support.scenes import people_of, record_scene
+from tests.support.suite import RATE, takes
+from toolkit.app.pipeline import TrackerRecipe, track_recording
+from toolkit.app.stabilise.loop import Round, StabiliseSettings, annotate, best_round, stabilise
+from toolkit.app.stabilise.result_page import write_page
+from toolkit.app.stabilise.source_run import SourceRun, open_source
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
-from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
-from toolkit.files import save_bytes
+from toolkit.evaluation.joint_errors import NEAR, joint_errors, visible_joints
 from toolkit.fitting.orientation import OrientationSettings
-from toolkit.hybrid.tracker import HybridTracker
+from toolkit.io.files import save_bytes
+from toolkit.io.html import png_of
 from toolkit.mocap.clip import PoseClip
-from toolkit.pages import png_of
-from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -47,14 +52,9 @@ from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.inertial import NOISE, simulate_sensors
 from toolkit.simulation.person import SimulatedPerson
-from toolkit.stabilising.loop import Round, StabiliseSettings, annotate, best_round, stabilise
-from toolkit.stabilising.page import write_page
-from toolkit.stabilising.source import SourceRun, open_source
-from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
-from toolkit.testing.scenes import people_of, record_scene
-from toolkit.testing.suite import RATE, takes
-from toolkit.track import TRACK_FILE, Track
+from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking.guide import Guide, InertialGuide
+from toolkit.tracks import TRACK_FILE, Track
 
 FIGURES = ("mean mm", "seen mm", "hidden mm", "hidden within 100 mm", "deviation mm", "largest mm")
 LINES = {"before": "tab:red", "after one round": "tab:blue", "at the end": "black"}

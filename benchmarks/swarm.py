@@ -2,7 +2,7 @@
 
 - `suite [--split report] [--joints colour,depth,truth]`: the simulated suite. No database, no pose, no shape is given:
   the recording, and joints in the image, which the network finds in colour or in the shaded depth (`depthmocap joints
-  --fetch`), or which are the true ones with the errors of such a network (`truth`, see `toolkit/testing/joints.py`).
+  --fetch`), or which are the true ones with the errors of such a network (`truth`, `tests/support/image_joints.py`).
   `--rows` chooses settings of `benchmarks/_rows.py`, compared with the first one by a paired bootstrap over the
   recordings. With `--cold` every sixth frame is a first frame: right is one of which 18 of 20 joints are within 150 mm.
 - `sequences`, `table2`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
@@ -34,14 +34,14 @@ from benchmarks._record import run_part, save_figures
 from benchmarks._rows import SWARM_ROWS, add_take_options, swarm_settings
 from benchmarks._swarm_runs import SWARM_KINDS, calibration, follow, print_row, swarm_figures
 from benchmarks._takes import SOURCES, TURNS, prepared, view_of
+from tests.support.bootstrap import paired_bootstrap
+from tests.support.sequences import SEQUENCES, sequence_body
+from tests.support.suite import GROUPS, LONGEST, WORK, chosen_takes
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline.scan import scan_recordings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.config import parse_overrides
-from toolkit.pipeline.scan import scan_recordings
-from toolkit.qammaz.tracker import SwarmTracker
-from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.testing.sequences import SEQUENCES, sequence_body
-from toolkit.testing.suite import GROUPS, LONGEST, WORK, chosen_takes
+from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 
 def suite(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,6 @@
 """People seen from the waist up: `depthmocap bench upper PART`, which is one of
 
-- `track [--split report] [--rows hybrid,lopez2011,particles]`: the takes of `toolkit/testing/upper.py` (cut by the
+- `track [--split report] [--rows hybrid,lopez2011,particles]`: the takes of `tests/support/upper.py` (cut by the
   image, behind a desk, on a chair, near the camera, wide, turned). Trackers are told nothing. Errors are those of head,
   shoulders, elbows and hands, seen or not, in pixels of a 640x480 image (at most 120) and in millimetres (at most 1 m);
   frames before the person is found count. First are the first tracked frames. `--recovery` hangs both arms down, or
@@ -27,31 +27,31 @@ import numpy as np
 from benchmarks import _upper as upper
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
-from toolkit import skeleton
-from toolkit.config import parse_overrides
+from tests.support.scenes import record_scene
+from tests.support.solo import Solo
+from tests.support.suite import WORK
+from tests.support.upper import GROUPS, MORE, upper_scenes
+from toolkit.app.config import parse_overrides
+from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.body import skeleton
 from toolkit.datasets.folder import data_folder
-from toolkit.errors import DepthMocapError
-from toolkit.evaluation.joints import visible_joints
-from toolkit.files import save_bytes
+from toolkit.evaluation.joint_errors import visible_joints
 from toolkit.fitting.arms import SIDES, entries_of
+from toolkit.io.errors import DepthMocapError
+from toolkit.io.files import save_bytes
+from toolkit.io.html import png_of
 from toolkit.landmarks.graph import Workspace
-from toolkit.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
-from toolkit.pages import png_of
-from toolkit.people.lone import LonePerson
-from toolkit.pipeline.trackers import TrackerRecipe
+from toolkit.output.rendering.film import contact_sheet, save_png
+from toolkit.output.rendering.overlay import color_depth, draw_points, draw_skeleton
+from toolkit.people.single_person import LonePerson
 from toolkit.recordings.opening import open_recording
-from toolkit.rendering.film import contact_sheet, save_png
-from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.testing.scenes import record_scene
-from toolkit.testing.solo import Solo
-from toolkit.testing.suite import WORK
-from toolkit.testing.upper import GROUPS, MORE, upper_scenes
-from toolkit.track import TRACKED
-from toolkit.tracking.protocol import Tracker
+from toolkit.trackers.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
 from toolkit.tracking.state import Previous
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import TRACKED
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),

@@ -14,24 +14,19 @@ import numpy as np
 from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.processes import process_pool
-from database_builder.reading import (
-    MocapFile,
-    find_sources,
-    of_clip,
-    read_source,
-)
+from database_builder.reading import MocapFile, find_sources, of_clip, read_source
 from database_builder.regressor import RegressorSettings, train_regressor
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import RootView, observed_offsets
-from toolkit.errors import MocapError, UsageError
-from toolkit.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
+from toolkit.io.errors import MocapError, UsageError
+from toolkit.io.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
+from toolkit.io.progress import Progress, silent
+from toolkit.io.workers import usable_processors
 from toolkit.kernels.linear import lengths
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
-from toolkit.progress import Progress, silent
-from toolkit.workers import usable_processors
 
 THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the

@@ -8,11 +8,11 @@ import numpy as np
 
 from database_builder.room_views import SHELL, RoomPainter, RoomView
 from database_builder.views import FOCAL, CroppedView, ViewSettings, draw_view, is_seated
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace
+from toolkit.io.progress import Count
 from toolkit.kernels.learning import forest as kernels
 from toolkit.landmarks.regressor import JointRegressor
-from toolkit.progress import Count
 
 CLOSE = 0.1
 """Metres from the true joint within which an estimate counts as right."""

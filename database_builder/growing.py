@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from toolkit.io.progress import Count
 from toolkit.kernels.learning.forest_training import Growth, Samples, Tree, grow
-from toolkit.progress import Count
 
 TOP = 6
 """Level of a tree from which on its parts grow by themselves, in any order."""

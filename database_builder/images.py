@@ -9,8 +9,8 @@ import numpy as np
 from database_builder.room_views import NO_PERSON, SHELL, RoomPainter
 from database_builder.views import FOCAL, CroppedView, ViewSettings, body_labels, draw_view, is_seated
 from toolkit.body.shape import ShapeSpace
+from toolkit.io.progress import Count
 from toolkit.kernels.learning import forest
-from toolkit.progress import Count
 
 BALANCE = 0.7
 """Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.archives import load_archive, save_archive
-from toolkit.errors import DatabaseError, OutputError
+from toolkit.io.archives import load_archive, save_archive
+from toolkit.io.errors import DatabaseError, OutputError
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.body.shape import ShapeSpace
-from toolkit.interiors.mesh import BOX_FACES, Mesh
 from toolkit.kernels.linear import rotated
+from toolkit.simulation.interiors.mesh import BOX_FACES, Mesh
 
 Draw = Callable[["Situation", np.random.Generator], list[Mesh]]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from database_builder.reading import CanonicalPoses
 from database_builder.sampling import farthest_first, pose_distance
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.database.database import PoseOrigins
 
 PART = 500_000

@@ -7,8 +7,8 @@ from contextlib import contextmanager, nullcontext
 from itertools import islice
 from typing import Any
 
-from toolkit.errors import DatabaseError
-from toolkit.workers import Task
+from toolkit.io.errors import DatabaseError
+from toolkit.io.workers import Task
 
 WAITING = 8
 """Results of each process that may wait to be taken."""

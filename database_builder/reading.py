@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from database_builder.kept import KeptFile
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import as_stored
-from toolkit.errors import DepthMocapError
-from toolkit.files import sha256_of
+from toolkit.io.errors import DepthMocapError
+from toolkit.io.files import sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget

@@ -17,12 +17,12 @@ from database_builder.kept import KeptFile
 from database_builder.processes import process_pool
 from database_builder.room_views import NO_PERSON
 from database_builder.views import FOCAL, ViewSettings
-from toolkit.errors import SettingsError
+from toolkit.io.errors import SettingsError
+from toolkit.io.progress import Count, silent
 from toolkit.kernels.cache import sources_digest
 from toolkit.kernels.learning import forest_training
 from toolkit.kernels.learning.forest_training import Growth, Samples, Tree
 from toolkit.landmarks.regressor import OFFSET_UNIT, JointRegressor, sureness
-from toolkit.progress import Count, silent
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,14 @@ from database_builder.views import (
     sensed,
     turned_pose,
 )
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.interiors.mesh import Mesh, cushion, joined, moved, slab
-from toolkit.interiors.pieces import BLACK, DARK, PIECES, PLAIN, SEATS, Part, Piece, shifted
-from toolkit.interiors.room import KINDS, Room, furnished
 from toolkit.kernels.learning import forest
 from toolkit.kernels.linear import rotated, times
+from toolkit.simulation.interiors.mesh import Mesh, cushion, joined, moved, slab
+from toolkit.simulation.interiors.pieces import BLACK, DARK, PIECES, PLAIN, SEATS, Part, Piece, shifted
+from toolkit.simulation.interiors.room import KINDS, Room, furnished
 
 NO_PERSON = 2 * len(skeleton.JOINT_NAMES)
 """Label of a pixel that is of no person, after those of `body_labels`."""

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from toolkit.errors import DatabaseError, UsageError
+from toolkit.body.skeleton import REPORTED
+from toolkit.io.errors import DatabaseError, UsageError
 from toolkit.kernels.learning import farthest
-from toolkit.skeleton import REPORTED
 
 JOINT_COUNT = len(REPORTED)
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from database_builder.occluders import occluder_meshes
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.prior import SITUATIONS, situations, variables
-from toolkit.errors import SettingsError
+from toolkit.io.errors import SettingsError
 from toolkit.kernels.image import raster
 from toolkit.kernels.learning import forest
 

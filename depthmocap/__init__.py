@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from depthmocap.tracks import Track as Track
     from depthmocap.tracks import evaluate as evaluate
     from depthmocap.tracks import track as track
-    from toolkit.errors import DepthMocapError as DepthMocapError
+    from toolkit.body.skeleton import REPORTED
+    from toolkit.io.errors import DepthMocapError as DepthMocapError
     from toolkit.recordings.opening import open_recording as open_recording
-    from toolkit.skeleton import REPORTED
 
     JOINT_NAMES = REPORTED
 
@@ -33,9 +33,9 @@ _WHERE = {
     "Tracker": ("depthmocap.step", "Tracker"),
     "Track": ("depthmocap.tracks", "Track"),
     "track": ("depthmocap.tracks", "track"),
-    "DepthMocapError": ("toolkit.errors", "DepthMocapError"),
+    "DepthMocapError": ("toolkit.io.errors", "DepthMocapError"),
     "open_recording": ("toolkit.recordings.opening", "open_recording"),
-    "JOINT_NAMES": ("toolkit.skeleton", "REPORTED"),
+    "JOINT_NAMES": ("toolkit.body.skeleton", "REPORTED"),
 }
 
 __all__ = list(_WHERE)

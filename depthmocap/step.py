@@ -10,20 +10,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from depthmocap.tracks import Track, tracker_of
-from toolkit.biomechanics.contact import foot_contacts
+from toolkit.app.pipeline.run import Job
 from toolkit.body.body import Body
-from toolkit.errors import UsageError
-from toolkit.people.joints import NoJoints
-from toolkit.people.up import floor_height
-from toolkit.pipeline.run import Job
+from toolkit.io.errors import UsageError
+from toolkit.motion.contact import foot_contacts
+from toolkit.people.joint_masks import NoJoints
+from toolkit.people.vertical import floor_height
 from toolkit.recordings.opening import recording_of
-from toolkit.runs import Person
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
-from toolkit.track import STATE_NAMES
-from toolkit.track import Track as Rows
-from toolkit.tracking import protocol
-from toolkit.tracking.crowd import Crowd, Row
+from toolkit.tracking import tracker_protocol as protocol
+from toolkit.tracking.multi_person import Crowd, Row
+from toolkit.tracks import STATE_NAMES
+from toolkit.tracks import Track as Rows
+from toolkit.tracks.runs import Person
 
 
 class Pose(NamedTuple):

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from toolkit.errors import UsageError
-from toolkit.progress import Count, silent
-from toolkit.runs import Person, load_persons, person_runs
+from toolkit.body.skeleton import REPORTED
+from toolkit.io.errors import UsageError
+from toolkit.io.progress import Count, silent
 from toolkit.sensing.recording import Recording
-from toolkit.skeleton import REPORTED
-from toolkit.track import STATE_NAMES
-from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import STATE_NAMES
+from toolkit.tracks.runs import Person, load_persons, person_runs
 
 if TYPE_CHECKING:
     import pandas
@@ -96,14 +96,14 @@ class Track:
             import pandas
         except ImportError as error:
             raise UsageError("a data frame needs the package pandas; type `pip install pandas`") from error
-        from toolkit.export.tables import joint_columns
+        from toolkit.output.export.tables import joint_columns
 
         columns = joint_columns(self.person, level=False)
         return pandas.DataFrame(columns, index=pandas.Index(self.timestamps, name="time_s"))
 
     def plot(self) -> Figure:
         """Some skeletons over time, seen from the camera, above the heights of hands, feet and head."""
-        from toolkit.rendering.track_plot import plot_person
+        from toolkit.output.rendering.track_plot import plot_person
 
         return plot_person(self.person)
 
@@ -123,7 +123,7 @@ class Track:
         OutputError
             The file cannot be written.
         """
-        from toolkit.export.run import export_people
+        from toolkit.output.export.run import export_people
 
         return export_people([self.person], path, rig=rig, origin=origin)[0]
 
@@ -171,7 +171,7 @@ def track(
     DepthMocapError
         The recording cannot be read, a setting is wrong, or the person cannot be told from the scene.
     """
-    from toolkit.pipeline import track_recording
+    from toolkit.app.pipeline import track_recording
 
     if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
         raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
@@ -213,8 +213,8 @@ def _recording(
 
 def tracker_of(database: str | Path | None, config: str | Path | None, settings: Mapping[str, Any] | None) -> Tracker:
     """A tracker by its settings, with the default database where it needs one and none is named."""
+    from toolkit.app.pipeline.trackers import TrackerRecipe
     from toolkit.database.default import default_database_path
-    from toolkit.pipeline.trackers import TrackerRecipe
 
     recipe = TrackerRecipe(config, dict(settings or {}), database)
     if recipe.needs_database() and database is None:

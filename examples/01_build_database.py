@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from database_builder.build import Sampling, build_database
-from database_builder.report import database_text
+from database_builder.build_report import database_text
 
 OUTPUT = Path("output")
 

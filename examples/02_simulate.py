@@ -14,7 +14,7 @@ from pathlib import Path
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
-from toolkit.people.lone import LonePerson
+from toolkit.people.single_person import LonePerson
 from toolkit.simulation.simulate import simulate_recording
 
 OUTPUT = Path("output")

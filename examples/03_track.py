@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.pipeline import TrackerRecipe, track_recording
+from toolkit.app.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
-from toolkit.track import STATE_NAMES, Track
+from toolkit.tracks import STATE_NAMES, Track
 
 OUTPUT = Path("output")
 

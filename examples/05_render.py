@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body.raycast import render_depth
-from toolkit.rendering.film import render_run, save_png
-from toolkit.track import RunInfo, Track
+from toolkit.output.rendering.film import render_run, save_png
+from toolkit.sensing.raycast import render_depth
+from toolkit.tracks import RunInfo, Track
 
 OUTPUT = Path("output")
 

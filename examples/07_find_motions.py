@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.body.shape import load_body
-from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
+from toolkit.output.export.bvh import export_bvh
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.learn import learn_model
 from toolkit.retrieval.workflow.motions import find_motions, tags_of
-from toolkit.retrieval.workflow.search import by_example, cut_example
+from toolkit.retrieval.workflow.search_files import by_example, cut_example
 
 OUTPUT = Path("output")
 

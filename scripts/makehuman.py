@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 
 METRES = 0.1
 SKIN_VERTICES = 13380

@@ -8,7 +8,7 @@ import numpy as np
 from makehuman import SKIN_VERTICES, MakeHuman
 from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 
 
 @dataclass(frozen=True)

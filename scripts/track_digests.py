@@ -71,7 +71,7 @@ def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None,
         It failed; what it said went to standard error.
     """
     subprocess.run(
-        [sys.executable, "-m", "toolkit.cli.main", *map(str, arguments)],
+        [sys.executable, "-m", "toolkit.app.cli.main", *map(str, arguments)],
         env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
         cwd=folder,
         stdout=subprocess.DEVNULL,
@@ -83,8 +83,8 @@ def simulated(path: Path) -> Path:
     """The simulated recording, made unless it is there: bundled kicks by a person unlike the tracker's body."""
     if not path.exists():
         from toolkit.body.shape import load_body, subject_body
-        from toolkit.export.bvh import export_bvh
         from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
+        from toolkit.output.export.bvh import export_bvh
         from toolkit.simulation.simulate import simulate_recording
 
         clip = procedural_clips(SUBJECT_MOTIONS[:1], variations=1, seed=0)[0]

@@ -10,11 +10,11 @@ from typing import Any
 
 import yaml
 
-from toolkit.files import save_text
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.lopez2011.tracker import ParticleTrackerSettings
-from toolkit.qammaz.tracker import SwarmTrackerSettings
-from toolkit.typed import is_constant
+from toolkit.io.files import save_text
+from toolkit.io.typed_values import is_constant
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
+from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
 
 FOLDER = Path(__file__).parents[1] / "configs"
 HEADS: dict[type, str] = {

@@ -1,7 +1,7 @@
 """Writes the list of kernels that a first track uses: `python scripts/write_first_track.py RECORDING...`.
 
 Each recording is tracked once, with all people in it. A kernel stands where it was first called, with the types of its
-arguments, as `toolkit/ahead.py` reads them. An old list costs a first track time and nothing else.
+arguments, as `toolkit/kernels/precompile.py` reads them. An old list costs a first track time and nothing else.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from numba import types
 from numba.core.dispatcher import Dispatcher
 
 import depthmocap
-from toolkit.ahead import KERNELS, LIST
-from toolkit.files import save_text
+from toolkit.io.files import save_text
+from toolkit.kernels.precompile import KERNELS, LIST
 
 
 def text_of(type_: Any) -> str:

@@ -14,7 +14,7 @@ from hypothesis import settings
 
 QUICK = frozenset({
     "test_config", "test_configs", "test_database_canonical", "test_database_query", "test_files", "test_fitting_parts",
-    "test_kernels_linear", "test_kernels_planes", "test_mutants", "test_sensing_camera", "test_sensing_parts",
+    "test_kernels_linear", "test_kernels_planes", "test_sensing_camera", "test_sensing_parts",
     "test_track", "test_tracking_follower", "test_tracking_lookup", "test_tracking_observation",
     "test_tracking_planning", "test_tracking_search", "test_tracking_smoothing",
 })  # fmt: skip

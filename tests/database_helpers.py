@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import canonicalise

@@ -28,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.pipeline import second
+from toolkit.app.pipeline import second
 
 KILL = -1
 HOWS = {

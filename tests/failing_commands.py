@@ -15,14 +15,14 @@ from tests.failing_calls import Command
 from tests.fake_tracker import write_recording
 from tests.fuzz_files import body_file, database_file
 from tests.run_helpers import write_run
-from toolkit import skeleton
-from toolkit.cli.main import main
+from toolkit.app.cli.main import main
+from toolkit.app.pipeline import run as pipeline
+from toolkit.app.pipeline import second
+from toolkit.app.stabilise import workflow
+from toolkit.body import skeleton
 from toolkit.people import survey
 from toolkit.people.evidence import Evidence
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.pipeline import run as pipeline
-from toolkit.pipeline import second
-from toolkit.stabilising import workflow
 
 FRAMES = 3
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import WORSE, Comparison
 from toolkit.sensing.cloud import Cloud
-from toolkit.tracking.search.protocol import Hypothesis, Proposal, ScoredHypothesis
+from toolkit.tracking.search.search_protocol import Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import FIRST_STEP, PersonState
 
 CENTRE = np.array([0.1, 0.2, -3.0])

@@ -13,18 +13,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.app.pipeline import TrackerRecipe, track_recording
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.settings import SensingSettings
-from toolkit.track import EMPTY, TRACKED, FrameResult
+from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import PairTerm
 from toolkit.sensing.camera import Camera
 

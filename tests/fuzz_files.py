@@ -13,13 +13,14 @@ import numpy as np
 from tests.container_files import realsense_recording, ros_recording
 from tests.database_helpers import moving_clip, small_database, write_bvh
 from tests.sensing_scenes import TOF, person_alone
-from toolkit import skeleton
-from toolkit.body import k4abt
+from tests.support.amass import write_amass
+from toolkit.body import k4abt, skeleton
 from toolkit.body.personal import save_body
+from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import ShapeSpace
-from toolkit.checkpoint import save_checkpoint
 from toolkit.inertial.calibration import Calibration, Mounting, TakeClock
 from toolkit.inertial.stream import Sensors, checked_stream
+from toolkit.io.checkpoint import save_checkpoint
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.examples import ExampleSet
@@ -27,10 +28,8 @@ from toolkit.retrieval.annotation.judge import Judge
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.rotations import quaternions as quat
 from toolkit.sensing.camera import Camera
-from toolkit.testing.amass import write_amass
-from toolkit.track import FrameResult, RunInfo, TrackWriter
+from toolkit.tracks import FrameResult, RunInfo, TrackWriter
 
 Make = Callable[[Path], Path]
 

@@ -50,41 +50,41 @@ from tests.fuzz_runs import all_read, finished_run, resumed, shown, stopped_run,
 from tests.fuzzing import Format, changed, handed_over, resealed, revalued
 from tests.mocap_helpers import AMC_ARM, ASF_ARM
 from tests.sensing_scenes import TOF
-from toolkit import skeleton
+from toolkit.app.config import load_settings
+from toolkit.app.pipeline.events import EventStream
+from toolkit.body import skeleton
 from toolkit.body.personal import load_body_file
-from toolkit.checkpoint import load_checkpoint
-from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
+from toolkit.database.pose_search import FEATURE_SIZE
 from toolkit.database.prior import SIZE
-from toolkit.database.search import FEATURE_SIZE
-from toolkit.detector.joint_files import read_joints
 from toolkit.evaluation.k4abt import read_k4abt
 from toolkit.evaluation.orientations import read_truth
-from toolkit.export.tree import read_bones
-from toolkit.hybrid.settings import HybridSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
 from toolkit.inertial.readers import read_file
+from toolkit.io.checkpoint import load_checkpoint
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
-from toolkit.pipeline.events import EventStream
+from toolkit.output.export.tree import read_bones
+from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
+from toolkit.retrieval.annotation.annotation_report import read_segments
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.report import read_segments
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.priors.marks import load_marks
 from toolkit.retrieval.search.example import SearchExample, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import tags_of
-from toolkit.runs import load_people
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
-from toolkit.stabilising.marks import load_marks
-from toolkit.track import RunInfo, Track
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking.state import PersonState
+from toolkit.tracks import RunInfo, Track
+from toolkit.tracks.runs import load_people
 
 
 def _recording(path: Path) -> Any:

@@ -13,14 +13,14 @@ from tests.fake_tracker import write_recording
 from tests.fuzz_files import Make, body_file, database_file
 from tests.fuzzing import zipped
 from tests.run_helpers import write_run
-from toolkit import skeleton
-from toolkit.export.run import export_run
-from toolkit.pipeline import TrackerRecipe, second, track_recording
-from toolkit.pipeline import run as pipeline
+from toolkit.app.pipeline import TrackerRecipe, second, track_recording
+from toolkit.app.pipeline import run as pipeline
+from toolkit.body import skeleton
+from toolkit.output.export.run import export_run
+from toolkit.output.report.page import write_report
 from toolkit.recordings.opening import open_upright
-from toolkit.report.page import write_report
-from toolkit.track import Track
-from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import Track
 
 RUN = "run.zip"
 

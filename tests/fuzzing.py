@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from toolkit.archives import CHECKSUM, checksum_of
-from toolkit.errors import DepthMocapError
+from toolkit.io.archives import CHECKSUM, checksum_of
+from toolkit.io.errors import DepthMocapError
 
 INTERESTING = (
     b"",

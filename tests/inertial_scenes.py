@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, subject_body
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.simulation.inertial import SensorNoise, SimulatedSensors, simulate_sensors
-from toolkit.track import RunInfo, Track
+from toolkit.tracks import RunInfo, Track
 
 RATE = 30.0
 FIVE = ("left_shin", "right_shin", "left_forearm", "right_forearm", "pelvis")

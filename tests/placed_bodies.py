@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
-from toolkit.cli.main import main
-from toolkit.runs import PersonSummary, save_people
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.app.cli.main import main
+from toolkit.body import skeleton
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks.runs import PersonSummary, save_people
 
 TURN = np.diag([1.0, -1.0, -1.0])
 """R_level_camera of a camera that looks horizontally, its own inverse."""

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from scripts.write_first_track import called, text_of
-from toolkit import ahead
+from toolkit.io.workers import Task
 from toolkit.kernels import linear
-from toolkit.workers import Task
+from toolkit.kernels import precompile as ahead
 
 
 class Started(NamedTuple):
@@ -63,7 +63,7 @@ def test_calls_are_noted_once_with_the_types_that_numba_sees() -> None:
 def test_the_list_is_compiled_from_its_end_and_kept(tmp_path: Path) -> None:
     (tmp_path / "list.txt").write_text("linear._dot float64:1 float64:1\nlinear._lengths float64:2 float64:1\n")
     program = (
-        "import pathlib, toolkit.ahead as ahead\n"
+        "import pathlib, toolkit.kernels.precompile as ahead\n"
         "kernels = ahead.listed(pathlib.Path('list.txt'))\n"
         "done = []\n"
         "ahead.listed = lambda: [(type('Kernel', (), {'compile': lambda self, types, of=kernel: "

@@ -15,9 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
-from toolkit import archives
-from toolkit.archives import Column, check_columns, check_trees, checksum_of, load_archive, save_archive
-from toolkit.errors import MocapError, TrackError
+from toolkit.io import archives
+from toolkit.io.archives import Column, check_columns, check_trees, checksum_of, load_archive, save_archive
+from toolkit.io.errors import MocapError, TrackError
 
 ARRAYS = {"numbers": np.arange(12, dtype=np.float32).reshape(3, 4), "words": np.array(["a", "bc"]), "count": 3}
 

@@ -9,21 +9,21 @@ import pytest
 
 from benchmarks._rows import ROWS, LocalTracker, make_tracker
 from tests.database_helpers import small_database
+from tests.support.subjects import LEVEL, camera_for, draw, moving_poses
+from toolkit.app.config import load_settings
 from toolkit.body.shape import load_body
-from toolkit.config import load_settings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import pair_terms
 from toolkit.fitting.terms import SurfaceTerm
-from toolkit.hybrid.baak2013 import Baak2013Tracker
-from toolkit.hybrid.settings import HybridSettings
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
-from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
-from toolkit.track import EMPTY
+from toolkit.trackers.baak2013 import Baak2013Tracker
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation
+from toolkit.tracks import EMPTY
 
 SETTINGS = load_settings(HybridSettings, "baak2013")
 BODY = load_body("neutral")

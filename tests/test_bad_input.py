@@ -19,10 +19,10 @@ from tests.database_helpers import small_database
 from tests.fake_tracker import write_recording
 from tests.fuzz_files import classes_file
 from tests.run_helpers import write_run
-from toolkit import skeleton
-from toolkit.cli.main import main
-from toolkit.files import sha256_of
-from toolkit.track import RunInfo
+from toolkit.app.cli.main import main
+from toolkit.body import skeleton
+from toolkit.io.files import sha256_of
+from toolkit.tracks import RunInfo
 
 VERBS: dict[str, tuple[str, ...]] = {
     "database info": ("database", "info", "BAD"),

@@ -15,7 +15,7 @@ from benchmarks import regressor as bench
 from database_builder.regressor import RegressorSettings, train_regressor
 from database_builder.views import ViewSettings
 from tests.database_helpers import small_database
-from toolkit.testing import suite
+from tests.support import suite
 
 
 def test_a_probability_that_means_what_it_says_has_no_error_whatever_the_share_of_people() -> None:

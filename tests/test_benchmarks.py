@@ -34,24 +34,24 @@ from benchmarks import (
 from benchmarks._rows import WatchedTracker, swarm_settings
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
-from toolkit import skeleton
+from tests.support import suite
+from tests.support.casting import listed
+from tests.support.misled import wrong_pose
+from tests.support.scenes import chosen_scenes, people_of, record_scene
+from tests.support.solo import Solo
+from tests.support.suite import GROUPS, chosen_takes, takes
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
-from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people import survey
-from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import facing_of
-from toolkit.testing import suite
-from toolkit.testing.casting import listed
-from toolkit.testing.misled import wrong_pose
-from toolkit.testing.scenes import chosen_scenes, people_of, record_scene
-from toolkit.testing.solo import Solo
-from toolkit.testing.suite import GROUPS, chosen_takes, takes
-from toolkit.track import Track
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.trackers.qammaz.tracker import SwarmTracker
+from toolkit.tracks import Track
 
 QUICK = ("--set", "shape.seconds=0.1", "--set", "sizes=[0.4]")
 """The shape is learnt from two frames only, of one size."""

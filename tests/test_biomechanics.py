@@ -13,16 +13,16 @@ from benchmarks._plain_gait import planned_walk, walk_on_ground
 from benchmarks.feet import sliding_mm
 from tests.plain_gait import plain_strides
 from tests.run_helpers import write_run
-from toolkit import skeleton
-from toolkit.biomechanics.angles import joint_angles, sequence_angles
-from toolkit.biomechanics.contact import contacts_of_soles, frames_in, ground_height, hysteresis, without_short
-from toolkit.biomechanics.gait import SIDES, walk_of
-from toolkit.biomechanics.resting import at_rest
-from toolkit.biomechanics.rising import rises_of
+from tests.support.walking import Rising, Walk, rising, walking
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.body.sole import soles
-from toolkit.runs import load_persons
-from toolkit.testing.walking import Rising, Walk, rising, walking
+from toolkit.motion.angles import joint_angles, sequence_angles
+from toolkit.motion.contact import contacts_of_soles, frames_in, ground_height, hysteresis, without_short
+from toolkit.motion.gait import SIDES, walk_of
+from toolkit.motion.resting import at_rest
+from toolkit.motion.rising import rises_of
+from toolkit.tracks.runs import load_persons
 
 BODY = load_body("neutral")
 RATE = 30.0

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body, subject_body
-from toolkit.errors import BodyError
+from toolkit.io.errors import BodyError
 
 LEFT_RIGHT = [
     skeleton.REPORTED.index(name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right"))

@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker
-from toolkit import skeleton
-from toolkit.archives import load_archive, save_archive
+from tests.support.subjects import LEVEL, camera_for, draw
+from toolkit.app.cli.main import main
+from toolkit.app.pipeline.scan import scan_recordings
+from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body
 from toolkit.body.shape import ShapeSpace, subject_body
-from toolkit.cli.main import main
-from toolkit.errors import BodyError, UsageError
-from toolkit.pipeline.scan import scan_recordings
-from toolkit.pipeline.trackers import TrackerRecipe
+from toolkit.io.archives import load_archive, save_archive
+from toolkit.io.errors import BodyError, UsageError
 from toolkit.recordings.writer import save_recording
-from toolkit.testing.subjects import LEVEL, camera_for, draw
-from toolkit.track import RunInfo
 from toolkit.tracking import registry
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.state import PersonState
+from toolkit.tracks import RunInfo
 
 CAMERA = camera_for(5000)
 

@@ -16,16 +16,16 @@ import typer
 from database_builder import build as builder
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from tests.run_helpers import run
-from toolkit.cli import bench
-from toolkit.cli.examples import EXAMPLES
-from toolkit.cli.main import app
-from toolkit.cli.options import numbers
+from toolkit.app.cli import bench
+from toolkit.app.cli.examples import EXAMPLES
+from toolkit.app.cli.main import app
+from toolkit.app.cli.options import numbers
+from toolkit.app.pipeline import TrackerRecipe
 from toolkit.database.default import default_database_path
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import TrackerRecipe
-from toolkit.track import EMPTY, TRACKED, FrameResult, Track
 from toolkit.tracking.clock import StageClock
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, Track
 
 VERBS = (
     "demo",
@@ -61,8 +61,8 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
 
 ALL_HELP = """
 import contextlib, io, sys
-from toolkit.cli.examples import EXAMPLES
-from toolkit.cli.main import main
+from toolkit.app.cli.examples import EXAMPLES
+from toolkit.app.cli.main import main
 for words in ([], *(verb.split() for verb in EXAMPLES)):
     with contextlib.suppress(SystemExit), contextlib.redirect_stdout(sys.stdout if not words else io.StringIO()):
         main([*words, '--help'])

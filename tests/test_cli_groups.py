@@ -9,7 +9,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from toolkit.cli.groups import spread
+from toolkit.app.cli.groups import spread
 
 
 @dataclass(frozen=True)

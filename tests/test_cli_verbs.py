@@ -14,16 +14,16 @@ import pytest
 
 from database_builder import build as builder
 from tests.run_helpers import run, write_run
-from toolkit import skeleton
-from toolkit.cli import report as report_verb
+from toolkit.app.cli import report as report_verb
+from toolkit.app.pipeline import store_joints
+from toolkit.app.stabilise import workflow
+from toolkit.body import skeleton
 from toolkit.evaluation import evaluate
-from toolkit.export import run as export
-from toolkit.pipeline import store_joints
+from toolkit.output.export import run as export
+from toolkit.output.rendering import film
+from toolkit.output.report import page
+from toolkit.output.report.content import LONGEST
 from toolkit.recordings import opening
-from toolkit.rendering import film
-from toolkit.report import page
-from toolkit.report.content import LONGEST
-from toolkit.stabilising import workflow
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.config import READER, load_settings, parse_overrides, settings_text
-from toolkit.errors import SettingsError, UsageError
-from toolkit.sensing.settings import SensingSettings
+from toolkit.app.config import READER, load_settings, parse_overrides, settings_text
+from toolkit.io.errors import SettingsError, UsageError
+from toolkit.sensing.sensing_settings import SensingSettings
 
 
 @dataclass(frozen=True)

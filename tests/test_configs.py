@@ -11,16 +11,16 @@ import pytest
 import yaml
 
 from scripts.write_configs import HEADS, attributes_of, config_text
-from toolkit.config import load_settings, settings_text
-from toolkit.errors import SettingsError
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.lopez2011.head_hands import HeadHandSettings
-from toolkit.lopez2011.settings import ParticleSettings
-from toolkit.lopez2011.tracker import ParticleTrackerSettings
-from toolkit.qammaz.discrepancy import DiscrepancySettings
-from toolkit.qammaz.search import SwarmSearchSettings
-from toolkit.qammaz.swarm import SwarmSettings
-from toolkit.qammaz.tracker import SwarmTrackerSettings
+from toolkit.app.config import load_settings, settings_text
+from toolkit.io.errors import SettingsError
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.head_hands import HeadHandSettings
+from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
+from toolkit.trackers.qammaz.discrepancy import DiscrepancySettings
+from toolkit.trackers.qammaz.swarm import SwarmSettings
+from toolkit.trackers.qammaz.swarm_search import SwarmSearchSettings
+from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 
@@ -90,7 +90,7 @@ def test_constants_that_stay_are_written_nowhere_and_named_by_no_error() -> None
 
 def test_what_the_hybrid_tracker_hands_to_its_searches_comes_from_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is built inside: a changed constant arrives."""
-    from toolkit.hybrid import tracker as room
+    from toolkit.trackers.hybrid import tracker as room
 
     given: dict[str, tuple[Any, ...]] = {}
     for name in ("HeadHandSearch", "SwarmSearch", "DatabaseLookup", "upper_bodies"):

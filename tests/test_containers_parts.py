@@ -16,7 +16,7 @@ from hypothesis import settings as drawn_with
 from hypothesis import strategies as st
 
 from tests.container_files import calibration, element, mkv_block, mkv_track, whole
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 from toolkit.recordings.readers import ros_messages as ros
 from toolkit.recordings.readers.matroska import Block, Matroska
 from toolkit.recordings.readers.mkv import FactoryCalibration, calibration_of, registered

@@ -14,15 +14,16 @@ import numpy as np
 import pytest
 
 from database_builder import build, processes, reading, regressor
+from database_builder.build_report import database_text
 from database_builder.regressor import RegressorSettings
-from database_builder.report import database_text
 from database_builder.sampling import farthest_first, pose_distance
 from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
-from toolkit import files, skeleton
+from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import DatabaseError, MocapError, OutputError, UsageError
+from toolkit.io import files
+from toolkit.io.errors import DatabaseError, MocapError, OutputError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS
 from toolkit.mocap.read import read_clip

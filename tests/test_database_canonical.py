@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import neutral, random_poses, small_database
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.database import canonical
 from toolkit.database.origin import RootView, observed_offsets, seen_points
 from toolkit.landmarks.centre import cloud_centre

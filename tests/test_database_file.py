@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import neutral, small_database, write_bvh
+from toolkit.app.cli.main import main
 from toolkit.body.shape import load_body
-from toolkit.cli.main import main
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import DatabaseError, OutputError
+from toolkit.io.errors import DatabaseError, OutputError
 
 ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored", "body_shape")
 

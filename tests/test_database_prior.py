@@ -11,21 +11,13 @@ from hypothesis import strategies as st
 
 from database_builder.prior import learn_prior
 from tests.database_helpers import known_without, neutral, random_poses, small_database
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase
-from toolkit.database.prior import (
-    HEIGHT,
-    SITUATIONS,
-    SIZE,
-    UP,
-    PosePrior,
-    situations,
-    variables,
-)
-from toolkit.errors import DatabaseError
+from toolkit.database.prior import HEIGHT, SITUATIONS, SIZE, UP, PosePrior, situations, variables
+from toolkit.io.errors import DatabaseError
 from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, procedural_clips
 
 LEGS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle"))

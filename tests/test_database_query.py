@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
-from toolkit.database.search import LeafSearch
-from toolkit.errors import DatabaseError
+from tests.support.searches import ScipySearch
+from toolkit.database.pose_search import LeafSearch
+from toolkit.io.errors import DatabaseError
 from toolkit.kernels.cloud import nearest
-from toolkit.testing.searches import ScipySearch
 
 
 def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numba import njit
 
 from database_builder.sampling import farthest_first, pose_distance
-from toolkit.errors import DatabaseError, UsageError
+from toolkit.io.errors import DatabaseError, UsageError
 from toolkit.kernels.learning import farthest
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.suite import MOCAP
 from toolkit.database import default
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import DatabaseError
-from toolkit.files import sha256_of
+from toolkit.io.errors import DatabaseError
+from toolkit.io.files import sha256_of
 from toolkit.mocap.procedural import DATABASE_MOTIONS, SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, SUBJECT_MOTIONS
-from toolkit.testing.suite import MOCAP
 
 ASSETS = default.DEFAULT_DATABASE.parent
 

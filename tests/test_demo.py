@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolkit.cli import demo
-from toolkit.track import Track
+from toolkit.app.cli import demo
+from toolkit.tracks import Track
 
 
 def test_the_demo_does_the_main_job_from_motions_to_a_film(tmp_path: Path) -> None:

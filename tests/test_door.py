@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from toolkit import door
-from toolkit.door import is_inside, open_file, read_file
+from toolkit.io import safe_open as door
+from toolkit.io.safe_open import is_inside, open_file, read_file
 
 MODES = ("rb", "r+b", "w+b", "a+b")
 

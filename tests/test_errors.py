@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 
 
 def test_a_line_break_of_a_file_is_none_of_a_message() -> None:

@@ -14,17 +14,19 @@ from hypothesis.extra import numpy as hnp
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError, TrackError, UsageError
-from toolkit.evaluation import agreement, evaluate, joints, report
-from toolkit.evaluation.extrema import TIPS, all_found, limbs_of_points
+from tests.support.bootstrap import paired_bootstrap
+from toolkit.body import skeleton
+from toolkit.evaluation import agreement, evaluate
+from toolkit.evaluation import joint_errors as joints
+from toolkit.evaluation import score_report as report
+from toolkit.evaluation.extrema_scores import TIPS, all_found, limbs_of_points
 from toolkit.evaluation.scores import EvaluationTable, RunScores
-from toolkit.files import sha256_of
+from toolkit.io.errors import RecordingError, TrackError, UsageError
+from toolkit.io.files import sha256_of
 from toolkit.recordings.writer import save_recording
-from toolkit.runs import PersonSummary, save_people
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.track import LOST, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks import LOST, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks.runs import PersonSummary, save_people
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 FRAMES = 6

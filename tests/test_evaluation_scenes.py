@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError
-from toolkit.people.known import assigned
+from tests.support.calibration import calibration_error
+from tests.support.identities import identities_of
+from tests.support.scene_scores import scene_figures, score_scene
+from toolkit.body import skeleton
+from toolkit.io.errors import RecordingError
+from toolkit.people.known_people import assigned
 from toolkit.sensing.camera import Camera
-from toolkit.testing.calibration import calibration_error
-from toolkit.testing.identities import identities_of
-from toolkit.testing.scene_scores import scene_figures, score_scene
-from toolkit.track import EMPTY, TRACKED, Track
+from toolkit.tracks import EMPTY, TRACKED, Track
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 81, 61)
 PERSON = np.stack([np.linspace(-0.2, 0.2, 20), np.linspace(-0.4, 0.4, 20), np.full(20, 2.1)], axis=1)

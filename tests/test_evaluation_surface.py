@@ -7,20 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.raycast import render_depth
 from toolkit.body.shape import load_body
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.evaluation.extrema import all_free
-from toolkit.evaluation.joints import visible_joints
+from toolkit.evaluation.extrema_scores import all_free
+from toolkit.evaluation.joint_errors import visible_joints
 from toolkit.evaluation.scores import RunScores
-from toolkit.files import sha256_of
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.io.files import sha256_of
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.sensing.raycast import render_depth
+from toolkit.tracks import TRACKED, FrameResult, RunInfo, TrackWriter
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
 ROTATION = level_rotation(np.array([0.0, -1.0, 0.0]))

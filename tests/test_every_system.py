@@ -24,7 +24,7 @@ import toolkit, database_builder
 for package in (toolkit, database_builder):
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         importlib.import_module(module.name)
-from toolkit.files import locked
+from toolkit.io.files import locked
 with locked(sys.argv[1]):
     print("imported and locked")
 """

@@ -14,17 +14,17 @@ import pytest
 
 from tests.mocap_helpers import stick_body
 from tests.run_helpers import TURN, write_people, write_run
-from toolkit import skeleton
-from toolkit.errors import BodyError, OutputError, RigError, TrackError, UsageError
-from toolkit.export.bvh import export_bvh
-from toolkit.export.run import export_run
-from toolkit.files import shipped
+from toolkit.body import skeleton
+from toolkit.io.errors import BodyError, OutputError, RigError, TrackError, UsageError
+from toolkit.io.files import shipped
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig
-from toolkit.runs import load_people, load_persons, person_runs, save_people
-from toolkit.track import EMPTY, Track
+from toolkit.output.export.bvh import export_bvh
+from toolkit.output.export.run import export_run
+from toolkit.tracks import EMPTY, Track
+from toolkit.tracks.runs import load_people, load_persons, person_runs, save_people
 
 
 def random_poses(count: int) -> np.ndarray:

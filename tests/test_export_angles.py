@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from tests.run_helpers import write_run
-from toolkit import skeleton
-from toolkit.biomechanics.angles import COLUMNS
-from toolkit.biomechanics.resting import at_rest
-from toolkit.biomechanics.summary import as_plain, summary_of
+from tests.support.walking import Walk, walking
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import UsageError
-from toolkit.export.run import export_run
-from toolkit.report.gait import gait_section
-from toolkit.runs import load_persons
-from toolkit.testing.walking import Walk, walking
+from toolkit.io.errors import UsageError
+from toolkit.motion.angles import COLUMNS
+from toolkit.motion.motion_summary import as_plain, summary_of
+from toolkit.motion.resting import at_rest
+from toolkit.output.export.run import export_run
+from toolkit.output.report.gait import gait_section
+from toolkit.tracks.runs import load_persons
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.run_helpers import write_people, write_run
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.export.glb import export_glb
-from toolkit.export.run import export_run
 from toolkit.mocap.procedural import perform
-from toolkit.runs import load_persons
+from toolkit.output.export.glb import export_glb
+from toolkit.output.export.run import export_run
+from toolkit.tracks.runs import load_persons
 
 NODE = Path(__file__).parents[1] / "scripts" / "node"
 DTYPES = {5126: "<f4", 5123: "<u2", 5125: "<u4", 5121: "|u1"}

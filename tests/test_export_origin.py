@@ -12,19 +12,19 @@ import pytest
 
 from tests.run_helpers import write_people, write_run
 from tests.test_export import random_poses
-from toolkit import skeleton
+from toolkit.body import skeleton
+from toolkit.body.rotations.matrices import matrices
 from toolkit.body.shape import load_body
 from toolkit.body.sole import soles
-from toolkit.errors import UsageError
-from toolkit.export.amass import OURS, amass_arrays
-from toolkit.export.origin import origin_of
-from toolkit.export.run import export_run
+from toolkit.io.errors import UsageError
 from toolkit.mocap.amass import JOINTS
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import read_clip
-from toolkit.rotations.matrices import matrices
-from toolkit.runs import load_persons
-from toolkit.track import RunInfo
+from toolkit.output.export.amass import OURS, amass_arrays
+from toolkit.output.export.origin import origin_of
+from toolkit.output.export.run import export_run
+from toolkit.tracks import RunInfo
+from toolkit.tracks.runs import load_persons
 
 
 def standing(tmp_path: Path, *, floor: float | None = None, absent: int = 0) -> Path:

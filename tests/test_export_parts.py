@@ -12,18 +12,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.run_helpers import write_people
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import UsageError
-from toolkit.export.bvh import export_bvh
-from toolkit.export.c3d import export_c3d
-from toolkit.export.glb import GlbDocument, quaternions, skinning
-from toolkit.export.rerun import POINTS, log_points
-from toolkit.export.tables import export_csv, export_trc
-from toolkit.export.tree import JointTree, rest_places, tips_of, tree_of
-from toolkit.report import clouds
-from toolkit.runs import load_persons
+from toolkit.io.errors import UsageError
+from toolkit.output.export.bvh import export_bvh
+from toolkit.output.export.c3d import export_c3d
+from toolkit.output.export.glb import GlbDocument, quaternions, skinning
+from toolkit.output.export.rerun import POINTS, log_points
+from toolkit.output.export.tables import export_csv, export_trc
+from toolkit.output.export.tree import JointTree, rest_places, tips_of, tree_of
+from toolkit.output.report import clouds
 from toolkit.sensing.camera import Camera
+from toolkit.tracks.runs import load_persons
 
 BODY = load_body("neutral")
 TREE = tree_of(BODY)

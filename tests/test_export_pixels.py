@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.errors import RecordingError, UsageError
-from toolkit.export.pixels import BACKGROUND, regain_contour
-from toolkit.export.run import export_run
-from toolkit.files import sha256_of
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.files import sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform
-from toolkit.runs import PersonSummary, save_people
+from toolkit.output.export.pixels import BACKGROUND, regain_contour
+from toolkit.output.export.run import export_run
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, Simulation, prepare, simulate_scene
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks.runs import PersonSummary, save_people
 
 FRAMES = 4
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from toolkit.cli.main import main
-from toolkit.detector import pose_model
-from toolkit.detector.fetch import MEMBER, fetch_pose_model
-from toolkit.errors import ModelError
+from toolkit.app.cli.main import main
+from toolkit.io.errors import ModelError
+from toolkit.people.image_joints import pose_model
+from toolkit.people.image_joints.fetch import MEMBER, fetch_pose_model
 
 
 @pytest.fixture(autouse=True)

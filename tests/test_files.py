@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from toolkit import files
-from toolkit.errors import MocapError, OutputError, UsageError
-from toolkit.files import (
+from toolkit.io import files
+from toolkit.io.errors import MocapError, OutputError, UsageError
+from toolkit.io.files import (
     LOCK_FILE,
     OWN_MARK,
     OWNER_FILE,
@@ -27,7 +27,7 @@ from toolkit.files import (
     save_text,
     sha256_of,
 )
-from toolkit.plain import parse_json, parse_yaml, read_json, read_text, read_yaml
+from toolkit.io.yaml_reader import parse_json, parse_yaml, read_json, read_text, read_yaml
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_only_own_folders_are_removed(tmp_path: Path) -> None:
 
 
 HOLD = """import sys, time
-from toolkit.files import locked
+from toolkit.io.files import locked
 with locked(sys.argv[1]):
     print('held', flush=True)
     time.sleep(60)
@@ -119,7 +119,7 @@ def test_a_killed_writer_leaves_the_old_file(tmp_path: Path) -> None:
     target = tmp_path / "a.txt"
     save_text(target, "old")
     script = (
-        "import sys, time; from toolkit.files import atomic_path\n"
+        "import sys, time; from toolkit.io.files import atomic_path\n"
         "with atomic_path(sys.argv[1]) as temporary:\n"
         "    temporary.write_text('half'); print('writing', flush=True); time.sleep(60)"
     )

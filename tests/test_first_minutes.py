@@ -14,12 +14,12 @@ import pytest
 from tests.fake_tracker import write_recording
 from tests.run_helpers import run
 from tests.sensing_scenes import KINECT
-from toolkit import pipeline
-from toolkit.cli import terminal
+from toolkit.app import pipeline
+from toolkit.app.cli import terminal
+from toolkit.app.pipeline import TrackerRecipe
 from toolkit.database import default
-from toolkit.people.describe import largest_surface
+from toolkit.people.description import largest_surface
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import TrackerRecipe
 
 
 @pytest.fixture
@@ -118,9 +118,9 @@ def test_a_log_gets_a_line_a_minute_and_nothing_of_what_takes_less(capsys: pytes
 
 
 def test_a_speck_says_neither_where_somebody_is_nor_that_the_image_cuts_them_off() -> None:
-    from toolkit.people.describe import person_text
+    from toolkit.people.description import person_text
     from toolkit.people.view import Lens
-    from toolkit.sensing.settings import SensingSettings
+    from toolkit.sensing.sensing_settings import SensingSettings
 
     depth = np.zeros(KINECT.shape, dtype=np.float32)
     depth[40:200, 140:190] = 2.5
@@ -133,7 +133,7 @@ def test_a_speck_says_neither_where_somebody_is_nor_that_the_image_cuts_them_off
 def test_smoothing_without_scipys_import_is_scipys() -> None:
     from scipy.ndimage import gaussian_filter1d
 
-    from toolkit.biomechanics.contact import smoothed
+    from toolkit.motion.contact import smoothed
 
     for count in (2, 5, 70):
         values = np.random.default_rng(0).normal(size=(count, 2, 3))
@@ -143,8 +143,8 @@ def test_smoothing_without_scipys_import_is_scipys() -> None:
 
 @pytest.mark.parametrize(("confidence", "says"), [(0.03, True), (0.5, False)])
 def test_a_summary_says_where_the_tracker_is_hardly_sure(tmp_path: Path, confidence: float, says: bool) -> None:
-    from toolkit.pipeline.summary import summarised
-    from toolkit.track import EMPTY, TRACKED, Track
+    from toolkit.app.pipeline.run_summary import summarised
+    from toolkit.tracks import EMPTY, TRACKED, Track
 
     count = 9
     track = Track(

@@ -9,21 +9,21 @@ import pytest
 from scipy.spatial import cKDTree
 
 from tests.fitting_helpers import Fit
-from toolkit import skeleton
+from tests.support.plain_fitting import PlainPlacer
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body
-from toolkit.errors import SettingsError
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices, spread_rows
 from toolkit.fitting.priors import GaussianPrior
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import HIDDEN, JointTerm
+from toolkit.io.errors import SettingsError
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.testing.plain_fitting import PlainPlacer
+from toolkit.sensing.raycast import render_depth
 
 CAMERA = Camera(190.0, 190.0, 87.5, 71.5, 176, 144)
 HORIZONTAL = np.diag([1.0, -1.0, -1.0])

@@ -10,18 +10,18 @@ import pytest
 
 from tests.fitting_helpers import Fit
 from tests.test_fitting import CAMERA, HORIZONTAL, SETTINGS, joint_error, scene_of, standing
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.errors import SettingsError
 from toolkit.fitting.arms import ArmPoses, ArmSettings
 from toolkit.fitting.balls import Balls
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import balls_of
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
+from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import limbs
-from toolkit.tracking.search.arms import ArmSearch
-from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
+from toolkit.tracking.search.arm_search import ArmSearch
+from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 ARM = [

@@ -11,16 +11,16 @@ from scipy.optimize import lsq_linear
 from scipy.spatial import cKDTree
 
 from tests.fitting_helpers import vertex_jacobian, whole_image
-from toolkit import skeleton
+from tests.support.plain_fitting import back_projected
+from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
-from toolkit.body.raycast import cast
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
 from toolkit.kernels.fit import pairs, twists
 from toolkit.kernels.image import depth, raster
 from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.testing.plain_fitting import back_projected
+from toolkit.sensing.raycast import cast
 
 CAMERA = Camera(150.0, 170.0, 83.0, 60.0, 176, 144)
 TILTED = level_rotation(np.array([0.1, -1.0, -0.2]))

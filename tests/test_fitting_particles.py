@@ -8,23 +8,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import SettingsError
+from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import particles as kernel
-from toolkit.lopez2011 import filter as room
-from toolkit.lopez2011 import initial
-from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
-from toolkit.lopez2011.effectors import Effectors, Fork
-from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import InitialSettings, initial_pose, place_hands, sides_of, standing_pose
-from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
-from toolkit.lopez2011.settings import ParticleSettings
-from toolkit.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
-from toolkit.lopez2011.tracker import ParticleTrackerSettings
-from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
+from toolkit.trackers.lopez2011 import filter as room
+from toolkit.trackers.lopez2011 import initial
+from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
+from toolkit.trackers.lopez2011.effectors import Effectors, Fork
+from toolkit.trackers.lopez2011.filter import UpperFilter
+from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands, sides_of, standing_pose
+from toolkit.trackers.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
+from toolkit.trackers.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
+from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
+from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from tests.fitting_helpers import whole_image
-from toolkit import skeleton
+from tests.support.plain_fitting import back_projected
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting import terms as terms_room
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, WORSE, Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import ANGLE_DAMPING, CONVERGED, ROOT_DAMPING, Refiner, pair_terms
 from toolkit.fitting.scene import EXTREMUM_WEIGHT, Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import CloudTerm, ContactTerm, Pairs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, cropped
-from toolkit.testing.plain_fitting import back_projected
 
 CAMERA = Camera(60.0, 60.0, 39.5, 29.5, 80, 60)
 LEVEL = np.diag([1.0, -1.0, -1.0])

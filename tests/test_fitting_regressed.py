@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.placed_bodies import normal, pose
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import PlacedBody, Placer
-from toolkit.fitting.regressed import CAP, OUT_OF_VIEW, SURE, WITHIN, VotedJoints, links_out_of_view
+from toolkit.fitting.regressed_joints import CAP, OUT_OF_VIEW, SURE, WITHIN, VotedJoints, links_out_of_view
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from tests.support.subjects import LEVEL, camera_for, draw
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.errors import BodyError
-from toolkit.fitting.scan import Scan, ScanView, fit_scan
+from toolkit.fitting.scan_fit import Scan, ScanView, fit_scan
+from toolkit.io.errors import BodyError
 from toolkit.sensing.cloud import Cloud
-from toolkit.testing.subjects import LEVEL, camera_for, draw
 
 CAMERA = camera_for(8000)
 TURNS = (0.0, 90.0, 180.0, 270.0)

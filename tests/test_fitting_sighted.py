@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from tests.placed_bodies import normal, pose
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
+from toolkit.fitting.image_joints import CAP, PULL, WITHIN, SightedJoints
 from toolkit.fitting.placed import PlacedBody, Placer
-from toolkit.fitting.sighted import CAP, PULL, WITHIN, SightedJoints
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.joints2d import SURE, Joints2D
 

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.errors import SettingsError
-from toolkit.qammaz.swarm import SwarmSettings, minimise
+from toolkit.io.errors import SettingsError
+from toolkit.trackers.qammaz.swarm import SwarmSettings, minimise
 
 SWARM = SwarmSettings()
 

@@ -15,23 +15,16 @@ import pytest
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.mocap_helpers import ASF_ARM
 from tests.run_helpers import write_people, write_run
-from toolkit import skeleton
-from toolkit.archives import CHECKSUM, checksum_of
-from toolkit.cli.main import main
-from toolkit.errors import (
-    DepthMocapError,
-    MocapError,
-    OutputError,
-    RecordingError,
-    TrackError,
-    UsageError,
-)
-from toolkit.files import sha256_of
-from toolkit.pipeline import run as pipeline
-from toolkit.pipeline import track_recording
+from toolkit.app.cli.main import main
+from toolkit.app.pipeline import run as pipeline
+from toolkit.app.pipeline import track_recording
+from toolkit.body import skeleton
+from toolkit.io.archives import CHECKSUM, checksum_of
+from toolkit.io.errors import DepthMocapError, MocapError, OutputError, RecordingError, TrackError, UsageError
+from toolkit.io.files import sha256_of
 from toolkit.recordings.opening import open_recording
-from toolkit.runs import load_people
-from toolkit.track import RunInfo
+from toolkit.tracks import RunInfo
+from toolkit.tracks.runs import load_people
 
 KEY = "-----BEGIN PRIVATE KEY-----"
 WRITTEN = (".lock", ".lock-owner", "track.partial", "log.txt", "manifest.jsonl")
@@ -306,7 +299,7 @@ def test_a_word_without_end_in_a_cloud_is_one_sentence(tmp_path: Path) -> None:
 
 
 def test_an_events_file_of_something_else_is_one_sentence(tmp_path: Path) -> None:
-    from toolkit.pipeline.events import EventStream
+    from toolkit.app.pipeline.events import EventStream
 
     (tmp_path / "events.jsonl").write_text('{"time": "soon"}\n')
     stream = EventStream((), (), tmp_path / "events.jsonl")

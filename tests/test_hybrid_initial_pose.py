@@ -10,22 +10,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fitting_helpers import Fit
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import body_facing
 from toolkit.fitting.arms import ArmSettings
-from toolkit.fitting.settings import FittingSettings
-from toolkit.hybrid.aimed import AimedArms
-from toolkit.hybrid.initial_pose import InitialPoseVerifier, best_of_each_body, facing_elsewhere, other_ways_round
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.kernels.fit import particles as kernel
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.landmarks.regressor import JointEstimate
-from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.lopez2011.head_hands import HeadHandSearch, HeadHandSettings
-from toolkit.lopez2011.upper import UpperBodies
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
+from toolkit.trackers.hybrid.aimed import AimedArms
+from toolkit.trackers.hybrid.initial_pose import (
+    InitialPoseVerifier,
+    best_of_each_body,
+    facing_elsewhere,
+    other_ways_round,
+)
+from toolkit.trackers.lopez2011.head_hands import HeadHandSearch, HeadHandSettings
+from toolkit.trackers.lopez2011.upper import UpperBodies
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.search.protocol import Hypothesis, Proposal, ScoredHypothesis
+from toolkit.tracking.search.search_protocol import Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 LEVEL = np.diag([1.0, -1.0, -1.0])

@@ -13,16 +13,16 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, sensors_of
-from toolkit.errors import InertialError, UsageError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.solvers import Strand
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.suspicions import mirrored_take, place_suspicions
 from toolkit.inertial.synchronise import Clock
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError, UsageError
 
 ARMS = ("left_forearm", "right_forearm")
 

@@ -19,15 +19,15 @@ from benchmarks._inertial_figures import (
 )
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.test_inertial_clock import typed
-from toolkit import skeleton
-from toolkit.cli.main import main
-from toolkit.errors import InertialError, TrackError, UsageError
+from toolkit.app.cli.main import main
+from toolkit.body import skeleton
+from toolkit.body.rotations import quaternions as quat
 from toolkit.evaluation.orientations import THRESHOLDS, check_runs, found_frames, read_truth
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
 from toolkit.inertial.workflow import calibrate_runs, paired
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError, TrackError, UsageError
 
 ELBOW = skeleton.POSE_NAMES.index("left_shoulder_rz")
 

@@ -11,16 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
-from toolkit.cli.main import main
-from toolkit.errors import InertialError, UsageError
+from toolkit.app.cli.main import main
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.fusion import NORTH, fused, gyroscope_bias
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
 from toolkit.inertial.workflow import load_sensors
+from toolkit.io.errors import InertialError, UsageError
 from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
-from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import DECLINATION, SensorNoise, earth_field, simulate_sensors
 from toolkit.simulation.simulate import simulate_recording
 

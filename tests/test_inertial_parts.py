@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit.errors import InertialError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.distance import Distances, errors_of, runs_above
 from toolkit.inertial.fusion import UP, fused, gyroscope_bias
 from toolkit.inertial.stream import GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import agreement, clock_suspicion, suspicions
 from toolkit.inertial.synchronise import SMOOTHING, Signal, highest_peak, on_grid, parabola, track_signals
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError
 
 TIMES = np.arange(0.0, 4.0, 0.01)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from toolkit.rotations import quaternions as quat
+from toolkit.body.rotations import quaternions as quat
 
 vectors = arrays(np.float64, (4, 3), elements=st.floats(-3.0, 3.0, allow_nan=False))
 

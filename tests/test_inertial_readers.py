@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit.errors import InertialError, UsageError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.readers import read_file, read_files
-from toolkit.inertial.readers.common import SensorOptions, unwrapped
+from toolkit.inertial.readers.base import SensorOptions, unwrapped
 from toolkit.inertial.stream import GRAVITY
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError, UsageError
 
 TURNED = quat.exponential(np.array([[0.1, 0.2, 0.3], [0.2, 0.2, 0.3], [0.3, 0.2, 0.3], [0.4, 0.2, 0.3]]))
 MT_HEADER = "// Start Time: Unknown\n// Update Rate: 100.0Hz\n// Firmware Version: 4.0.2\n"

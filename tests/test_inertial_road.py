@@ -12,18 +12,18 @@ import pytest
 from tests.inertial_scenes import RATE, poses_of
 from tests.run_helpers import KNOWN_SIZE
 from tests.test_inertial_clock import typed
-from toolkit import skeleton
-from toolkit.cli.main import main
-from toolkit.errors import InertialError
-from toolkit.evaluation.joints import joint_errors
+from toolkit.app.cli.main import main
+from toolkit.body import skeleton
+from toolkit.evaluation.joint_errors import joint_errors
 from toolkit.evaluation.orientations import check_runs
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.workflow import checked_take, take_of
+from toolkit.io.errors import InertialError
 from toolkit.mocap.clip import PoseClip
+from toolkit.output.rendering.axes import limb_axes
 from toolkit.recordings.opening import open_recording
-from toolkit.rendering.axes import limb_axes
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.track import RunInfo, Track
+from toolkit.tracks import RunInfo, Track
 
 LIMBS = ("left_forearm", "right_forearm", "pelvis")
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import sensors_of
-from toolkit.errors import InertialError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.placement import limb_named, load_placement, placed
 from toolkit.inertial.readers import read_file
 from toolkit.inertial.stream import Sensors, checked_stream
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError
 
 TIMES = np.arange(10) / 100
 

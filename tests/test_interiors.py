@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.errors import UsageError
-from toolkit.interiors.mesh import Mesh, box, cushion, joined, moved, post, slab
-from toolkit.interiors.pieces import GLASS, PIECES, SEATS
-from toolkit.interiors.room import KINDS, furnished, named_room
+from toolkit.io.errors import UsageError
+from toolkit.simulation.interiors.mesh import Mesh, box, cushion, joined, moved, post, slab
+from toolkit.simulation.interiors.pieces import GLASS, PIECES, SEATS
+from toolkit.simulation.interiors.room import KINDS, furnished, named_room
 
 
 def volume(mesh: Mesh) -> float:

@@ -10,22 +10,22 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker
-from toolkit import skeleton
-from toolkit.detector.joint_files import read_joints
-from toolkit.detector.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points
-from toolkit.detector.pose_model import MODEL_FILE, PoseModel
-from toolkit.errors import ModelError, RecordingError, UsageError
-from toolkit.people.joints import GivenJoints, NoJoints
+from toolkit.app.pipeline import track_recording
+from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source
+from toolkit.body import skeleton
+from toolkit.io.errors import ModelError, RecordingError, UsageError
+from toolkit.people.image_joints.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points
+from toolkit.people.image_joints.pose_model import MODEL_FILE, PoseModel
+from toolkit.people.joint_masks import GivenJoints, NoJoints
 from toolkit.people.survey import find_people
-from toolkit.pipeline import track_recording
-from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
+from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import lift
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.settings import SensingSettings
-from toolkit.track import RunInfo
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracks import RunInfo
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
 WRIST, HEAD = skeleton.REPORTED.index("left_wrist"), skeleton.REPORTED.index("head")

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError
-from toolkit.people.joints import GivenJoints, NoJoints
+from toolkit.body import skeleton
+from toolkit.io.errors import RecordingError
+from toolkit.people.joint_masks import GivenJoints, NoJoints
 from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording

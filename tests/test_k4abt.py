@@ -13,16 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from tests.run_helpers import TURN, write_people, write_run
 from tests.test_export import random_poses
-from toolkit import skeleton
-from toolkit.body import k4abt
+from toolkit.body import k4abt, skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import RecordingError
 from toolkit.evaluation.k4abt import read_k4abt
-from toolkit.export.k4abt import export_k4abt
-from toolkit.export.run import export_run
-from toolkit.runs import load_persons
+from toolkit.io.errors import RecordingError
+from toolkit.output.export.k4abt import export_k4abt
+from toolkit.output.export.run import export_run
 from toolkit.sensing.camera import rotated_points
-from toolkit.track import Track
+from toolkit.tracks import Track
+from toolkit.tracks.runs import load_persons
 
 
 def turn(axes: str, *degrees: float) -> np.ndarray:

@@ -213,7 +213,7 @@ def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
 
 def test_help_answers_without_numba() -> None:
     code = (
-        "import sys, toolkit.cli.main as main\ntry: main.app(['--help'])\nexcept SystemExit: pass\n"
+        "import sys, toolkit.app.cli.main as main\ntry: main.app(['--help'])\nexcept SystemExit: pass\n"
         "assert 'numba' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.landmark_helpers import cloud_of, figure
 from toolkit.kernels.cloud import component_tree
 from toolkit.landmarks.graph import Graph, grid_graph
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 
 def table_of(edges: list[tuple[int, int]], count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,15 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import vertex_normals
+from toolkit.body.rotations.matrices import euler_matrices
 from toolkit.body.shape import load_body
 from toolkit.kernels import kinematics
 from toolkit.kernels.fit import placing
 from toolkit.kernels.image.shading import NEAREST, shade_triangles
 from toolkit.kernels.learning import gaussians
 from toolkit.kernels.motion import relations
-from toolkit.rotations.matrices import euler_matrices
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.simulation.skinning import SKINNINGS
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit import skeleton
-from toolkit.body.raycast import cast
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.kernels.fit import aiming, particles
 from toolkit.kernels.fit.particles import Tile
-from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.raycast import cast
+from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 SMALL = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)

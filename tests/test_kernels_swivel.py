@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.kernels.fit.swivel import ArmBones, elbow_for, rotation_vector, solve_arm
 

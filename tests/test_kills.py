@@ -22,15 +22,15 @@ import pytest
 from tests.fuzz_formats import FORMATS
 from tests.fuzzing import Format, meaning
 from tests.run_helpers import write_run
-from toolkit import skeleton
-from toolkit.config import load_settings, settings_text
-from toolkit.export.run import export_run
-from toolkit.files import save_text
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.pipeline.manifest import DONE, MANIFEST_FILE, Manifest, ManifestRow
-from toolkit.rendering.encoders import FILM_SUFFIXES
-from toolkit.rendering.film import FilmWriter, save_png
-from toolkit.report.page import write_report
+from toolkit.app.config import load_settings, settings_text
+from toolkit.app.pipeline.manifest import DONE, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.body import skeleton
+from toolkit.io.files import save_text
+from toolkit.output.export.run import export_run
+from toolkit.output.rendering.encoders import FILM_SUFFIXES
+from toolkit.output.rendering.film import FilmWriter, save_png
+from toolkit.output.report.page import write_report
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 
 OURS = (
     "pose database", "motion classes", "keyframe index", "track npz", "run json", "tracker state", "body npz",

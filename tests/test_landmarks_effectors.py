@@ -7,14 +7,16 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from tests.landmark_helpers import LEVEL, body_cloud, cloud_of, figure
-from toolkit import skeleton
+from toolkit.app.config import load_settings
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.config import load_settings
-from toolkit.errors import SegmentationError, SettingsError
+from toolkit.io.errors import SegmentationError, SettingsError
 from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.extrema import extrema_of_graph
 from toolkit.landmarks.graph import grid_graph
-from toolkit.lopez2011.effectors import (
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+from toolkit.trackers.lopez2011.effectors import (
     GRAPH,
     Effectors,
     EffectorSettings,
@@ -23,9 +25,7 @@ from toolkit.lopez2011.effectors import (
     find_effectors,
     find_fork,
 )
-from toolkit.lopez2011.tracker import ParticleTrackerSettings
-from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
+from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 
 
 def raised_arms(distance: float = 1.6) -> np.ndarray:

@@ -13,12 +13,12 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.lookup import extrema_rows
 from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
-from toolkit.errors import SegmentationError, SettingsError, UsageError
+from toolkit.io.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
 from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from tests.landmark_helpers import body_cloud, cloud_of, figure, paint
 from toolkit.body.shape import load_body
-from toolkit.errors import SegmentationError
+from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE
+from toolkit.io.errors import SegmentationError
 from toolkit.kernels.cloud import torso
 from toolkit.landmarks.centre import HEIGHT, WIDTH, cloud_centre
 from toolkit.landmarks.facing import FACING_TIME, FacingEstimate, camera_yaw, estimate_facing, smoothed_facing
-from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.skeleton import POSE_NAMES, POSE_SIZE
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 SETTINGS = LandmarkSettings()
 PLANE = LandmarkSettings(chest_height=0.0, turn_gain=1.0)

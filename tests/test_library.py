@@ -13,12 +13,12 @@ import depthmocap
 from depthmocap import step, tracks
 from tests.fake_tracker import CAMERA, FakeTracker
 from tests.sensing_scenes import neutral, standing
-from toolkit.pipeline import track_recording
+from toolkit.app.pipeline import track_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.runs import Person
 from toolkit.sensing.camera import level_rotation
-from toolkit.track import EMPTY, TRACKED
-from toolkit.track import Track as Rows
+from toolkit.tracks import EMPTY, TRACKED
+from toolkit.tracks import Track as Rows
+from toolkit.tracks.runs import Person
 
 INTRINSICS = (CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
 UP = (0.0, -1.0, 0.0)

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from tests.test_fitting_particles import CAMERA, LEVEL, pose_of
-from toolkit import skeleton
+from toolkit.app.config import load_settings
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.config import load_settings
 from toolkit.kernels.fit import particles as kernel
-from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, costs_near_arm, costs_of_trunks
-from toolkit.lopez2011.effectors import Effectors, Fork
-from toolkit.lopez2011.filter import UpperFilter, resampled
-from toolkit.lopez2011.initial import initial_pose, place_hands
-from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, SPREAD
-from toolkit.lopez2011.tracker import ParticleTrackerSettings
-from toolkit.lopez2011.upper import UpperBodies, UpperBody
+from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, costs_near_arm, costs_of_trunks
+from toolkit.trackers.lopez2011.effectors import Effectors, Fork
+from toolkit.trackers.lopez2011.filter import UpperFilter, resampled
+from toolkit.trackers.lopez2011.initial import initial_pose, place_hands
+from toolkit.trackers.lopez2011.proposals import NEAR, ROOT_DIFFUSION, SPREAD
+from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
+from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
 SETTINGS = load_settings(ParticleTrackerSettings, "lopez2011")
 PARTICLES = SETTINGS.particles

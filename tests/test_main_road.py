@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.cli.main import main
+from toolkit.app.cli.main import main
+from toolkit.body.skeleton import REPORTED
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.skeleton import REPORTED
-from toolkit.track import TRACKED, RunInfo, Track
+from toolkit.tracks import TRACKED, RunInfo, Track
 
 pytestmark = pytest.mark.data
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from toolkit.errors import RecordingError
-from toolkit.matlab import DEEPEST, read_matlab
+from toolkit.io.errors import RecordingError
+from toolkit.io.matlab import DEEPEST, read_matlab
 
 ARRAYS = {
     "depth": np.random.default_rng(0).integers(0, 4000, (6, 5, 3)).astype(np.uint16),

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from tests.test_inertial_calibration import take_of
 from tests.test_stabilising_priors import BODY, classes_of, example_of, hiding
-from toolkit import skeleton
+from toolkit.body import skeleton
+from toolkit.body.rotations import quaternions as quat
 from toolkit.database.canonical import mirrored
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.suspicions import mirrored_take, other_side
@@ -20,12 +21,11 @@ from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
-from toolkit.rotations import quaternions as quat
-from toolkit.stabilising.allocation import allocate, unknown_rows
-from toolkit.stabilising.expectation import Told, fill
-from toolkit.stabilising.gaps import Gap
-from toolkit.stabilising.limbs import ENTRIES, LIMBS
-from toolkit.stabilising.marks import marks_of_classes, tracking_priors
+from toolkit.retrieval.priors.allocation import allocate, unknown_rows
+from toolkit.retrieval.priors.expectation import Told, fill
+from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
+from toolkit.retrieval.priors.marks import marks_of_classes, tracking_priors
 
 NAMES = ("knee_to_elbow", "semaphore")
 

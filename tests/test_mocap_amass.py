@@ -9,13 +9,13 @@ import pytest
 
 from database_builder.build import Sampling, build_database
 from tests.database_helpers import moving_clip, neutral, small_database
-from toolkit.errors import MocapError
+from tests.support.amass import write_amass
+from toolkit.io.errors import MocapError
 from toolkit.mocap.amass import is_amass, read_amass
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.features.relational import FEATURES
 from toolkit.retrieval.workflow.index import index_motions
-from toolkit.testing.amass import write_amass
 
 
 def test_a_motion_goes_there_and_back(tmp_path: Path) -> None:

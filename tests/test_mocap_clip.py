@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation, Slerp
 
-from toolkit import skeleton
-from toolkit.errors import MocapError
+from toolkit.body import skeleton
+from toolkit.body.rotations.matrices import hinge_angles, matrices, swing, unit, unwrapped, vectors_of, without_twist
+from toolkit.io.errors import MocapError
 from toolkit.mocap.clip import Clip, PoseClip, mirror_partners
-from toolkit.rotations.matrices import hinge_angles, matrices, swing, unit, unwrapped, vectors_of, without_twist
 
 NAMES = ("Hips", "LeftUpLeg", "LeftLeg", "RightUpLeg", "RightLeg", "Spine")
 PARENTS = np.array([-1, 0, 1, 0, 3, 0])

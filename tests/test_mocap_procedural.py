@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.mocap_helpers import stick_body
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.mocap.choreography import BASE, MOTIONS
 from toolkit.mocap.procedural import (
     CONTROLS,

@@ -10,7 +10,7 @@ import pybvh
 import pytest
 
 from tests.mocap_helpers import AMC_ARM, ASF_ARM, BVH_TWO_BONES
-from toolkit.errors import MocapError
+from toolkit.io.errors import MocapError
 from toolkit.mocap.asf_amc import find_asf, read_amc, read_asf
 from toolkit.mocap.bvh import read_bvh
 from toolkit.mocap.read import find_clips, read_clip

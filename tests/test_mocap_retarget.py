@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from tests.mocap_helpers import in_world, renamed, stick_body, with_rest_pose
-from toolkit import skeleton
+from toolkit.body import skeleton
+from toolkit.body.rotations.matrices import matrices, unit
 from toolkit.body.shape import load_body
-from toolkit.errors import RigError
-from toolkit.export.bvh import export_bvh
+from toolkit.io.errors import RigError
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig, rig_names
 from toolkit.mocap.source import KeyedClip
-from toolkit.rotations.matrices import matrices, unit
+from toolkit.output.export.bvh import export_bvh
 
 TIPS = {"cervical": "top", "left_wrist": "lh", "right_wrist": "rh", "left_ankle": "lf", "right_ankle": "rf"}
 LIMBS = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle"))

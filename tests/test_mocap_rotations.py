@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from toolkit.errors import MocapError
-from toolkit.rotations.matrices import of_euler
+from toolkit.body.rotations.matrices import of_euler
+from toolkit.io.errors import MocapError
 
 ORDERS = [
     "".join(axes)

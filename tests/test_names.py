@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.names import LONGEST_NAME, Place, printable, shown
+from toolkit.io.display_names import LONGEST_NAME, Place, printable, shown
 
 BAD = (
     "[/red]", "[link=x]", r"$\foo$", "a\nb", "a\r\nb", "\x1b[31mred\x1b]0;t\x07", "caf\udce9", "\u202etxt.exe", r"\[b]",

@@ -15,31 +15,31 @@ import pytest
 from database_builder.kept import KeptFile
 from database_builder.occluders import box, occluder_meshes
 from depthmocap.step import track_of
-from toolkit import skeleton
-from toolkit.biomechanics.contact import ground_of
-from toolkit.body.raycast import Hits, cast
+from toolkit.app.stabilise.demands import DISAGREEMENT
+from toolkit.app.stabilise.retrack import GapGuide
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
-from toolkit.errors import OutputError, RecordingError
 from toolkit.evaluation.orientation_report import write_check
 from toolkit.evaluation.orientations import RunCheck
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.fitting.priors import LimbPrior
 from toolkit.inertial.calibration import Calibration, Mounting
 from toolkit.inertial.distance import Distances, WrongStretch
-from toolkit.interiors.mesh import BOX_FACES
+from toolkit.io.errors import OutputError, RecordingError
 from toolkit.mocap.choreography import MOTIONS
 from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, perform
+from toolkit.motion.contact import ground_of
+from toolkit.retrieval.priors.bridge import Bridge
+from toolkit.retrieval.priors.gap_trajectories import KEPT, PRIOR_SPREAD, GapWays
+from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.limb_entries import ENTRIES
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.raycast import Hits, cast
+from toolkit.simulation.interiors.mesh import BOX_FACES
 from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
 from toolkit.simulation.scene import PlacedCamera
-from toolkit.stabilising.bridge import Bridge
-from toolkit.stabilising.demands import DISAGREEMENT
-from toolkit.stabilising.gaps import Gap
-from toolkit.stabilising.limbs import ENTRIES
-from toolkit.stabilising.retrack import GapGuide
-from toolkit.stabilising.ways import KEPT, PRIOR_SPREAD, GapWays
-from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
-from toolkit.tracking.crowd import Row
+from toolkit.tracking.multi_person import Row
+from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 BODY = load_body("neutral")
 STANDING_HIPS = -float(BODY.vertices[:, 1].min())

@@ -11,19 +11,19 @@ import pytest
 
 from tests.retrieval_motions import random_motion
 from tests.run_helpers import TURN, write_people, write_run
-from toolkit import skeleton
-from toolkit.biomechanics.angles import COLUMNS, joint_angles
+from toolkit.app.stabilise.result_page import APART, SHOWN, largest_changes
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import mirrored
-from toolkit.errors import UsageError
-from toolkit.export.angles import coordinates, marker_set
-from toolkit.export.document import DECIMALS, export_json
-from toolkit.export.origin import origin_of
-from toolkit.rendering import motions
-from toolkit.report.content import describe_run
-from toolkit.runs import Person, load_persons
-from toolkit.stabilising.page import APART, SHOWN, largest_changes
-from toolkit.track import Track
+from toolkit.io.errors import UsageError
+from toolkit.motion.angles import COLUMNS, joint_angles
+from toolkit.output.export.angles import coordinates, marker_set
+from toolkit.output.export.document import DECIMALS, export_json
+from toolkit.output.export.origin import origin_of
+from toolkit.output.rendering import motions
+from toolkit.output.report.content import describe_run
+from toolkit.tracks import Track
+from toolkit.tracks.runs import Person, load_persons
 
 BODY = load_body("neutral")
 RATE = 25.0

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import RecordingError
-from toolkit.export.notes import notes_of, write_notes
+from toolkit.io.errors import RecordingError
 from toolkit.mocap.choreography import controls_of
-from toolkit.people.up import find_vertical
-from toolkit.recordings.readers.common import ArrayFrames
-from toolkit.rendering.depth_alone import DepthPainter
-from toolkit.rendering.painter import RenderSettings
-from toolkit.rendering.track_plot import SKELETONS, plot_person
+from toolkit.output.export.notes import notes_of, write_notes
+from toolkit.output.rendering.depth_alone import DepthPainter
+from toolkit.output.rendering.painter import RenderSettings
+from toolkit.output.rendering.track_plot import SKELETONS, plot_person
+from toolkit.people.vertical import find_vertical
+from toolkit.recordings.readers.base import ArrayFrames
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import Recording
-from toolkit.track import EMPTY, LOST, TRACKED
+from toolkit.tracks import EMPTY, LOST, TRACKED
 
 CAMERA = Camera(50.0, 55.0, 11.0, 7.0, 20, 16)
 POINT = np.array([0.1, -0.2, 2.0])

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 
-from toolkit.pages import csv_of, page, picture, png_of, table
+from toolkit.io.html import csv_of, page, picture, png_of, table
 
 
 class Read(HTMLParser):

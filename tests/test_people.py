@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
-from toolkit.body.raycast import cast
-from toolkit.errors import RecordingError
-from toolkit.people.describe import describe
-from toolkit.people.several import SeveralPeople
+from toolkit.body.skeleton import REPORTED
+from toolkit.io.errors import RecordingError
+from toolkit.people.description import describe
+from toolkit.people.multi_person import SeveralPeople
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import find_people
@@ -18,8 +18,8 @@ from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.settings import SensingSettings
-from toolkit.skeleton import REPORTED
+from toolkit.sensing.raycast import cast
+from toolkit.sensing.sensing_settings import SensingSettings
 
 UP = np.array([0.0, -1.0, 0.0])
 

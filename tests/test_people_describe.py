@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene, up_of_tilt
-from toolkit.cli.main import main
-from toolkit.people.describe import describe
+from toolkit.app.cli.main import main
+from toolkit.output.rendering.style import person_color
+from toolkit.output.rendering.survey_picture import picture
+from toolkit.people.description import describe
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.rendering.look import picture
-from toolkit.rendering.style import person_color
 
 
 def recorded(folder, frames, camera=KINECT, **more):
@@ -68,7 +68,7 @@ def test_a_camera_on_its_side_is_noticed(tmp_path):
 
 
 def test_a_file_that_knows_up_is_not_told_to_turn(tmp_path, monkeypatch):
-    monkeypatch.setattr("toolkit.people.describe.turns_with_heads", lambda *arguments: 3)
+    monkeypatch.setattr("toolkit.people.description.turns_with_heads", lambda *arguments: 3)
     empty = [np.zeros(KINECT.shape, dtype=np.uint16)]
     turned = describe(open_recording(recorded(tmp_path, empty))).lines[4]
     assert "--rotate 270" in turned and "--depth-unit" in turned

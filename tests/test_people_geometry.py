@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
-from toolkit.errors import SegmentationError
+from toolkit.io.errors import SegmentationError
 from toolkit.people import stills
 from toolkit.people.candidates import KNEE_REACH, apart, beside, headless, in_a_mirror, shaped_alone
 from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE, Head
 from toolkit.people.floor import find_floor, find_known_floor
-from toolkit.people.one import ID, OneOfSeveral, meant_person
+from toolkit.people.image_rotation import quarter_turns
+from toolkit.people.selected_person import ID, OneOfSeveral, meant_person
 from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import LEAST_HEIGHT, large_enough, people_and_furniture
 from toolkit.people.structure import Plane
-from toolkit.people.turned import quarter_turns
 from toolkit.people.unassigned import attach_limbs
 from toolkit.people.view import Lens, View
 from toolkit.sensing.camera import level_rotation, rotated_points
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 
 LEVEL = up_of_tilt(0.0)
 HEAD_HEIGHT = 1.63  # of the neutral body above the floor

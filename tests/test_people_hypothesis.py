@@ -9,12 +9,12 @@ from tests.sensing_scenes import KINECT, scene
 from toolkit.landmarks.regressor import JointRegressor
 from toolkit.people.hypothesis import Glimpse, alone_log_odds, judged_head, log_odds
 from toolkit.people.learning import FEWEST, Seen, below_heads, hanging, learnt
+from toolkit.people.multi_person import SeveralPeople
 from toolkit.people.newcomers import Newcomers
-from toolkit.people.several import SeveralPeople
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.surroundings import is_cut_out, room_of, tolerances
 from toolkit.people.view import Lens
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 
 UP = np.array([0.0, -1.0, 0.0])
 FIGURE = Glimpse(shaped=True, moved=0.0)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT
-from toolkit.errors import TrackError
+from toolkit.io.errors import TrackError
 from toolkit.people.evidence import Evidence
-from toolkit.people.known import PATIENCE, KnownPeople
+from toolkit.people.known_people import PATIENCE, KnownPeople
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.view import Lens
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 
 LENS = Lens(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
 HEAD = np.array([0.0, 0.4, -3.0])

@@ -11,10 +11,11 @@ import pytest
 
 from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, scene
-from toolkit.errors import SegmentationError, TrackError
-from toolkit.people import several
+from toolkit.app.pipeline.run_writer import RunSink
+from toolkit.io.errors import SegmentationError, TrackError
+from toolkit.people import multi_person as several
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
-from toolkit.people.hypothesis import (
+from toolkit.people.hypothesis import (  # fmt: skip
     HEAD_HEIGHT,
     LOW,
     LOWEST,
@@ -24,10 +25,10 @@ from toolkit.people.hypothesis import (
     log_odds,
     lowness,
     possible_height,
-)  # fmt: skip
-from toolkit.people.joints import GivenJoints, on_cut_out
-from toolkit.people.known import known_again, match_heads
-from toolkit.people.several import SeveralPeople
+)
+from toolkit.people.joint_masks import GivenJoints, on_cut_out
+from toolkit.people.known_people import known_again, match_heads
+from toolkit.people.multi_person import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings, empty_scene
@@ -35,14 +36,13 @@ from toolkit.people.survey import find_people, find_person
 from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands
 from toolkit.people.view import Lens
-from toolkit.pipeline.sink import RunSink
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.sensing.stream import Frame
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo
+from toolkit.tracks.runs import load_people
 
 UP = np.array([0.0, -1.0, 0.0])
 ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
@@ -389,7 +389,7 @@ def row(state):
 
 def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_without_a_gap(tmp_path: Path):
     from toolkit.body.shape import load_body
-    from toolkit.tracking.crowd import Row
+    from toolkit.tracking.multi_person import Row
 
     info = RunInfo("take.npz", "0", {}, "", [], 1.0, "", list(np.eye(3).ravel()), {}, "0", "fake", 0)
     sink = RunSink(tmp_path / "run", FakeTracker(), info, several=True, resume=False)

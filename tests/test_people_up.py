@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, person_alone, scene, up_of_tilt
-from toolkit.errors import UsageError
-from toolkit.people.up import assumed_up, floor_height
+from toolkit.io.errors import UsageError
+from toolkit.people.vertical import assumed_up, floor_height
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, rotated_points

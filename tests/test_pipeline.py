@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
-from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
-from toolkit.files import sha256_of
+from toolkit.app.pipeline import track_recording
+from toolkit.app.pipeline.run import WARM_UP_FRAMES
+from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
+from toolkit.io.files import sha256_of
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import track_recording
-from toolkit.pipeline.run import WARM_UP_FRAMES
-from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.recordings.opening import open_recording
-from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
 from toolkit.tracking.clock import StageClock
+from toolkit.tracks import FrameResult, RunInfo, Track, TrackWriter
 
 ROOT = Path(__file__).parents[1]
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from tests.fake_tracker import FakeRecipe, write_recording
-from toolkit.errors import OutputError, UsageError
-from toolkit.pipeline import track_recordings
-from toolkit.pipeline.manifest import DONE, FAILED, HEAD, INTERRUPTED, MANIFEST_FILE, Manifest, ManifestRow
-from toolkit.track import Track
+from toolkit.app.pipeline import track_recordings
+from toolkit.app.pipeline.manifest import DONE, FAILED, HEAD, INTERRUPTED, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.io.errors import OutputError, UsageError
+from toolkit.tracks import Track
 
 
 @pytest.fixture

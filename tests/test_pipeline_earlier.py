@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
-from toolkit.people.one import OneOfSeveral
-from toolkit.people.several import SeveralPeople
+from toolkit.app.pipeline.earlier import BEFORE, sightings_before
+from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.selected_person import OneOfSeveral
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
-from toolkit.pipeline.earlier import BEFORE, sightings_before
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording

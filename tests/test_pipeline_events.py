@@ -10,12 +10,12 @@ import pytest
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.inertial_scenes import RATE
 from tests.test_retrieval_online import body, classes, document
-from toolkit.cli.guiding import Guiding
-from toolkit.errors import UsageError
-from toolkit.pipeline import track_recording
-from toolkit.pipeline.events import EventStream
+from toolkit.app.cli.guiding import Guiding
+from toolkit.app.pipeline import track_recording
+from toolkit.app.pipeline.events import EventStream
+from toolkit.io.errors import UsageError
 from toolkit.recordings.opening import open_recording
-from toolkit.track import EMPTY, TRACKED, FrameResult
+from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 ROW = np.dtype([("pose", "<f8", (43,)), ("state", "u1"), ("timestamps", "<f8")])
 

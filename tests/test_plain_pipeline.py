@@ -8,25 +8,25 @@ import pytest
 from benchmarks.speed import compare
 from tests.database_helpers import small_database
 from tests.fitting_helpers import Fit, whole_image
-from toolkit import skeleton
+from tests.support.plain_fitting import PlainObjective, PlainPlacer, PlainScene, plain_refiner, plain_solve
+from tests.support.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
+from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import Placer
-from toolkit.fitting.regressed import VotedJoints
+from toolkit.fitting.regressed_joints import VotedJoints
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import JointTerm
-from toolkit.hybrid.settings import HybridSettings
 from toolkit.kernels.fit import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.landmarks.regressor import JointEstimate
-from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
-from toolkit.testing.plain_fitting import PlainObjective, PlainPlacer, PlainScene, plain_refiner, plain_solve
-from toolkit.testing.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
-from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 
 BODY = load_body("neutral")
 CAMERA = camera_for(2500)

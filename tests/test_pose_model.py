@@ -10,23 +10,33 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit import skeleton
+from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
+from toolkit.app.pipeline.store_joints import store_joints
+from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.datasets.folder import data_folder
-from toolkit.detector import pose_model
-from toolkit.detector.detection import DetectedJoints
-from toolkit.detector.pose_model import CENTRE, POINTS, SIDE, UPWARD, Crop, Landmarks, PoseModel, cropped, refined
-from toolkit.detector.shaded import ENLARGED, lit, shaded
-from toolkit.errors import ModelError, RecordingError
+from toolkit.io.errors import ModelError, RecordingError
 from toolkit.mocap.clip import PoseClip
+from toolkit.people.image_joints import pose_model
+from toolkit.people.image_joints.detected_joints import DetectedJoints
+from toolkit.people.image_joints.pose_model import (
+    CENTRE,
+    POINTS,
+    SIDE,
+    UPWARD,
+    Crop,
+    Landmarks,
+    PoseModel,
+    cropped,
+    refined,
+)
+from toolkit.people.image_joints.shaded import ENLARGED, lit, shaded
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline.store_joints import store_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 
 CAMERA = camera_for(6000)
 HEAD = skeleton.REPORTED.index("head")

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError
+from toolkit.body import skeleton
+from toolkit.io.errors import RecordingError
 from toolkit.recordings.readers import png, raw, record3d, ros, ros_files, stray, tum, utd_mhad
 
 

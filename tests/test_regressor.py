@@ -18,19 +18,12 @@ from database_builder import regressor as parts
 from database_builder.growing import grow_trees
 from database_builder.images import TrainingImages, draw_images
 from database_builder.regressor import RegressorSettings, leaf_votes, train_regressor
-from database_builder.views import (
-    FOCAL,
-    ViewSettings,
-    body_labels,
-    draw_view,
-    image_window,
-    is_seated,
-)
+from database_builder.views import FOCAL, ViewSettings, body_labels, draw_view, image_window, is_seated
 from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
-from toolkit.errors import DatabaseError, OutputError, SettingsError
+from toolkit.io.errors import DatabaseError, OutputError, SettingsError
 from toolkit.kernels.learning import forest, forest_training
 from toolkit.landmarks.regressor import JointRegressor, sureness
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips

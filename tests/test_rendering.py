@@ -10,23 +10,23 @@ import pytest
 
 from tests.chromium import browser
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
-from toolkit import skeleton
-from toolkit.body.raycast import render_depth
-from toolkit.errors import OutputError, SettingsError, TrackError, UsageError
-from toolkit.files import sha256_of
+from toolkit.body import skeleton
+from toolkit.body.skeleton import POSE_NAMES, REPORTED
+from toolkit.io.errors import OutputError, SettingsError, TrackError, UsageError
+from toolkit.io.files import sha256_of
+from toolkit.output.rendering import encoders, style
+from toolkit.output.rendering.film import FilmWriter, contact_sheet, render_people, render_run, save_png
+from toolkit.output.rendering.ground import Ground, grid
+from toolkit.output.rendering.mesh import draw_mesh, part_colors
+from toolkit.output.rendering.overlay import color_depth, draw_skeleton
+from toolkit.output.rendering.painter import FramePainter, RenderSettings
+from toolkit.output.rendering.views import outside_view_of, window_on
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.rendering import encoders, style
-from toolkit.rendering.film import FilmWriter, contact_sheet, render_people, render_run, save_png
-from toolkit.rendering.ground import Ground, grid
-from toolkit.rendering.mesh import draw_mesh, part_colors
-from toolkit.rendering.overlay import color_depth, draw_skeleton
-from toolkit.rendering.painter import FramePainter, RenderSettings
-from toolkit.rendering.views import outside_view_of, window_on
-from toolkit.runs import Person, PersonSummary, save_people
 from toolkit.sensing.camera import level_rotation
-from toolkit.skeleton import POSE_NAMES, REPORTED
-from toolkit.track import EMPTY, LOST, RunInfo, Track
+from toolkit.sensing.raycast import render_depth
+from toolkit.tracks import EMPTY, LOST, RunInfo, Track
+from toolkit.tracks.runs import Person, PersonSummary, save_people
 
 LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))
 HEIGHT = 1.2
@@ -312,13 +312,13 @@ def test_a_run_is_drawn_from_its_folder_without_a_word_of_the_encoder(take, tmp_
     recording, track, body = take
     run = tmp_path / "run"
     save_run(run, recording, track, body)
-    monkeypatch.setattr("toolkit.rendering.encoders.has_av", lambda: False)
+    monkeypatch.setattr("toolkit.output.rendering.encoders.has_av", lambda: False)
     assert render_run(run, tmp_path / "film.webm").stat().st_size > 1000
     assert capfd.readouterr().err == ""
 
 
 def test_a_half_resolution_run_is_drawn(take):
-    from toolkit.sensing.settings import SensingSettings
+    from toolkit.sensing.sensing_settings import SensingSettings
 
     recording, track, body = take
     painter = FramePainter(people_of(track, body), recording, sensing=SensingSettings(half_resolution=True))

@@ -18,15 +18,15 @@ import pytest
 from tests.chromium import Page, browser
 from tests.run_helpers import TURN, write_people, write_run
 from tests.sensing_scenes import KINECT, neutral, standing
-from toolkit.body.raycast import render_depth
-from toolkit.cli.main import main
-from toolkit.errors import TrackError, UsageError
-from toolkit.files import sha256_of
+from toolkit.app.cli.main import main
+from toolkit.io.errors import TrackError, UsageError
+from toolkit.io.files import sha256_of
+from toolkit.output.report.clouds import UNIT, gather_clouds, pack
+from toolkit.output.report.page import write_report
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.report.clouds import UNIT, gather_clouds, pack
-from toolkit.report.page import write_report
-from toolkit.track import RunInfo, Track
+from toolkit.sensing.raycast import render_depth
+from toolkit.tracks import RunInfo, Track
 
 FRAMES, RATE, WALL, HEIGHT = 12, 10.0, 3.6, 1.2
 NODE = Path(__file__).parents[1] / "scripts" / "node"
@@ -249,6 +249,6 @@ def test_the_viewer_in_the_package_is_what_its_script_builds(tmp_path: Path) -> 
     built = tmp_path / "viewer.js"
     command = ["npm", "--prefix", str(NODE), "run", "build", "--silent", "--", f"--outfile={built}"]
     subprocess.run(command, check=True, capture_output=True)
-    shipped = Path(__file__).parents[1] / "toolkit" / "report" / "assets" / "viewer.js"
+    shipped = Path(__file__).parents[1] / "toolkit" / "output" / "report" / "assets" / "viewer.js"
     assert built.read_bytes() == shipped.read_bytes()
     assert b"</script" not in shipped.read_bytes().lower()

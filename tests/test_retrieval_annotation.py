@@ -10,14 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.spans import spans
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.annotation.annotator import (
-    Annotator,
-    DecisionSettings,
-    MotionClass,
-    decide,
-)
+from toolkit.retrieval.annotation.annotator import Annotator, DecisionSettings, MotionClass, decide
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import (
     Scores,
@@ -30,7 +26,6 @@ from toolkit.retrieval.annotation.measures import (
 from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
-from toolkit.spans import spans
 
 INF = np.inf
 

@@ -12,18 +12,15 @@ import pytest
 
 from benchmarks._keyframe_corpus import THRESHOLDS, Fold, learn_threshold
 from toolkit.body.shape import load_body
-from toolkit.errors import RetrievalError, UsageError
-from toolkit.export.bvh import export_bvh
+from toolkit.io.errors import RetrievalError, UsageError
+from toolkit.io.spans import spans
 from toolkit.mocap.procedural import procedural_clips
+from toolkit.output.export.bvh import export_bvh
+from toolkit.retrieval.annotation.annotation_report import read_segments, score, write_report
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, MotionClass
-from toolkit.retrieval.annotation.classes import (
-    learn_classes,
-    load_classes,
-    save_classes,
-)
+from toolkit.retrieval.annotation.classes import learn_classes, load_classes, save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.preselection import preselect_in
-from toolkit.retrieval.annotation.report import read_segments, score, write_report
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
@@ -31,7 +28,6 @@ from toolkit.retrieval.templates import WILDCARD
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.retrieval.workflow.motions import load_motion
-from toolkit.spans import spans
 
 NAMES = ("squat", "kick_front", "wave")
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import graded
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.annotation.documents import assemble

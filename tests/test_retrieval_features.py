@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion, standing, still
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import relations
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.features.lengths import BodyLengths

@@ -7,7 +7,7 @@ import pytest
 
 from tests.plain_relations import plain_quantities
 from tests.test_retrieval_online import body, classes, document
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.online import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError, SettingsError
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.archives import save_archive
-from toolkit.errors import RetrievalError
+from toolkit.io.archives import save_archive
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import keyframe_list
-from toolkit.retrieval import stored
+from toolkit.retrieval import stored_arrays as stored
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
 from toolkit.retrieval.index import keyframe_index as index_module
+from toolkit.retrieval.index.feature_runs import RunLists
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.index.runs import RunLists
 from toolkit.retrieval.keyframes.query import Keyframe
 
 

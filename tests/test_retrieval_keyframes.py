@@ -6,13 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks._stiffness import admissible, distance_of, stiffness_of
-from toolkit.errors import RetrievalError
-from toolkit.retrieval.keyframes.query import (
-    Keyframe,
-    KeyframeQuery,
-    keyframes_at_once,
-    keyframes_of_column,
-)
+from toolkit.io.errors import RetrievalError
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_at_once, keyframes_of_column
 
 KNEE = Keyframe("lower", (("F21", 1),))
 HAND = Keyframe("upper", (("F4", 1), ("F3", 0)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.retrieval_motions import random_motion
-from toolkit.errors import RetrievalError, UsageError
+from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.kernels.motion.graded import differences, graded_distances, nearest_example
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.documents import assemble

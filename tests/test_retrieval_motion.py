@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from tests.retrieval_motions import random_motion, standing, still
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import MocapError, RigError
-from toolkit.export.bvh import export_bvh
+from toolkit.io.errors import MocapError, RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
+from toolkit.output.export.bvh import export_bvh
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import (
     NAMED_JOINTS,
@@ -27,7 +27,7 @@ from toolkit.retrieval.features.motion import (
     joint_maps,
 )
 from toolkit.retrieval.features.relational import relational_features
-from toolkit.track import EMPTY, LOST, Track
+from toolkit.tracks import EMPTY, LOST, Track
 
 FILES = {"asf": "mocap/hdm05/HDM_bd_squat1Reps_001_120.amc", "cmu_bvh": "mocap/cmu/02_01.bvh"}
 

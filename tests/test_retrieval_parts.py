@@ -8,19 +8,13 @@ import numpy as np
 import pytest
 
 from benchmarks._keyframe_corpus import confusion
-from toolkit.errors import RetrievalError
-from toolkit.retrieval.annotation.measures import (
-    Segment,
-    check_truth,
-    frame_scores,
-    label_frames,
-    segment_scores,
-)
+from tests.support.bootstrap import paired_bootstrap
+from toolkit.io.errors import RetrievalError
+from toolkit.retrieval.annotation.measures import Segment, check_truth, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.priors.bridge import End, bridge
+from toolkit.retrieval.priors.gaps import find_gaps, limb_support
+from toolkit.retrieval.priors.limb_entries import LIMBS, OUTER
 from toolkit.retrieval.search.find import HitRanges, pieces
-from toolkit.stabilising.bridge import End, bridge
-from toolkit.stabilising.gaps import find_gaps, limb_support
-from toolkit.stabilising.limbs import LIMBS, OUTER
-from toolkit.testing.bootstrap import paired_bootstrap
 
 INDEX = SimpleNamespace(document_starts=np.array([0, 100, 200]), names=["a", "b"])
 
@@ -63,7 +57,7 @@ def confidence(*hidden: tuple[int, int, float]) -> np.ndarray:
 @pytest.fixture
 def unsmoothed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gaps by the confidence of single frames."""
-    monkeypatch.setattr("toolkit.stabilising.gaps.SMOOTHING", 1)
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
 
 
 def gaps_of(values: np.ndarray, absent: slice = slice(0, 0)) -> list[tuple[int, int]]:

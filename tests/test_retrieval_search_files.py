@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from toolkit.cli.annotate import annotate as annotate_verb
-from toolkit.cli.retrieval import index as index_verb
-from toolkit.cli.retrieval import learn as learn_verb
-from toolkit.cli.retrieval import search as search_verb
-from toolkit.errors import RetrievalError, UsageError
+from toolkit.app.cli.annotate import annotate as annotate_verb
+from toolkit.app.cli.retrieval import index as index_verb
+from toolkit.app.cli.retrieval import learn as learn_verb
+from toolkit.app.cli.retrieval import search as search_verb
+from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes import query_file
@@ -23,12 +23,7 @@ from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import load_motion, tags_of
-from toolkit.retrieval.workflow.search import (
-    by_example,
-    by_keyframes,
-    cut_example,
-    save_matches,
-)
+from toolkit.retrieval.workflow.search_files import by_example, by_keyframes, cut_example, save_matches
 
 KICK = KeyframeQuery(
     (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),
@@ -280,7 +275,7 @@ def test_alternative_queries_of_a_label_are_one_table() -> None:
 
 def test_searching_loads_nothing_that_only_learning_needs() -> None:
     script = (
-        "import sys, toolkit.retrieval.annotation.model, toolkit.retrieval.workflow.search; "
+        "import sys, toolkit.retrieval.annotation.model, toolkit.retrieval.workflow.search_files; "
         "print([m for m in ('sklearn', 'matplotlib', 'open3d', 'cv2', 'scipy.optimize') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

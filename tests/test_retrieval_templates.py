@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate, contract, expand

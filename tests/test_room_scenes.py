@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from tests.support import acts, suite
+from tests.support.scenes import ROOM_GROUPS, chosen_scenes, record_scene, scenes
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import UsageError
-from toolkit.interiors.room import named_room
+from toolkit.io.errors import UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.simulation.holding import HOLDINGS, held_mesh
+from toolkit.simulation.interiors.room import named_room
 from toolkit.simulation.person import SimulatedPerson, facing_of
 from toolkit.simulation.simulate import Shot, prepare
-from toolkit.testing import acts, suite
-from toolkit.testing.scenes import ROOM_GROUPS, chosen_scenes, record_scene, scenes
 
 SIZES = {"enter": 4, "carry": 4, "together": 3, "crowd": 3, "rooms": 6, "stills": 6, "vacant": 10}
 LEFT, RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))

@@ -12,10 +12,10 @@ from database_builder.images import draw_images
 from database_builder.regressor import RegressorSettings, leaf_votes, train_regressor
 from database_builder.room_views import NO_PERSON, OTHER, SHELL, SUBJECT, RoomPainter, lossy
 from database_builder.views import RoomSettings, ViewSettings, is_seated, project_level
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
-from toolkit.errors import DatabaseError, SettingsError
+from toolkit.io.errors import DatabaseError, SettingsError
 from toolkit.kernels.learning import forest
 from toolkit.landmarks.regressor import JointRegressor
 from toolkit.mocap.procedural import procedural_clips

@@ -10,7 +10,7 @@ import pytest
 
 from benchmarks import _room_scores
 from benchmarks import rooms as bench
-from toolkit import skeleton
+from toolkit.body import skeleton
 
 
 def told_track(truth: dict[str, Any], aside: float = 0.0) -> dict[str, Any]:

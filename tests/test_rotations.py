@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from toolkit.rotations import matrices, quaternions
+from toolkit.body.rotations import matrices, quaternions
 
 RNG = np.random.default_rng(5)
 FIRST, SECOND = Rotation.random(6, rng=1), Rotation.random(6, rng=2)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import small_database
-from toolkit.files import sha256_of
+from toolkit.io.files import sha256_of
 
 DECIDING = (
     "kernels",
@@ -22,11 +22,9 @@ DECIDING = (
     "landmarks",
     "fitting",
     "tracking",
-    "lopez2011",
-    "qammaz",
-    "hybrid",
+    "trackers",
     "database",
-    "interiors",
+    "simulation/interiors",
 )
 """Rooms whose sums can turn a choice between hypotheses, or what a regressor is trained on."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")

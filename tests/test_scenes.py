@@ -15,13 +15,13 @@ from benchmarks import _record
 from benchmarks import scenes as bench
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
-from toolkit.evaluation.joints import visible_joints
+from tests.support import suite
+from tests.support.casting import listed
+from tests.support.scenes import EMPTY_ROOMS, GROUPS, VIEWS, chosen_scenes, record_scene, scenes
+from toolkit.evaluation.joint_errors import visible_joints
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.recordings.opening import open_recording
-from toolkit.testing import suite
-from toolkit.testing.casting import listed
-from toolkit.testing.scenes import EMPTY_ROOMS, GROUPS, VIEWS, chosen_scenes, record_scene, scenes
-from toolkit.track import EMPTY, TRACKED
+from toolkit.tracks import EMPTY, TRACKED
 
 SIZES = {"waist": 6, "seated": 6, "behind": 4, "several": 6, "children": 4, "clothes": 4, "empty": EMPTY_ROOMS}
 

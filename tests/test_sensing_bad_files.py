@@ -16,9 +16,9 @@ from tests import container_files
 from tests.container_files import mkv_recording, ros_recording
 from tests.fuzz_formats import FORMATS
 from tests.sensing_scenes import TOF, person_alone
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 from toolkit.recordings.opening import open_recording
-from toolkit.recordings.readers.common import decoded
+from toolkit.recordings.readers.base import decoded
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, up_of_tilt
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 

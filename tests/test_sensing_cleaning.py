@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
-from toolkit.errors import RecordingError, SegmentationError, SettingsError
-from toolkit.people.lone import LonePerson
+from toolkit.io.errors import RecordingError, SegmentationError, SettingsError
 from toolkit.people.segmentation import median_background
+from toolkit.people.single_person import LonePerson
 from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 
 
 def overlap(mask, truth):

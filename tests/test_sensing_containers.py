@@ -24,7 +24,7 @@ from tests.container_files import (
     whole,
 )
 from tests.sensing_scenes import TOF, up_of_tilt
-from toolkit.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, UsageError
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, UsageError
 from toolkit.recordings.opening import recording_of
 from toolkit.recordings.readers.npz import MemberReader
 from toolkit.sensing.camera import Camera

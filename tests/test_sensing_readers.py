@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
-from toolkit.errors import RecordingError, UsageError
-from toolkit.people.lone import LonePerson
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.people.single_person import LonePerson
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 

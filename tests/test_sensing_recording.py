@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import TOF, person_alone
-from toolkit.errors import OutputError, RecordingError, UsageError
+from toolkit.io.errors import OutputError, RecordingError, UsageError
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter, save_recording
 from toolkit.sensing.camera import Camera

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.raycast import cast, render_depth
 from toolkit.body.shape import load_body, subject_body
-from toolkit.errors import BodyError, UsageError
+from toolkit.io.errors import BodyError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.raycast import cast, render_depth
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import KinectV1, Sensor, Surface, TimeOfFlight, make_sensor

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from tests.support.sequences import SEQUENCES, performed, record_sequence, sequence_body
+from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
-from toolkit.testing.sequences import SEQUENCES, performed, record_sequence, sequence_body
 
 LOOK = Appearance((200, 150, 120), (20, 20, 20), (0, 0, 250), (0, 0, 250), (0, 250, 0), (250, 0, 0), True, False)
 

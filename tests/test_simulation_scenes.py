@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.app.cli.main import main
+from toolkit.app.cli.simulate import each
+from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
-from toolkit.cli.main import main
-from toolkit.cli.simulate import each
-from toolkit.errors import RecordingError, UsageError
-from toolkit.export.bvh import export_bvh
+from toolkit.io.errors import RecordingError, UsageError
 from toolkit.mocap.clip import PoseClip
+from toolkit.output.export.bvh import export_bvh
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.spans import spans
+from toolkit.io.spans import spans
 
 
 @given(st.lists(st.booleans(), max_size=30))

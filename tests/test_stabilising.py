@@ -13,28 +13,28 @@ import pytest
 from tests.run_helpers import KNOWN_SIZE, write_people, write_run
 from tests.test_inertial_clock import typed
 from tests.test_stabilising_priors import BODY, classes_of, example_of
-from toolkit import skeleton
+from toolkit.app.stabilise.loop import StabiliseSettings, stabilise
+from toolkit.app.stabilise.source_run import open_source
+from toolkit.app.stabilise.workflow import output_folders, stabilise_run
+from toolkit.body import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase, PoseOrigins
-from toolkit.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
-from toolkit.evaluation.joints import joint_errors
+from toolkit.evaluation.joint_errors import joint_errors
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import LimbPrior
+from toolkit.io.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.priors.allocation import Allocation, allocate
+from toolkit.retrieval.priors.expectation import Told
+from toolkit.retrieval.priors.gap_trajectories import bad_frames, cheapest_path, whole_priors, widened
+from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.stabilising.allocation import Allocation, allocate
-from toolkit.stabilising.expectation import Told
-from toolkit.stabilising.gaps import Gap
-from toolkit.stabilising.limbs import ENTRIES, LIMBS, OUTER
-from toolkit.stabilising.loop import StabiliseSettings, stabilise
-from toolkit.stabilising.source import open_source
-from toolkit.stabilising.ways import bad_frames, cheapest_path, whole_priors, widened
-from toolkit.stabilising.workflow import output_folders, stabilise_run
-from toolkit.track import RunInfo, Track
+from toolkit.tracks import RunInfo, Track
 
 ARM = "right_arm"
 FRAMES = 70
@@ -189,7 +189,7 @@ def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
 
 
 def test_without_a_gap_nothing_changes(road: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("toolkit.stabilising.gaps.HIDDEN", 0.0)
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.HIDDEN", 0.0)
     source = open_source(road / "run")
     (only,) = stabilise(source, classes_of("semaphore"))
     assert only.track is source.track and only.gaps == ()

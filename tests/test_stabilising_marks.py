@@ -10,20 +10,19 @@ import pytest
 
 from tests.inertial_scenes import write_run
 from tests.test_stabilising_priors import BODY, classes_of
-from toolkit import skeleton
+from toolkit.app.stabilise.demands import Demands, floor_term
+from toolkit.app.stabilise.loop import Round, best_round
+from toolkit.body import skeleton
 from toolkit.body.sole import FEET, Sole
-from toolkit.errors import RetrievalError
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import ResidualTerm
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURES, native_features
-from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
-from toolkit.stabilising.allocation import Allocation
-from toolkit.stabilising.demands import Demands, floor_term
-from toolkit.stabilising.limbs import ENTRIES, LIMBS_OF_FEATURE
-from toolkit.stabilising.loop import Round, best_round
-from toolkit.stabilising.marks import (
+from toolkit.retrieval.priors.allocation import Allocation
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS_OF_FEATURE
+from toolkit.retrieval.priors.marks import (
     DEMANDED,
     Mark,
     load_marks,
@@ -32,7 +31,8 @@ from toolkit.stabilising.marks import (
     rests,
     tracking_priors,
 )
-from toolkit.track import RunInfo
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
+from toolkit.tracks import RunInfo
 
 STANDING = np.zeros(skeleton.POSE_SIZE)
 
@@ -97,7 +97,7 @@ def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
 @pytest.mark.parametrize("number", DEMANDED)
 @pytest.mark.parametrize("value", (0, 1))
 def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does(monkeypatch, number, value):
-    monkeypatch.setattr("toolkit.stabilising.demands.SIGMA", 1.0)
+    monkeypatch.setattr("toolkit.app.stabilise.demands.SIGMA", 1.0)
     limb = LIMBS_OF_FEATURE[number - 1][0]
     demands, violated = Demands(BODY, STANDING[None], np.zeros(1)), 0
     for seed in range(60):

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit import skeleton
-from toolkit.archives import load_archive, save_archive
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.errors import RetrievalError
+from toolkit.io.archives import load_archive, save_archive
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
@@ -23,12 +23,12 @@ from toolkit.retrieval.annotation.classes import learn_classes, load_classes, sa
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
+from toolkit.retrieval.priors.bridge import End, bridge
+from toolkit.retrieval.priors.expectation import Told, expect, fill
+from toolkit.retrieval.priors.gaps import Gap, find_gaps
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, LIMBS_OF_FEATURE, OUTER
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
-from toolkit.stabilising.allocation import Allocation, allocate, unknown_rows
-from toolkit.stabilising.bridge import End, bridge
-from toolkit.stabilising.expectation import Told, expect, fill
-from toolkit.stabilising.gaps import Gap, find_gaps
-from toolkit.stabilising.limbs import ENTRIES, LIMBS, LIMBS_OF_FEATURE, OUTER
 
 BODY = load_body("neutral")
 
@@ -234,13 +234,13 @@ def test_gaps_are_where_a_limb_has_no_support():
 
 
 def test_near_gaps_are_one_and_short_ones_none(monkeypatch):
-    monkeypatch.setattr("toolkit.stabilising.gaps.SMOOTHING", 1)
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
     joined = find_gaps(confidence_of(60, "right_leg", (10, 20), (22, 30), (40, 43)), np.ones(60, bool))
     assert joined == [Gap("right_leg", 10, 30)]
 
 
 def test_a_gap_ends_where_nobody_is_there(monkeypatch):
-    monkeypatch.setattr("toolkit.stabilising.gaps.SMOOTHING", 1)
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
     present = np.ones(60, dtype=bool)
     present[30:35] = False
     found = find_gaps(confidence_of(60, "left_arm", (20, 50)), present)

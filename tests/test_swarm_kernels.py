@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit import skeleton
-from toolkit.body.raycast import render_depth
+from tests.support.subjects import LEVEL, moving_poses
+from toolkit.app.config import load_settings
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.config import load_settings
-from toolkit.errors import SettingsError
 from toolkit.fitting.balls import Balls
+from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import swarm as kernel
 from toolkit.kernels.image import raster
-from toolkit.qammaz.discrepancy import (
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.raycast import render_depth
+from toolkit.trackers.qammaz.discrepancy import (
     JOINT_WEIGHTS,
     Discrepancy,
     DiscrepancySettings,
@@ -22,9 +24,7 @@ from toolkit.qammaz.discrepancy import (
     figure_of,
     small_image,
 )
-from toolkit.qammaz.tracker import SwarmTrackerSettings
-from toolkit.sensing.camera import Camera
-from toolkit.testing.subjects import LEVEL, moving_poses
+from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
 
 BODY = load_body("neutral")
 CAMERA = Camera(60.0, 70.0, 29.2, 34.7, 60, 70)

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.support.image_joints import DetectorErrors, detected
+from tests.support.subjects import moving_poses
 from tests.test_joint_files import folder_of, one
+from toolkit.app.cli.main import main
 from toolkit.body.shape import subject_body
-from toolkit.cli.main import main
-from toolkit.export.bvh import export_bvh
+from toolkit.output.export.bvh import export_bvh
 from toolkit.recordings.opening import open_recording
-from toolkit.testing.joints import DetectorErrors, detected
-from toolkit.testing.subjects import moving_poses
-from toolkit.track import RunInfo, Track
+from toolkit.tracks import RunInfo, Track
 
 FRAMES = 6
 

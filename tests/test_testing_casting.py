@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import yaml
 
+from tests.support import casting
+from tests.support.casting import Actor, Scene, listed
 from toolkit.simulation.furniture import Box
-from toolkit.testing import casting
-from toolkit.testing.casting import Actor, Scene, listed
 
 
 @pytest.fixture

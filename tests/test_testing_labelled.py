@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.labelled import ACTORS, FILLER, SEQUENCES, MotionSequence, class_clips, label_of, perform
+from tests.support.suite import RATE
 from toolkit.simulation.joining import JOIN
-from toolkit.testing.labelled import ACTORS, FILLER, SEQUENCES, MotionSequence, class_clips, label_of, perform
-from toolkit.testing.suite import RATE
 
 
 @pytest.mark.data

@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import write_recording
-from toolkit import skeleton
-from toolkit.archives import load_archive, save_archive
-from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
-from toolkit.files import sha256_of
-from toolkit.pipeline import watch
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter, writer
+from toolkit.app.pipeline import watch
+from toolkit.body import skeleton
+from toolkit.io.archives import load_archive, save_archive
+from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
+from toolkit.io.files import sha256_of
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter
+from toolkit.tracks import track_writer as writer
 
 STAGES, SOURCES = ("clean", "fit"), ("local", "database")
 
@@ -73,7 +74,7 @@ def test_a_killed_process_keeps_every_appended_row_and_a_resumed_writer_goes_on(
         """
         import sys, time
         from tests.test_track import SOURCES, STAGES, result
-        from toolkit.track import TrackWriter
+        from toolkit.tracks import TrackWriter
         writer = TrackWriter(sys.argv[1], STAGES, SOURCES)
         for i in range(4):
             writer.append(result(i), i)
@@ -146,7 +147,7 @@ def test_a_log_on_a_full_disk_says_nothing(
 ) -> None:
     monkeypatch.setattr(watch, "open_file", lambda *_, **__: open("/dev/full", "w+b", buffering=0))
     with watch.log_file(tmp_path):
-        logging.getLogger("toolkit.track").info("a line")
+        logging.getLogger("toolkit.tracks").info("a line")
     assert capsys.readouterr().err == ""
 
 
@@ -156,8 +157,8 @@ def test_a_disk_that_fills_up_keeps_the_rows_before(tmp_path: Path) -> None:
         """
         import resource, signal, sys
         from tests.test_track import SOURCES, STAGES, result
-        from toolkit.errors import OutputError
-        from toolkit.track import TrackWriter
+        from toolkit.io.errors import OutputError
+        from toolkit.tracks import TrackWriter
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         writer = TrackWriter(sys.argv[1], STAGES, SOURCES)
         writer.append(result(0), 0)

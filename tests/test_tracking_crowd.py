@@ -11,7 +11,7 @@ import pytest
 from tests.fake_tracker import CAMERA, FakeTracker
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
-from toolkit.tracking.crowd import Crowd, Row
+from toolkit.tracking.multi_person import Crowd, Row
 
 UP = np.array([0.0, -1.0, 0.0])
 LEARNT = 7.0

@@ -26,13 +26,13 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
 from toolkit.tracking.occluded_limbs import Guess
 from toolkit.tracking.person import UNSEEN
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
+from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 CAMERA = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
 ROTATION = level_rotation(np.array([0.0, -0.9, -0.3]))

@@ -9,18 +9,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, poses_of, sensors_of, write_run
-from toolkit import skeleton
+from toolkit.app.cli.guiding import Guiding
+from toolkit.body import skeleton
+from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import load_body
-from toolkit.cli.guiding import Guiding
-from toolkit.errors import InertialError, UsageError
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock
+from toolkit.io.errors import InertialError, UsageError
 from toolkit.kernels.fit import twists
-from toolkit.rotations import quaternions as quat
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.guide import InertialGuide, NoGuide, clock_of
 
@@ -137,9 +137,9 @@ def test_the_clock_is_that_of_the_recording():
 
 
 def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
-    from toolkit.files import sha256_of
     from toolkit.inertial.workflow import take_of
-    from toolkit.track import RunInfo
+    from toolkit.io.files import sha256_of
+    from toolkit.tracks import RunInfo
 
     sensors = tmp_path / "sensors.npz"
     sensors_of().sensors.save(sensors)

@@ -15,25 +15,25 @@ import pytest
 
 from database_builder.regressor import RegressorSettings, train_regressor
 from database_builder.views import ViewSettings
-from toolkit import skeleton
+from tests.support.misled import misled
+from tests.support.solo import Solo
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body, subject_body
-from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase, PoseOrigins
-from toolkit.errors import SettingsError
 from toolkit.fitting.shape import ShapeSettings
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import HybridTracker
+from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.io.errors import SettingsError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.misled import misled
-from toolkit.testing.solo import Solo
-from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
-from toolkit.tracking.search.local import least_turn
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.tracking.search.local_search import least_turn
+from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
 SETTINGS = HybridSettings(hypotheses=("local", "extrema", "arms"))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from toolkit.body.shape import load_body
-from toolkit.tracking.looks import NOTHING_FOUND, Looker
+from toolkit.tracking.frame_detection import NOTHING_FOUND, Looker
 from toolkit.tracking.state import PersonState
 
 BODY = load_body("neutral")

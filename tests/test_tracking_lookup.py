@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
 from tests.landmark_helpers import body_cloud
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database import canonical
-from toolkit.errors import SettingsError
 from toolkit.fitting.scene import Scene
+from toolkit.io.errors import SettingsError
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.facing import camera_yaw, estimate_facing, smoothed_facing
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.cloud import Cloud
-from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import (
     LookupSettings,
     admissible_labelings,
@@ -34,7 +34,7 @@ from toolkit.tracking.search.labelings import (
     label_candidates,
     labelings,
 )
-from toolkit.tracking.search.regressed import RegressedJointsQuery, facing_of_joints
+from toolkit.tracking.search.regressed_query import RegressedJointsQuery, facing_of_joints
 from toolkit.tracking.state import FIRST_STEP, Previous
 
 # A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.

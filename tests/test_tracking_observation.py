@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
-from toolkit.errors import SettingsError
-from toolkit.hybrid.settings import HybridSettings
+from toolkit.io.errors import SettingsError
 from toolkit.landmarks.facing import FacingEstimate, smoothed_facing
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.landmarks.regressor import JointEstimate
-from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking import observation as room
 from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous

@@ -7,14 +7,14 @@ import pytest
 from scipy.stats import chi
 
 from tests.fitting_helpers import whole_image
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.objective import WITHIN, Comparison, Objective
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.occluded_limbs import FOUND, Guess, OccludedLimbs, spread_of_joints, unobserved_joints

@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.app.config import load_settings
+from toolkit.app.pipeline import TrackerRecipe
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.config import load_settings
-from toolkit.errors import SettingsError
+from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import aiming
 from toolkit.kernels.fit import particles as kernel
-from toolkit.lopez2011.initial import InitialSettings
-from toolkit.lopez2011.sighting import Limits, UpperViewer
-from toolkit.lopez2011.tracker import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
-from toolkit.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import TrackerRecipe
 from toolkit.sensing.camera import Camera
-from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.trackers.lopez2011.initial import InitialSettings
+from toolkit.trackers.lopez2011.sighting import Limits, UpperViewer
+from toolkit.trackers.lopez2011.tracker import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
+from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.registry import registered
+from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)

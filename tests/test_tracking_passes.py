@@ -16,29 +16,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.sensing_scenes import TOF
-from toolkit import skeleton
+from tests.support.misled import misled, wrong_pose
+from toolkit.app.pipeline import second, track_recording
+from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people import evidence
 from toolkit.people.evidence import Evidence
-from toolkit.people.lone import LonePerson
-from toolkit.people.several import SeveralPeople
-from toolkit.pipeline import second, track_recording
+from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.single_person import LonePerson
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.runs import load_people
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.misled import misled, wrong_pose
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.tracking import clock
-from toolkit.tracking.heading import (
+from toolkit.tracking.heading import (  # fmt: skip
     AROUND,
     DOUBT,
     TURNED,
@@ -47,12 +45,12 @@ from toolkit.tracking.heading import (
     directions_walked,
     heading,
     voted_facing,
-)  # fmt: skip
+)
 from toolkit.tracking.passes import BothWays, Plan
-from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.sightings import PersonSightings, SightingFile
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracking.stature import (
+from toolkit.tracking.stature import (  # fmt: skip
     StatureBelief,
     head_top,
     height_stood,
@@ -60,8 +58,10 @@ from toolkit.tracking.stature import (
     statures_of,
     too_small,
     unlikely,
-)  # fmt: skip
-from toolkit.tracking.ways import APART, Step, WayFile, better_parts
+)
+from toolkit.tracking.trajectory_choice import APART, Step, WayFile, better_parts
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.tracks.runs import load_people
 
 RATE = 30.0
 

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.track import TRACKED, FrameResult
 from toolkit.tracking.follower import HELD
 from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.planning import (
@@ -29,6 +28,7 @@ from toolkit.tracking.planning import (
     times_in_sight,
 )
 from toolkit.tracking.state import PersonState
+from toolkit.tracks import TRACKED, FrameResult
 
 CAMERA = Camera(50.0, 50.0, 4.5, 3.5, 10, 8)
 BODY = load_body("neutral")

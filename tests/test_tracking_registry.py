@@ -9,13 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
-from toolkit.errors import SettingsError, UsageError
-from toolkit.pipeline import TrackerRecipe, track_recording
+from toolkit.app.pipeline import TrackerRecipe, track_recording
+from toolkit.io.errors import SettingsError, UsageError
 from toolkit.recordings.opening import open_recording
-from toolkit.sensing.settings import SensingSettings
-from toolkit.track import RunInfo, Track
+from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking import registry
 from toolkit.tracking.registry import Registration, names, register, registered
+from toolkit.tracks import RunInfo, Track
 
 
 @dataclass(frozen=True)

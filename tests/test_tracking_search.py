@@ -12,27 +12,33 @@ import pytest
 
 from tests.database_helpers import small_database
 from tests.fake_regressor import FakeObjective, FakeRefiner, compared, observation, pose_at, says
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
-from toolkit.hybrid import tracker as hybrid
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import HybridTracker
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
+from toolkit.trackers.hybrid import tracker as hybrid
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
-from toolkit.tracking.learning import Pace
-from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
-from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.body_learning import Pace
+from toolkit.tracking.search.arm_search import FARTHER, ITERATIONS, ArmSearch
+from toolkit.tracking.search.database_lookup import (
+    FIRST_ROUNDS,
+    PULLED_ITERATIONS,
+    DatabaseLookup,
+    LookupBudget,
+    is_asked,
+)
+from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
-from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on
-from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, LookupBudget, is_asked
-from toolkit.tracking.search.protocol import NOTHING, ScoredHypothesis
-from toolkit.tracking.search.regressed import VOTE_SIGMA, RegressedJointsQuery
+from toolkit.tracking.search.local_search import FARTHEST, LocalSearch, moved_on
+from toolkit.tracking.search.regressed_query import VOTE_SIGMA, RegressedJointsQuery
+from toolkit.tracking.search.search_protocol import NOTHING, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 RNG = np.random.default_rng(0)

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
-from toolkit.errors import OutputError, TrackError
+from toolkit.body import skeleton
+from toolkit.io.errors import OutputError, TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.track import TRACKED, FrameResult
-from toolkit.track.writer import row_type
 from toolkit.tracking.sightings import ENTRY, HEADER, Kept, SightingFile
-from toolkit.tracking.ways import Step, WayFile
+from toolkit.tracking.trajectory_choice import Step, WayFile
+from toolkit.tracks import TRACKED, FrameResult
+from toolkit.tracks.track_writer import row_type
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
-from toolkit.errors import SettingsError
+from toolkit.body import skeleton
+from toolkit.io.errors import SettingsError
 from toolkit.tracking.smoothing import PoseSmoother
 
 

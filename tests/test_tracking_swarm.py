@@ -14,31 +14,31 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.database_helpers import small_database
-from toolkit import skeleton
+from tests.support.image_joints import DERIVED, DetectorErrors, detected
+from tests.support.solo import Solo
+from tests.support.subjects import LEVEL, camera_for, draw, moving_poses
+from toolkit.app.cli.main import app
+from toolkit.app.config import load_settings
+from toolkit.app.pipeline import TrackerRecipe
+from toolkit.app.pipeline.joint_choice import JointChoice, joint_source
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.checkpoint import load_checkpoint, save_checkpoint
-from toolkit.cli.main import app
-from toolkit.config import load_settings
-from toolkit.errors import SettingsError
-from toolkit.hybrid.settings import HybridSettings
-from toolkit.hybrid.tracker import HybridTracker
-from toolkit.people.lone import LonePerson
-from toolkit.pipeline import TrackerRecipe
-from toolkit.pipeline.joints import JointChoice, joint_source
-from toolkit.qammaz.discrepancy import SeenJoints
-from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
-from toolkit.qammaz.seen import exchanged, gap, looks_exchanged, seen_joints
-from toolkit.qammaz.swarm import SwarmSettings
-from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
+from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.io.errors import SettingsError
+from toolkit.people.single_person import LonePerson
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import BEHIND_SKIN, Joints2D, lift
 from toolkit.sensing.recording import Recording
-from toolkit.testing.joints import DERIVED, DetectorErrors, detected
-from toolkit.testing.solo import Solo
-from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.trackers.qammaz.discrepancy import SeenJoints
+from toolkit.trackers.qammaz.observed_pixels import exchanged, gap, looks_exchanged, seen_joints
+from toolkit.trackers.qammaz.swarm import SwarmSettings
+from toolkit.trackers.qammaz.swarm_search import SwarmSearch, SwarmSearchSettings
+from toolkit.trackers.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.tracking.clock import StageClock
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
 
 BODY = load_body("neutral")
 CAMERA = camera_for(3000)

@@ -8,9 +8,9 @@ from typing import Annotated, Any, Literal
 
 import pytest
 
-from toolkit import typed
-from toolkit.errors import TrackError
-from toolkit.typed import Range, TypedReader
+from toolkit.io import typed_values as typed
+from toolkit.io.errors import TrackError
+from toolkit.io.typed_values import Range, TypedReader
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit.cli.options import given, numbers
-from toolkit.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of, unit_of
-from toolkit.errors import UsageError
+from toolkit.app.cli.options import given, numbers
+from toolkit.app.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of, unit_of
 from toolkit.inertial.readers.table import UNITS, factors_of, pairs_of
 from toolkit.inertial.stream import GRAVITY
-from toolkit.recordings.options import ReaderOptions
+from toolkit.io.errors import UsageError
+from toolkit.recordings.reader_options import ReaderOptions
 
 
 def test_nothing_typed_is_nothing_told() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks._upper import BAD, JOINTS, ROWS, UpperScore, pixel_errors, score_upper, upper_figures
+from tests.support.upper import GROUPS, MORE, upper_scenes
 from toolkit.body.shape import subject_body
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import SimulatedPerson
@@ -18,8 +19,7 @@ from toolkit.simulation.scene import cut_tilt, place_camera
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import Shot, prepare
-from toolkit.testing.upper import GROUPS, MORE, upper_scenes
-from toolkit.track import LOST, TRACKED
+from toolkit.tracks import LOST, TRACKED
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
 

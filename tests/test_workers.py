@@ -10,13 +10,13 @@ import time
 
 import pytest
 
-from toolkit.workers import Task, end_with
+from toolkit.io.workers import Task, end_with
 
 PARENT = """
 import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
 from tests.test_workers import told
-from toolkit.workers import Task, end_with
+from toolkit.io.workers import Task, end_with
 
 def with_joblib():
     import joblib

@@ -12,8 +12,8 @@ import pytest
 from benchmarks import _record
 from benchmarks import all as everything
 from scripts import write_tables
-from toolkit.cli.bench import benchmarks
-from toolkit.report.gait import EXPECTED
+from toolkit.app.cli.bench import benchmarks
+from toolkit.output.report.gait import EXPECTED
 
 
 @pytest.mark.quick
@@ -140,5 +140,5 @@ def test_pages_and_results_make_no_figure_old_and_code_does(tmp_path: Path, monk
     git("checkout", "-q", "-b", "mine")
     (tmp_path / "benchmarks" / "speed.py").write_text("changed")
     assert _record.commit() == f"{code}+"
-    committed("toolkit/track.py", "")
+    committed("toolkit/tracks.py", "")
     assert _record.commit() == f"{code}+"

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import BodyError
+from toolkit.body import skeleton
+from toolkit.io.errors import BodyError
 from toolkit.kernels import kinematics
 
 BONE_AXIS: dict[str, int] = {

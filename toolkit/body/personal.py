@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column, check_columns, load_archive, save_archive
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.errors import BodyError
+from toolkit.io.archives import Column, check_columns, load_archive, save_archive
+from toolkit.io.errors import BodyError
 
 HINT = "scan the person again with `depthmocap body scan`"
 COLUMNS = {

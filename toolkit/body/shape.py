@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body, vertex_normals
-from toolkit.errors import BodyError
+from toolkit.io.errors import BodyError
 from toolkit.kernels import linear
 
 GROWTH: tuple[float, ...] = (1.0, -0.06, 0.41, 0.54, 0.46, 0.18, 0.26, 0.19, -0.75, -1.46)

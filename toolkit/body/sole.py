@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.kernels import linear
 

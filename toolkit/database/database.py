@@ -12,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column, check_columns, load_archive, save_archive
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
+from toolkit.database.pose_search import FEATURE_SIZE, LeafSearch
 from toolkit.database.prior import PosePrior
-from toolkit.database.search import FEATURE_SIZE, LeafSearch
-from toolkit.errors import DatabaseError
-from toolkit.files import is_file
+from toolkit.io.archives import Column, check_columns, load_archive, save_archive
+from toolkit.io.errors import DatabaseError
+from toolkit.io.files import is_file
+from toolkit.io.typed_values import TypedReader
+from toolkit.io.yaml_reader import parse_json
 from toolkit.landmarks.regressor import JointRegressor
-from toolkit.plain import parse_json
-from toolkit.typed import TypedReader
 
 FORMAT_VERSION = 2
 """Raised whenever the meaning of a stored array changes."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolkit.errors import DatabaseError
-from toolkit.files import is_file
+from toolkit.io.errors import DatabaseError
+from toolkit.io.files import is_file
 
 DEFAULT_DATABASE = Path(__file__).parent / "assets" / "default.npz"
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column, check_columns
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.errors import DatabaseError
+from toolkit.io.archives import Column, check_columns
+from toolkit.io.errors import DatabaseError
 from toolkit.kernels.learning import gaussians
 
 SITUATIONS: tuple[str, ...] = ("standing", "seated", "crouching", "lying")

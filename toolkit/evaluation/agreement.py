@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.evaluation.joints import HANDS_AND_FEET, NEAR
+from toolkit.body import skeleton
+from toolkit.evaluation.joint_errors import HANDS_AND_FEET, NEAR
 
 UTD_SUBJECT = re.compile(r"_s(\d+)_")
 """Where a UTD-MHAD file name holds its subject: `a27_s1_t1_depth`."""

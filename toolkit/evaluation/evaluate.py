@@ -9,22 +9,22 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.errors import TrackError, UsageError
-from toolkit.evaluation import joints as metrics
+from toolkit.body.skeleton import REPORTED
+from toolkit.evaluation import joint_errors as metrics
 from toolkit.evaluation.agreement import agreement, agreement_with_offsets, local_differences, subject_of
-from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
+from toolkit.evaluation.extrema_scores import TIPS, all_free, extrema_found
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
-from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.people.known import assigned
+from toolkit.io.errors import TrackError, UsageError
+from toolkit.io.progress import Progress, silent
+from toolkit.landmarks.landmark_settings import LandmarkSettings
+from toolkit.people.known_people import assigned
 from toolkit.people.survey import find_person
-from toolkit.progress import Progress, silent
-from toolkit.runs import PEOPLE_FILE, person_runs
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.settings import SensingSettings
-from toolkit.skeleton import REPORTED
-from toolkit.track import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracks import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
+from toolkit.tracks.runs import PEOPLE_FILE, person_runs
 
 
 def evaluate_runs(
@@ -222,7 +222,7 @@ def _error_figures(errors: np.ndarray) -> dict[str, Any]:
 
 def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference: Reference | None) -> dict[str, Any]:
     """Figures that need every depth frame: what the camera sees, and how well the fitted body explains it."""
-    from toolkit.body.raycast import render_depth
+    from toolkit.sensing.raycast import render_depth
 
     # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike. The silhouette is
     # that of the person as measured: cleaning takes away its contour, a tenth of its pixels.

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import k4abt
-from toolkit.errors import RecordingError
-from toolkit.plain import read_json
+from toolkit.io.errors import RecordingError
+from toolkit.io.yaml_reader import read_json
 
 HINT = "give a JSON file as the offline processor of the Azure Kinect body tracking SDK writes it"
 FASTEST = 5.0

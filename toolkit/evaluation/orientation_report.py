@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolkit.evaluation.orientations import THRESHOLDS, RunCheck
-from toolkit.files import save_bytes, save_json, save_text
-from toolkit.pages import csv_of, page, picture, png_of, table
+from toolkit.io.files import save_bytes, save_json, save_text
+from toolkit.io.html import csv_of, page, picture, png_of, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import THRESHOLD, Distances, WrongStretch, distances, errors_of, runs_above
-from toolkit.inertial.limbs import PARTS
+from toolkit.inertial.sensor_limbs import PARTS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import SyncSettings
 from toolkit.inertial.workflow import checked_take, paired
-from toolkit.plain import read_table
+from toolkit.io.errors import InertialError, UsageError
+from toolkit.io.yaml_reader import read_table
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
 
 THRESHOLDS: np.ndarray = np.arange(10.0, 91.0, 5.0)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import RecordingError
 from toolkit.evaluation.k4abt import is_k4abt, read_k4abt
+from toolkit.io.errors import RecordingError
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import rotated_points
 from toolkit.sensing.recording import Recording

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from toolkit.evaluation.joints import CURVE
-from toolkit.files import save_json, save_text
-from toolkit.names import shown
-from toolkit.track import STATE_NAMES, TRACKED
+from toolkit.evaluation.joint_errors import CURVE
+from toolkit.io.display_names import shown
+from toolkit.io.files import save_json, save_text
+from toolkit.tracks import STATE_NAMES, TRACKED
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -12,12 +12,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.errors import SettingsError
 from toolkit.fitting.objective import Comparison
 from toolkit.fitting.placed import PlacedBody, balls_of, spread_rows
 from toolkit.fitting.scene import Scene
+from toolkit.io.errors import SettingsError
 from toolkit.kernels import linear
 from toolkit.kernels.fit import limbs as kernel
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.kernels import linear
 

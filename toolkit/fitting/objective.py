@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import nearest_drawn, visible_chosen
 from toolkit.kernels.fit import pairs
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.balls import Balls
 from toolkit.kernels.fit import pairs, placing, twists

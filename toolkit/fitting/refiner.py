@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, SurfaceTerm
 from toolkit.kernels.fit import twists
 

@@ -17,8 +17,8 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import MeshTerm
+from toolkit.io.typed_values import constant
 from toolkit.kernels import linear
-from toolkit.typed import constant
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.fitting.placed import NormalSystem, PlacedBody, balls_of
 from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear

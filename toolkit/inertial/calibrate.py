@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from toolkit.errors import InertialError, UsageError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration, Mounting, TakeClock
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.solvers import Strand
 from toolkit.inertial.stream import FREE, Sensors
 from toolkit.inertial.synchronise import Clock
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError, UsageError
 
 METHODS, HEADINGS = ("robust", "thesis"), ("shared", "own")
 AGREE = np.radians(20.0)

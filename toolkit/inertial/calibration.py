@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError
-from toolkit.files import save_json
 from toolkit.inertial.stream import Sensors
-from toolkit.plain import read_json
-from toolkit.typed import TypedReader
+from toolkit.io.errors import InertialError
+from toolkit.io.files import save_json
+from toolkit.io.typed_values import TypedReader
+from toolkit.io.yaml_reader import read_json
 
 GOOD, WEAK, REFUSED = "good", "weak", "refused"
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import InertialError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import Take, strands_of, upright
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.limbs import bone_axis
-from toolkit.rotations import quaternions as quat
-from toolkit.spans import spans
+from toolkit.inertial.sensor_limbs import bone_axis
+from toolkit.io.errors import InertialError
+from toolkit.io.spans import spans
 
 ERROR, TWIST = "error", "twist"
 THRESHOLD = 45.0

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.errors import InertialError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.stream import FREE, Sensors, SensorStream
+from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import integrate
-from toolkit.rotations import quaternions as quat
 
 NORTH = "gyroscope, gravity and magnetic north"
 UP: np.ndarray = np.array([0.0, 0.0, 1.0])

@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from toolkit.errors import InertialError
-from toolkit.inertial.limbs import PARTS
+from toolkit.inertial.sensor_limbs import PARTS
 from toolkit.inertial.stream import Sensors, SensorStream
-from toolkit.plain import read_yaml
+from toolkit.io.errors import InertialError
+from toolkit.io.yaml_reader import read_yaml
 
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 _PARTS = {

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.rotations import quaternions as quat
+from toolkit.body.rotations import quaternions as quat
 
 SCALES = np.radians([40.0, 28.0, 20.0, 14.0, 10.0])
 """Scale of the weights, narrower and narrower, radians: ten degrees is what soft tissue and a good track differ by."""

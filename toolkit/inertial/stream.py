@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.archives import load_archive, save_archive
-from toolkit.errors import InertialError
-from toolkit.files import save_text
-from toolkit.plain import parse_json
-from toolkit.rotations import quaternions as quat
-from toolkit.typed import TypedReader
+from toolkit.body.rotations import quaternions as quat
+from toolkit.io.archives import load_archive, save_archive
+from toolkit.io.errors import InertialError
+from toolkit.io.files import save_text
+from toolkit.io.typed_values import TypedReader
+from toolkit.io.yaml_reader import parse_json
 
 GRAVITY = 9.80665
 """m/s2, standard gravity: what accelerometers at rest measure, upwards."""

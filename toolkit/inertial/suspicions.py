@@ -9,12 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import Take, upright
 from toolkit.inertial.solvers import Strand
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
-from toolkit.rotations import quaternions as quat
 
 FASTEST = 35.0
 """rad/s: the range of common gyroscopes (2000 deg/s); no person turns a limb faster."""

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import InertialError
-from toolkit.inertial.limbs import TrackedMotion
+from toolkit.body.rotations import quaternions as quat
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
+from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import correlation_over_lags
-from toolkit.rotations import quaternions as quat
 
 STILL = 0.05
 """rad/s: a sensor whose angular speed spreads by less rests throughout."""

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from toolkit.errors import InertialError, UsageError
-from toolkit.files import check_output, sha256_of
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
-from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.placement import load_placement, placed
 from toolkit.inertial.readers import read_files
-from toolkit.inertial.readers.common import SensorOptions
+from toolkit.inertial.readers.base import SensorOptions
+from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.suspicions import clock_suspicion, place_suspicions, suspicions
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
+from toolkit.io.errors import InertialError, UsageError
+from toolkit.io.files import check_output, sha256_of
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.errors import SegmentationError
+from toolkit.io.errors import SegmentationError
 from toolkit.kernels.cloud import torso
 
 WIDTH, HEIGHT = 0.35, 0.5

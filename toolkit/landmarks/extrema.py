@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.kernels.cloud import torso
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 TORSO_RADIUS = 0.15
 """Metres: points nearer than this to the middle of an adult's chest are taken for the torso; the paper's."""

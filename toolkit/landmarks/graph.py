@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from toolkit.errors import SegmentationError
+from toolkit.io.errors import SegmentationError
 from toolkit.kernels.cloud import cloud_graph
-from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
 if TYPE_CHECKING:

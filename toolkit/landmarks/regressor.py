@@ -13,9 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column, check_columns, check_trees
-from toolkit.errors import DatabaseError
+from toolkit.body import skeleton
+from toolkit.io.archives import Column, check_columns, check_trees
+from toolkit.io.errors import DatabaseError
 from toolkit.kernels.learning import forest
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, marked

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column, archive_names, check_columns, load_archive
+from toolkit.body import skeleton
+from toolkit.body.rotations.matrices import matrices
 from toolkit.body.shape import load_body
-from toolkit.errors import MocapError
-from toolkit.files import is_file
+from toolkit.io.archives import Column, archive_names, check_columns, load_archive
+from toolkit.io.errors import MocapError
+from toolkit.io.files import is_file
 from toolkit.mocap.clip import Clip
-from toolkit.rotations.matrices import matrices
 
 JOINTS: tuple[tuple[str, str], ...] = (
     ("pelvis", ""), ("left_hip", "pelvis"), ("right_hip", "pelvis"), ("spine1", "pelvis"), ("left_knee", "left_hip"),

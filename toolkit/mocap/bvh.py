@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import MocapError
+from toolkit.body.rotations.matrices import of_euler
+from toolkit.io.errors import MocapError
+from toolkit.io.yaml_reader import read_text
 from toolkit.mocap.clip import Clip, check_tree
 from toolkit.mocap.units import metres_per_unit, rest_size
-from toolkit.plain import read_text
-from toolkit.rotations.matrices import of_euler
 
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 ROTATIONS = {"Xrotation": "X", "Yrotation": "Y", "Zrotation": "Z"}

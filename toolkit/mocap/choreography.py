@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from toolkit.errors import MocapError
-from toolkit.plain import read_yaml
+from toolkit.io.errors import MocapError
+from toolkit.io.yaml_reader import read_yaml
 
 FILE = Path(__file__).with_suffix(".yaml")
 

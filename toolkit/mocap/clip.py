@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import MocapError
+from toolkit.body import skeleton
+from toolkit.io.errors import MocapError
 
 LARGEST = 1e5
 """Metres from the origin: no motion capture reaches so far."""

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.mocap.choreography import BASE, KINDS, MOTIONS, RANGES, PoseCycle
 from toolkit.mocap.clip import PoseClip
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolkit.door import open_file
-from toolkit.errors import MocapError
-from toolkit.files import is_file, is_folder
+from toolkit.io.errors import MocapError
+from toolkit.io.files import is_file, is_folder
+from toolkit.io.safe_open import open_file
 from toolkit.mocap.amass import is_amass, read_amass
 from toolkit.mocap.asf_amc import read_amc
 from toolkit.mocap.bvh import read_bvh

@@ -9,13 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.errors import MocapError
-from toolkit.mocap.clip import Clip, PoseClip
-from toolkit.mocap.rig import Rig, load_rig
-from toolkit.mocap.source import KeyedClip
-from toolkit.rotations.matrices import (
+from toolkit.body.rotations.matrices import (  # fmt: skip
     apply,
     hinge_angles,
     matrices,
@@ -25,7 +21,11 @@ from toolkit.rotations.matrices import (
     unwrapped,
     vectors_of,
     without_twist,
-)  # fmt: skip
+)
+from toolkit.io.errors import MocapError
+from toolkit.mocap.clip import Clip, PoseClip
+from toolkit.mocap.rig import Rig, load_rig
+from toolkit.mocap.source import KeyedClip
 
 SHORTEST_LEG = 0.01
 """Metres: what is shorter is no body's, and nothing can be scaled by it."""

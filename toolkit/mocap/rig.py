@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from toolkit.errors import RigError
-from toolkit.files import shipped
+from toolkit.io.errors import RigError
+from toolkit.io.files import shipped
+from toolkit.io.yaml_reader import read_yaml
 from toolkit.mocap.clip import Clip
-from toolkit.plain import read_yaml
 
 SIDED = ("clavicle", "shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
 KEYS: tuple[str, ...] = (

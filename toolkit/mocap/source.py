@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import RigError
+from toolkit.body.rotations.matrices import apply, swing, transposed, unit
+from toolkit.io.errors import RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.rig import Rig
-from toolkit.rotations.matrices import apply, swing, transposed, unit
 
 CALIBRATION_FRAMES = 5
 """How many leading frames may be a calibration pose."""

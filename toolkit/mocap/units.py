@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.errors import MocapError
+from toolkit.io.errors import MocapError
 
 CMU_UNIT = 0.0254 / 0.45
 """Metres per file unit of the CMU and HDM05 skeletons: inches, scaled by 1 / 0.45 (0.056444 m)."""

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.checkpoint import check_state
-from toolkit.typed import Range
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import check_state
+from toolkit.io.typed_values import Range
 
 SHAPED = 6.0
 """Log odds between what never has a person's shape and what is seen with it in all frames."""

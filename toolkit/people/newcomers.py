@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.checkpoint import check_state
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import check_state
 
 GATE, WALK = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
 LEAST_FRAMES = 2.5

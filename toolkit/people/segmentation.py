@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.checkpoint import HINT, check_state
-from toolkit.errors import SegmentationError, TrackError
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state
+from toolkit.io.errors import SegmentationError, TrackError
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.settings import SegmentationMode, SensingSettings
+from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 HOW_TO_SEGMENT = (
     "give --segment person, seed:U,V (a pixel of the person), range:NEAR,FAR (metres) or empty-frames:N, "

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.checkpoint import check_state
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces

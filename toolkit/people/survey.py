@@ -8,19 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.errors import SegmentationError
+from toolkit.io.errors import SegmentationError
 from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.learning import camera_moved, learnt
-from toolkit.people.lone import LonePerson
-from toolkit.people.one import OneOfSeveral, meant_person
-from toolkit.people.several import MOST_PEOPLE, SeveralPeople
+from toolkit.people.multi_person import MOST_PEOPLE, SeveralPeople
+from toolkit.people.selected_person import OneOfSeveral, meant_person
 from toolkit.people.sighting import PeopleFinder
+from toolkit.people.single_person import LonePerson
 from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
-from toolkit.people.up import floor_height
+from toolkit.people.vertical import floor_height
 from toolkit.people.view import Lens
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.settings import SegmentationMode, SensingSettings
+from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 logger = logging.getLogger(__name__)
 

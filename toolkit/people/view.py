@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.sensing_settings import SensingSettings
 
 COARSE_WIDTH = 160
 """Pixels of the image in which people are looked for; a head of 0.16 m is 7 pixels wide at 3 m."""

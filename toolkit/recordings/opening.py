@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.errors import RecordingError
-from toolkit.files import is_file, is_folder, link_out_of
-from toolkit.people.turned import quarter_turns
-from toolkit.recordings.options import ReaderOptions
+from toolkit.io.errors import RecordingError
+from toolkit.io.files import is_file, is_folder, link_out_of
+from toolkit.people.image_rotation import quarter_turns
+from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import reader_for
-from toolkit.recordings.readers.common import ArrayFrames, FileFacts, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording, memory_path
 
 logger = logging.getLogger(__name__)

@@ -12,8 +12,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 
-from toolkit.errors import OutputError, RecordingError
-from toolkit.files import atomic_path
+from toolkit.io.errors import OutputError, RecordingError
+from toolkit.io.files import atomic_path
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import check_rows
 from toolkit.sensing.recording import check_joints, check_timestamps

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix, pack
 

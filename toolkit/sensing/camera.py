@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 
 DEFAULT_UP = (0.0, -1.0, 0.0)
 """The vertical in the camera frame of a camera that looks horizontally."""

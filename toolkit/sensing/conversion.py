@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from toolkit.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, UsageError
 from toolkit.sensing.camera import Camera
 
 LARGEST_MM = 65535

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.settings import CONTOURS, SensingSettings
+from toolkit.sensing.sensing_settings import CONTOURS, SensingSettings
 
 
 class DepthFilter:

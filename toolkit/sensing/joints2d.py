@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError
+from toolkit.body import skeleton
+from toolkit.io.errors import RecordingError
 from toolkit.sensing.camera import Camera
 
 HALF_LIMBS = {

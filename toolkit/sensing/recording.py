@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError
+from toolkit.body import skeleton
+from toolkit.io.errors import RecordingError
 from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotated_rows

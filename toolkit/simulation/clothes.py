@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 
 AROUND = 48
 """Vertices of each ring of a skirt."""

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.errors import UsageError
-from toolkit.interiors.mesh import Mesh, box, joined, moved
-from toolkit.plain import read_yaml
+from toolkit.io.errors import UsageError
+from toolkit.io.yaml_reader import read_yaml
+from toolkit.simulation.interiors.mesh import Mesh, box, joined, moved
 
 SEAT_HEIGHT = 0.26
 """Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, and a child gets a child's chair."""

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.errors import UsageError
-from toolkit.files import save_json
-from toolkit.inertial.limbs import TrackedMotion, bone_axis, bone_vector
+from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.placement import check_limbs
+from toolkit.inertial.sensor_limbs import TrackedMotion, bone_axis, bone_vector
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream, checked_stream
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import UsageError
+from toolkit.io.files import save_json
 
 Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
 """Turns a world with y up into one with z up."""

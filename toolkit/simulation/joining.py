@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.simulation.person import facing_of, turned
 
 JOIN = 12

@@ -9,17 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
-from toolkit.errors import UsageError
-from toolkit.interiors.mesh import Mesh, joined
+from toolkit.io.errors import UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.simulation.clothes import dressed
 from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Box, boxes_mesh, check_kinds
 from toolkit.simulation.holding import check_holding, held_mesh
+from toolkit.simulation.interiors.mesh import Mesh, joined
 from toolkit.simulation.seating import seat_height, seated
 
 TALL, SMALL = 1.25, 0.75

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import UsageError
-from toolkit.interiors.mesh import Mesh, box, joined
-from toolkit.interiors.pieces import PLAIN
-from toolkit.interiors.room import furnished, named_room
+from toolkit.io.errors import UsageError
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.furniture import Box, boxes_mesh
+from toolkit.simulation.interiors.mesh import Mesh, box, joined
+from toolkit.simulation.interiors.pieces import PLAIN
+from toolkit.simulation.interiors.room import furnished, named_room
 
 CLEARANCE = 0.22
 """Metres from people's joints to the furniture of a room: it touches what they wear."""

@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from toolkit.errors import UsageError
+from toolkit.io.errors import UsageError
 from toolkit.sensing.camera import Camera
 
 

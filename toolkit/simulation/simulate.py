@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.raycast import Hits, cast
-from toolkit.errors import UsageError
-from toolkit.files import check_output
-from toolkit.interiors.mesh import Mesh, joined
-from toolkit.interiors.room import named_room
+from toolkit.io.errors import UsageError
+from toolkit.io.files import check_output
+from toolkit.io.progress import Count, silent
 from toolkit.mocap.clip import PoseClip
-from toolkit.progress import Count, silent
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.raycast import Hits, cast
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, boxes_mesh
 from toolkit.simulation.inertial import SimulatedSensors, simulate_sensors
+from toolkit.simulation.interiors.mesh import Mesh, joined
+from toolkit.simulation.interiors.room import named_room
 from toolkit.simulation.person import (
     Performer,
     SimulatedPerson,

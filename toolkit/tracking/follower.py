@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
-from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.heading import TURNED, against, voted_facing
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import HEAD, FollowedPerson
 from toolkit.tracking.search.labelings import EFFECTORS
-from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
-from toolkit.tracking.settings import FollowerSettings
+from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import head_top, off_floor, unlikely
+from toolkit.tracking.tracking_settings import FollowerSettings
+from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 HELD = 1.0
 """Seconds out of sight after which the last pose says nothing of the next one."""

@@ -8,13 +8,13 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.body.body import BONE_AXIS
-from toolkit.errors import InertialError
+from toolkit.body.rotations import quaternions as quat
 from toolkit.fitting.orientation import FrameEvidence, OrientationSettings, OrientationTerm
 from toolkit.fitting.priors import PoseTerm
 from toolkit.inertial.calibration import Calibration, TakeClock
-from toolkit.inertial.limbs import PARTS, joint_of
+from toolkit.inertial.sensor_limbs import PARTS, joint_of
 from toolkit.inertial.stream import Sensors, SensorStream
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError
 
 TWISTLESS = ("elbow", "wrist")
 """Joints whose tracked frame does not turn about the bone with the limb: only the bone's direction counts."""

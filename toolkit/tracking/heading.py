@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.database import canonical
 from toolkit.kernels import linear
 from toolkit.landmarks.regressor import JointEstimate
-from toolkit.track import TRACKED
+from toolkit.tracks import TRACKED
 
 WINDOW = 0.75
 """Seconds before and after a moment, over which the way is measured: a person who bends, sits down or rises does not

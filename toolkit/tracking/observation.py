@@ -8,21 +8,21 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.image_joints import SightedJoints
 from toolkit.fitting.orientation import FrameEvidence
-from toolkit.fitting.regressed import VotedJoints, links_out_of_view
+from toolkit.fitting.regressed_joints import VotedJoints, links_out_of_view
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.sighted import SightedJoints
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.facing import estimate_facing, smoothed_facing
 from toolkit.landmarks.graph import Workspace, grid_graph
+from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.landmarks.regressor import JointEstimate, JointRegressor
-from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.people.joints import on_cut_out
+from toolkit.people.joint_masks import on_cut_out
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import BELOW
 from toolkit.database.prior import HEIGHT, SIZE, PosePrior, variables
 from toolkit.fitting.objective import WITHIN, Comparison, Objective

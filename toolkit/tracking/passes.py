@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.archives import Column
 from toolkit.body.body import Body
-from toolkit.checkpoint import HINT, check_state, numbered
-from toolkit.errors import TrackError
-from toolkit.track import EMPTY, TRACKED
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state, numbered
+from toolkit.io.errors import TrackError
 from toolkit.tracking.follower import Follower
+from toolkit.tracking.frame_detection import Look, Looker
 from toolkit.tracking.heading import against
-from toolkit.tracking.looks import Look, Looker
-from toolkit.tracking.search.protocol import UNLIKELY
+from toolkit.tracking.search.search_protocol import UNLIKELY
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState, Previous, State, body_of, body_state
-from toolkit.tracking.ways import Step, WayFile, apart, better_parts
+from toolkit.tracking.trajectory_choice import Step, WayFile, apart, better_parts
+from toolkit.tracks import EMPTY, TRACKED
 
 AGREED, AGREED_FRAMES = 0.04, 3
 """Metres, and frames in a row: two ways so near to each other have met."""

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.placed import Placer
 from toolkit.kernels import linear
 from toolkit.people.sighting import PredictedBody
-from toolkit.track import FrameResult
 from toolkit.tracking.state import PersonState, State
+from toolkit.tracks import FrameResult
 
 PREDICTED = "predicted"
 """The source of a pose that no hypothesis gave: the last one that was found."""

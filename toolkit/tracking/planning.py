@@ -11,11 +11,11 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
+from toolkit.tracking.body_learning import FollowedBody, Pace
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
+from toolkit.tracking.frame_detection import NOTHING_FOUND, Look, Looker
 from toolkit.tracking.heading import directions_faced, heading
-from toolkit.tracking.learning import FollowedBody, Pace
-from toolkit.tracking.looks import NOTHING_FOUND, Look, Looker
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.stature import StatureBelief, height_stood, statures_of

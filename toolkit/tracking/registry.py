@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from toolkit.errors import SettingsError, UsageError
-from toolkit.tracking.protocol import Tracker
+from toolkit.io.errors import SettingsError, UsageError
+from toolkit.tracking.tracker_protocol import Tracker
 
 DEFAULT = "hybrid"
 
@@ -30,10 +30,10 @@ class Registration:
 
 
 MODULES = {
-    "baak2013": "toolkit.hybrid.baak2013",
-    "hybrid": "toolkit.hybrid.tracker",
-    "particles": "toolkit.lopez2011.tracker",
-    "swarm": "toolkit.qammaz.tracker",
+    "baak2013": "toolkit.trackers.baak2013",
+    "hybrid": "toolkit.trackers.hybrid.tracker",
+    "particles": "toolkit.trackers.lopez2011.tracker",
+    "swarm": "toolkit.trackers.qammaz.tracker",
 }
 """Modules that register a tracker of this name when they are imported; other trackers are not imported."""
 REGISTERED: dict[str, Registration] = {}

@@ -12,25 +12,25 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner
-from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.sensing.camera import Camera
+from toolkit.tracking.body_learning import FollowedBody
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.learning import FollowedBody
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
 from toolkit.tracking.passes import BothWays, Plan
 from toolkit.tracking.planning import Planner
-from toolkit.tracking.protocol import TrackerSettings, Wanted
-from toolkit.tracking.search.protocol import Search, Verifier
-from toolkit.tracking.settings import FollowerSettings
+from toolkit.tracking.search.search_protocol import Search, Verifier
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
-from toolkit.tracking.ways import WayFile
+from toolkit.tracking.tracker_protocol import TrackerSettings, Wanted
+from toolkit.tracking.tracking_settings import FollowerSettings
+from toolkit.tracking.trajectory_choice import WayFile
 
 LARGE_IMAGE = 200
 """Pixels of width above which the body is drawn at half the resolution of the image."""

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.checkpoint import HINT
-from toolkit.door import open_file
-from toolkit.errors import OutputError, TrackError
+from toolkit.body import skeleton
+from toolkit.io.checkpoint import HINT
+from toolkit.io.errors import OutputError, TrackError
+from toolkit.io.safe_open import open_file
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import window_of

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import SettingsError
+from toolkit.body import skeleton
+from toolkit.io.errors import SettingsError
 
 
 class PoseSmoother:

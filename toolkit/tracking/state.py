@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.checkpoint import HINT, check_state
-from toolkit.errors import TrackError
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state
+from toolkit.io.errors import TrackError
 
 FIRST_STEP = 1.0 / 30.0
 """Seconds that are assumed to have passed before a first frame."""

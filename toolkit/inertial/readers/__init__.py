@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.readers import dot, matlab, mvnx, sto, table, total_capture, xsens_mt
-from toolkit.inertial.readers.common import SensorOptions
+from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.stream import Sensors
+from toolkit.io.errors import InertialError, UsageError
 
 Reader = Callable[[Path, SensorOptions], Sensors]
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError
-from toolkit.inertial.readers.common import DEGREE, Columns, SensorOptions, head_of, read_text, unwrapped
+from toolkit.body.rotations import quaternions as quat
+from toolkit.inertial.readers.base import DEGREE, Columns, SensorOptions, head_of, read_text, unwrapped
 from toolkit.inertial.stream import GRAVITY, Sensors, checked_stream
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError
 
 HEADER = "PacketCounter"
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError
-from toolkit.inertial.readers.common import DEGREE, SensorOptions, read_text
+from toolkit.inertial.readers.base import DEGREE, SensorOptions, read_text
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, SensorStream, checked_stream
-from toolkit.matlab import Variable, read_matlab
+from toolkit.io.errors import InertialError
+from toolkit.io.matlab import Variable, read_matlab
 
 UTD_RATE = 50.0
 FIRST_THIGH_ACTION = 22

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError
-from toolkit.inertial.readers.common import SensorOptions, head_of, read_text
+from toolkit.inertial.readers.base import SensorOptions, head_of, read_text
 from toolkit.inertial.stream import Sensors, checked_stream
+from toolkit.io.errors import InertialError
 
 
 def matches(path: Path) -> bool:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError, UsageError
-from toolkit.inertial.readers.common import DEGREE, Columns, SensorOptions, read_text
+from toolkit.inertial.readers.base import DEGREE, Columns, SensorOptions, read_text
 from toolkit.inertial.stream import CSV_COLUMNS, GRAVITY, Sensors, SensorStream, checked_stream
+from toolkit.io.errors import InertialError, UsageError
 
 UNITS = {
     "gyro": {"rad/s": 1.0, "deg/s": DEGREE},

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError
-from toolkit.inertial.readers.common import DEGREE, Columns, SensorOptions, head_of, read_text, unwrapped
+from toolkit.body.rotations import quaternions as quat
+from toolkit.inertial.readers.base import DEGREE, Columns, SensorOptions, head_of, read_text, unwrapped
 from toolkit.inertial.stream import Sensors, checked_stream
-from toolkit.rotations import quaternions as quat
+from toolkit.io.errors import InertialError
 
 _RATE = re.compile(r"Update Rate\s*:?\s*([0-9]+(?:\.[0-9]*)?)\s*Hz", re.IGNORECASE)
 _FRAME = re.compile(r"Coordinate system\s*:?\s*(\w+)", re.IGNORECASE)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from toolkit.errors import RecordingError, UsageError
-from toolkit.recordings.options import ReaderOptions
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import cloud, mkv, npz, png, raw, record3d, ros, stray, tum, utd_mhad
 from toolkit.sensing.recording import Recording
 

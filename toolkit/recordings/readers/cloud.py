@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.door import open_file
-from toolkit.errors import RecordingError
+from toolkit.io.errors import RecordingError
+from toolkit.io.safe_open import open_file
 from toolkit.kernels.image import depth as kernels
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import FileFacts, chosen_camera, damaged, natural_key, recording_of_source
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, natural_key, recording_of_source
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from toolkit.door import open_file
+from toolkit.io.safe_open import open_file
 
 EBML, SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO = (
     0x1A45DFA3, 0x18538067, 0x1F43B675, 0x1654AE6B, 0x1941A469, 0x1549A966

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.errors import RecordingError
-from toolkit.files import is_file
-from toolkit.plain import parse_json
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import FileFacts, chosen_camera, damaged, decoded, recording_of_source, upright
+from toolkit.io.errors import RecordingError
+from toolkit.io.files import is_file
+from toolkit.io.yaml_reader import parse_json
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, decoded, recording_of_source, upright
 from toolkit.recordings.readers.matroska import Matroska, MatroskaTrack
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording

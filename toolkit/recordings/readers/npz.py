@@ -10,10 +10,10 @@ from typing import IO
 
 import numpy as np
 
-from toolkit.archives import Column, archive_names, check_columns, load_archive, read_header, translated
-from toolkit.errors import RecordingError
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import LARGEST_PICTURE, FileFacts, chosen_camera, recording_of_source
+from toolkit.io.archives import Column, archive_names, check_columns, load_archive, read_header, translated
+from toolkit.io.errors import RecordingError
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import LARGEST_PICTURE, FileFacts, chosen_camera, recording_of_source
 from toolkit.sensing.recording import FrameSource, Recording
 
 RECORD_AGAIN = "copy or record it again"

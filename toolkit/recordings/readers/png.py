@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolkit.errors import RecordingError
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import (
+from toolkit.io.errors import RecordingError
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import (
     FileFrames,
     camera_beside,
     chosen_camera,

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.door import read_file
-from toolkit.errors import RecordingError
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import LARGEST_FILE, FileFrames, chosen_camera, natural_key, recording_of_source
+from toolkit.io.errors import RecordingError
+from toolkit.io.safe_open import read_file
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import LARGEST_FILE, FileFrames, chosen_camera, natural_key, recording_of_source
 from toolkit.sensing.recording import Recording
 
 KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240), (176, 144))}

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.errors import RecordingError, UsageError
-from toolkit.files import is_file
-from toolkit.plain import LARGEST_JSON, parse_json
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import (
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.files import is_file
+from toolkit.io.yaml_reader import LARGEST_JSON, parse_json
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import (
     LARGEST_FILE,
     FileFacts,
     chosen_camera,

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import RecordingError
-from toolkit.files import is_file, is_folder
-from toolkit.recordings.options import ReaderOptions
+from toolkit.io.errors import RecordingError
+from toolkit.io.files import is_file, is_folder
+from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import ros_messages as decode
-from toolkit.recordings.readers.common import FileFacts, chosen_camera, damaged, recording_of_source, upright
+from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, recording_of_source, upright
 from toolkit.recordings.readers.ros_files import BAG_SUFFIXES, METADATA, SQLITE_SUFFIX, MessageFile, open_messages
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from toolkit.errors import RecordingError, UsageError
-from toolkit.files import is_file
-from toolkit.recordings.readers.common import damaged
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.files import is_file
+from toolkit.recordings.readers.base import damaged
 
 BAG_SUFFIXES, SQLITE_SUFFIX = (".bag", ".mcap"), ".db3"
 METADATA = "metadata.yaml"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.recordings.readers.common import decoded
+from toolkit.recordings.readers.base import decoded
 
 ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Encodings of a depth image; `mono16` is what RealSense's old files say."""

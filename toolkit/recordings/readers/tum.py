@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import RecordingError
-from toolkit.files import is_file, is_folder
-from toolkit.plain import read_text
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import (
+from toolkit.io.errors import RecordingError
+from toolkit.io.files import is_file, is_folder
+from toolkit.io.yaml_reader import read_text
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import (
     FileFacts,
     FileFrames,
     camera_beside,

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import RecordingError
-from toolkit.matlab import read_matlab
-from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import ArrayFrames, FileFacts, chosen_camera, frame_times, recording_of_source
+from toolkit.body import skeleton
+from toolkit.io.errors import RecordingError
+from toolkit.io.matlab import read_matlab
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
 INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.spans import spans
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.templates import QuantisedTemplate
-from toolkit.spans import spans
 
 THRESHOLD = 0.13
 """Largest cost of a hit, `tau` (thesis 5.4): mean share of mismatching features along the alignment."""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import RetrievalError
+from toolkit.body import skeleton
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.templates import MotionTemplate, expand

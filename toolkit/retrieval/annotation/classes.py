@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.archives import Column, check_columns
-from toolkit.errors import RetrievalError
+from toolkit.body import skeleton
+from toolkit.io.archives import Column, check_columns
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import THRESHOLD, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ClassMotion, Example, learn_motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
-from toolkit.retrieval.stored import StoredKind
+from toolkit.retrieval.stored_arrays import StoredKind
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
 RELEARN = "learn it with `depthmocap learn --templates`"

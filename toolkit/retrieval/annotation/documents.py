@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion

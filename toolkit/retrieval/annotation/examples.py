@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.graded import differences, distinct_hits, nearest_example
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FeatureMatrix

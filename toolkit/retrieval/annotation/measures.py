@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 
 
 @dataclass(frozen=True)

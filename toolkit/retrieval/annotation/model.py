@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.errors import RetrievalError
+from toolkit.io.archives import Column
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.judge import MEASURES, Judge
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
-from toolkit.retrieval.stored import StoredKind
+from toolkit.retrieval.stored_arrays import StoredKind
 
 LEAST_PROBABILITY = 0.5
 """What is less likely than this is not reported."""

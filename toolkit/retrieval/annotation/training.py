@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
-from toolkit.progress import Progress, silent
+from toolkit.io.errors import RetrievalError
+from toolkit.io.progress import Progress, silent
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Document, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.judge import Turn, joined, learn_judges

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.kernels.motion import relations as r
 from toolkit.retrieval.features.lengths import BodyLengths

@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import yaml
 
-from toolkit import skeleton
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.errors import MocapError, RigError
-from toolkit.files import shipped
+from toolkit.io.errors import MocapError, RigError
+from toolkit.io.files import shipped
 from toolkit.kernels import kinematics
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig
-from toolkit.track import TRACKED
+from toolkit.tracks import TRACKED
 
 if TYPE_CHECKING:
     from toolkit.mocap.clip import Clip
-    from toolkit.track import Track
+    from toolkit.tracks import Track
 
 SIDES: tuple[str, str] = ("left", "right")
 

@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import relations as r
 from toolkit.retrieval.features.grades import FULL, SCALES, grade
 from toolkit.retrieval.features.lengths import BodyLengths

@@ -13,19 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.errors import RetrievalError
+from toolkit.io.archives import Column
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.features.grades import coarse_rows
 from toolkit.retrieval.features.places import ROWS
-from toolkit.retrieval.features.relational import (
-    FEATURE_RATE,
-    FEATURE_SETS,
-    FEATURES,
-    FeatureMatrix,
-)
-from toolkit.retrieval.index.runs import RunLists
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURE_SETS, FEATURES, FeatureMatrix
+from toolkit.retrieval.index.feature_runs import RunLists
 from toolkit.retrieval.keyframes.query import Keyframe
-from toolkit.retrieval.stored import StoredKind
+from toolkit.retrieval.stored_arrays import StoredKind
 
 REBUILD = "build it again with `depthmocap index`"
 KIND = StoredKind("a keyframe index", 6, REBUILD, {

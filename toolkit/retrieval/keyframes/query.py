@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.features.relational import FEATURE_SETS
 from toolkit.retrieval.templates import WILDCARD
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from toolkit.errors import RetrievalError
-from toolkit.files import save_json
-from toolkit.plain import read_json
+from toolkit.io.errors import RetrievalError
+from toolkit.io.files import save_json
+from toolkit.io.yaml_reader import read_json
 from toolkit.retrieval.features.relational import feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_at_once
 

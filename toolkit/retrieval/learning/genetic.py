@@ -10,10 +10,10 @@ from math import ceil, floor
 
 import numpy as np
 
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError, SettingsError
 from toolkit.kernels.motion.keyframe_search import keyframe_search
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
-from toolkit.retrieval.index.runs import RunLists
+from toolkit.retrieval.index.feature_runs import RunLists
 from toolkit.retrieval.templates import QuantisedTemplate
 
 FEWEST_KEYFRAMES: int = 2

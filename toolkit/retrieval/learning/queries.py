@@ -9,8 +9,9 @@ from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
-from toolkit.errors import RetrievalError, SettingsError
-from toolkit.progress import Progress, silent
+from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.progress import Progress, silent
+from toolkit.io.workers import end_with
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
@@ -29,7 +30,6 @@ from toolkit.retrieval.learning.genetic import (
     with_best_distances,
 )
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
-from toolkit.workers import end_with
 
 REACH = 2
 """Keyframes at most this many template columns apart count as the same one."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.features import places
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance

@@ -7,22 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from toolkit.archives import archive_names
-from toolkit.errors import RetrievalError, UsageError
-from toolkit.files import check_output
-from toolkit.progress import Progress, silent
-from toolkit.retrieval.annotation.annotator import (
-    AS_PUBLISHED,
-    THRESHOLD,
-    Annotation,
-    Annotator,
-    MotionClass,
-)
+from toolkit.io.archives import archive_names
+from toolkit.io.errors import RetrievalError, UsageError
+from toolkit.io.files import check_output
+from toolkit.io.progress import Progress, silent
+from toolkit.retrieval.annotation.annotation_report import REPORT_FILES, read_segments, write_report
+from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, THRESHOLD, Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.retrieval.annotation.model import RELEARN, MotionModel
 from toolkit.retrieval.annotation.preselection import preselect_in
-from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.workflow.motions import find_motions, load_motion

@@ -8,11 +8,11 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
 from pathlib import Path
 
-from toolkit.files import check_output
+from toolkit.io.files import check_output
+from toolkit.io.workers import end_with
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
-from toolkit.workers import end_with
 
 
 def index_motions(

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import RigError
-from toolkit.files import check_output
-from toolkit.progress import Progress, silent
+from toolkit.io.errors import RigError
+from toolkit.io.files import check_output
+from toolkit.io.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.model import MotionModel

@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.body.shape import load_body
-from toolkit.errors import RetrievalError, UsageError
+from toolkit.io.errors import RetrievalError, UsageError
+from toolkit.io.yaml_reader import read_table
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.plain import read_table
 from toolkit.retrieval.features.motion import Motion, even_frames, frame_rate_of, from_clip, from_track
 from toolkit.retrieval.features.relational import feature_columns
-from toolkit.track import RunInfo, Track
+from toolkit.tracks import RunInfo, Track
 
 
 def find_motions(paths: Sequence[str | Path]) -> list[Path]:

@@ -1,5 +1,5 @@
 """Where pose hypotheses come from: one protocol, one file for each member (Baak 2013, 5.4.1 and 5.4.3)."""
 
-from toolkit.tracking.search.protocol import Hypothesis, Proposal, ScoredHypothesis, Search
+from toolkit.tracking.search.search_protocol import Hypothesis, Proposal, ScoredHypothesis, Search
 
 __all__ = ["Hypothesis", "Proposal", "ScoredHypothesis", "Search"]

@@ -7,8 +7,8 @@ from itertools import permutations
 
 import numpy as np
 
-from toolkit import skeleton
-from toolkit.errors import SettingsError
+from toolkit.body import skeleton
+from toolkit.io.errors import SettingsError
 
 EFFECTORS = len(skeleton.END_EFFECTORS)
 PERMUTATIONS: np.ndarray = np.array(list(permutations(range(EFFECTORS))), dtype=np.int64)

@@ -1,0 +1,178 @@
+"""Figures of a scene: no person, one or several, of whom the camera sees only a part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.support.calibration import calibration_error
+from tests.support.identities import Identities, identities_of
+from toolkit.evaluation.joint_errors import CAP, NEAR, visible_joints
+from toolkit.io.errors import RecordingError
+from toolkit.people.known_people import assigned
+from toolkit.sensing.recording import Recording
+from toolkit.tracks import EMPTY, TRACKED, Track
+
+THERE = 5
+"""Seen joints from which on a person ought to be found."""
+SOON = 0.5
+"""Seconds within which a person who comes should be found."""
+CONFIDENT = 0.5
+"""Confidence above which a joint that is not seen is taken at its word."""
+CONFIDENCE_WITHIN = 0.05
+"""Metres: what a confidence is the probability of (`FrameResult.confidence`)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SceneScore:
+    """One recording and its tracks, T frames, N people.
+
+    Attributes
+    ----------
+    name : of the recording
+    errors : float64 (T, N, 20), metres, capped at 1 m, which is also the error of who is not found; NaN = truth unknown
+    seen : bool (T, N, 20), what the camera sees (`visible_joints`)
+    confidence : float64 (T, N, 20), NaN for who is not found
+    identities : matches and counts within the gate
+    delays : float64 (N,), seconds from a person's coming to their being found, inf = never, NaN = never there
+    numbers_right : bool (T,), whether as many are reported as there are
+    tracked : bool (T,), whether a person is said to be tracked
+    """
+
+    name: str
+    errors: np.ndarray
+    seen: np.ndarray
+    confidence: np.ndarray
+    identities: Identities
+    delays: np.ndarray
+    numbers_right: np.ndarray
+    tracked: np.ndarray
+
+
+def score_scene(recording: Recording, tracks: Sequence[Track]) -> SceneScore:
+    """Compare all tracks of a recording with all people in it.
+
+    In each frame people and tracks are matched at the least total error of the seen joints (of all joints where none is
+    seen). A track may end before the recording; it reports no person then.
+
+    Raises
+    ------
+    RecordingError
+        The recording holds no true joints.
+    """
+    if recording.joints is None:
+        raise RecordingError(f"{recording.path} holds no true joints; score recordings of `depthmocap simulate`")
+    truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
+    truth = truth.swapaxes(0, 1).astype(np.float64)
+    seen = np.array(
+        [visible_joints(j, d / 1000.0, recording.camera) for j, d in zip(truth, recording.frames(), strict=True)]
+    )
+    joints, confidence, states = _stacked(tracks, len(truth))
+    active = states != EMPTY
+    distances = _distances(truth, joints, seen, active)
+    errors, held = _errors(truth, joints, confidence, distances)
+    there = seen.sum(axis=2) >= THERE
+    identities = identities_of(distances, there, active)
+    present = np.isfinite(truth).all(axis=(2, 3))
+    reported = active.sum(axis=1)
+    return SceneScore(
+        name=recording.name,
+        errors=errors,
+        seen=seen,
+        confidence=held,
+        identities=identities,
+        delays=_delays(there, identities.track_of >= 0, recording.timestamps),
+        numbers_right=(there.sum(axis=1) <= reported) & (reported <= present.sum(axis=1)),
+        tracked=(states == TRACKED).any(axis=1),
+    )
+
+
+def _stacked(tracks: Sequence[Track], frames: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Joints (T, M, 20, 3), confidence (T, M, 20) and states (T, M) of all tracks, empty after a track's end."""
+    joints = np.zeros((frames, len(tracks), 20, 3))
+    confidence = np.zeros((frames, len(tracks), 20))
+    states = np.full((frames, len(tracks)), EMPTY, dtype=np.uint8)
+    for i, track in enumerate(tracks):
+        rows = min(frames, len(track))
+        joints[:rows, i], confidence[:rows, i] = track.joints[:rows], track.confidence[:rows]
+        states[:rows, i] = track.state[:rows]
+    return joints, confidence, states
+
+
+def _distances(truth: np.ndarray, joints: np.ndarray, seen: np.ndarray, active: np.ndarray) -> np.ndarray:
+    """Mean distance (T, N, M) of the joints that are seen, of all where none is; NaN where either is absent."""
+    between = np.linalg.norm(truth[:, :, None] - joints[:, None], axis=-1)
+    counted = np.where(seen.any(axis=2, keepdims=True), seen, np.isfinite(truth).all(axis=-1))[:, :, None]
+    total = np.where(counted, between, 0.0).sum(axis=-1)
+    number = np.broadcast_to(counted.sum(axis=-1), total.shape)
+    known = (number > 0) & active[:, None]
+    return np.where(known, total / np.maximum(number, 1), np.nan)
+
+
+def _errors(
+    truth: np.ndarray, joints: np.ndarray, confidence: np.ndarray, distances: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors and confidences (T, N, 20) of the best assignment of every frame."""
+    known = np.isfinite(truth).all(axis=-1)
+    errors = np.where(known, CAP, np.nan)
+    held = np.full(errors.shape, np.nan)
+    for t, costs in enumerate(distances):
+        near = np.where(np.isfinite(costs), np.minimum(costs, CAP), np.inf)
+        for person, track in assigned(near, np.full(len(near), CAP)):
+            apart = np.linalg.norm(truth[t, person] - joints[t, track], axis=-1)
+            errors[t, person] = np.where(known[t, person], np.minimum(apart, CAP), np.nan)
+            held[t, person] = confidence[t, track]
+    return errors, held
+
+
+def _delays(there: np.ndarray, found: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
+    """Seconds from the first frame in which a person is there to the first one from then on in which they are found."""
+    delays = np.full(there.shape[1], np.nan)
+    for person in np.flatnonzero(there.any(axis=0)):
+        coming = int(there[:, person].argmax())
+        later = np.flatnonzero(found[coming:, person])
+        delays[person] = timestamps[coming + later[0]] - timestamps[coming] if len(later) else np.inf
+    return delays
+
+
+def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
+    """Figures of a group of recordings, by name; None where there is nothing to take one from.
+
+    `error_mm` and `a100`, of the seen joints, are means over the recordings. All others are taken over all frames of
+    all recordings: `switches`, `misses`, `false`, `unobserved` and the like count, the rest are shares.
+    """
+    of_seen = [score.errors[score.seen] for score in scores if score.seen.any()]
+    errors, seen, confidence = (
+        np.concatenate([np.ravel(getattr(score, name)) for score in scores] or [np.empty(0)])
+        for name in ("errors", "seen", "confidence")
+    )
+    told = np.isfinite(errors) & np.isfinite(confidence)
+    hidden = told & ~seen.astype(bool)
+    sure = hidden & (np.nan_to_num(confidence) > CONFIDENT)
+    delays = np.concatenate([score.delays for score in scores] or [np.empty(0)])
+    return {
+        "recordings": len(scores),
+        "frames": sum(len(score.tracked) for score in scores),
+        "error_mm": _mean([1000 * e.mean() for e in of_seen]),
+        "a100": _mean([(e <= NEAR).mean() for e in of_seen]),
+        "switches": sum(score.identities.switches for score in scores),
+        "misses": sum(score.identities.misses for score in scores),
+        "false": sum(score.identities.false for score in scores),
+        "found_soon": _mean(delays[~np.isnan(delays)] <= SOON),
+        "numbers_right": _mean(np.concatenate([score.numbers_right for score in scores] or [np.empty(0)])),
+        "unobserved": int(hidden.sum()),
+        "unobserved_mm": _mean(1000 * errors[hidden]),
+        "unobserved_confidence": _mean(confidence[hidden]),
+        "unobserved_sure": int(sure.sum()),
+        "unobserved_sure_a100": _mean(errors[sure] <= NEAR),
+        "ece": calibration_error(confidence[told], errors[told] <= CONFIDENCE_WITHIN) if told.any() else None,
+        "tracked": _mean(np.concatenate([score.tracked for score in scores] or [np.empty(0)])),
+        "recordings_tracked": sum(bool(score.tracked.any()) for score in scores),
+    }
+
+
+def _mean(values: Sequence[float] | np.ndarray) -> float | None:
+    return float(np.mean(values)) if len(values) else None

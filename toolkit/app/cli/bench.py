@@ -1,0 +1,54 @@
+"""`depthmocap bench`: the scripts behind the figures of the README."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.app.cli.terminal import say
+from toolkit.io.errors import UsageError
+
+FOLDER = Path(__file__).resolve().parents[3] / "benchmarks"
+
+CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+
+
+def benchmarks() -> dict[str, Path]:
+    """Benchmark scripts of a checkout by name."""
+    return {path.stem: path for path in sorted(FOLDER.glob("*.py")) if not path.stem.startswith("_")}
+
+
+def _run_benchmark(name: str, arguments: list[str]) -> None:
+    """Run one benchmark script with its own arguments.
+
+    Raises
+    ------
+    UsageError
+        There is no such script; the message lists those that exist.
+    """
+    import runpy
+
+    scripts = benchmarks()
+    if name not in scripts:
+        there = f"there are: {', '.join(scripts)}" if scripts else "run it from a checkout, where benchmarks/ lies"
+        raise UsageError(f"there is no benchmark {name!r}; {there}")
+    sys.argv = [str(scripts[name]), *arguments]
+    sys.path.insert(0, str(FOLDER.parent))
+    runpy.run_path(str(scripts[name]), run_name="__main__")
+
+
+def bench(
+    context: typer.Context,
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of a script in benchmarks/.", show_default=False)
+    ] = "",
+) -> None:
+    """Measure a figure: run a benchmark script, all of them with --all, or list them without a name."""
+    name = "all" if name == "--all" else name
+    if name in ("", "-h", "--help"):
+        say("\n".join(benchmarks()) or "there is no benchmark here; run it from a checkout")
+        return
+    _run_benchmark(name, context.args)

@@ -1,0 +1,56 @@
+"""`depthmocap export`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from toolkit.app.cli.options import MovedRecording, Output, Run
+from toolkit.app.cli.terminal import say
+
+
+def export(
+    run: Run,
+    output: Output,
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="Joint names of .glb and .bvh: mixamo, cmu, classic or a YAML file.", show_default="the body's own"
+        ),
+    ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option(
+            help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json), body-index and ply "
+            "(folders: whose pixel is whose, and the clouds cut out).",
+            show_default="by the suffix",
+        ),
+    ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            help="floor (y up, ground at 0, below the person's first place) or camera.",
+            show_default="floor; of the .json formats camera",
+        ),
+    ] = None,
+    as_tracked: Annotated[
+        bool,
+        typer.Option(
+            "--as-tracked",
+            help="With the floor as origin: do not hold still bodies and carrying feet in place.",
+        ),
+    ] = False,
+    recording: MovedRecording = None,
+) -> None:
+    """Write a track for other programs, by OUTPUT's suffix.
+
+    .glb skinned and animated (Blender, Unity, browsers), .bvh (animation tools), .c3d (motion laboratories), .trc
+    (OpenSim), .mot (OpenSim, with markers), .csv, .json and .rrd (the viewer rerun). Of a format that several people do
+    not fit into, each has a file of their own.
+    """
+    from toolkit.output.export.run import export_run
+
+    written = export_run(run, output, rig=rig, format=format, origin=origin, recording=recording, as_tracked=as_tracked)
+    for path in written:
+        say(path)

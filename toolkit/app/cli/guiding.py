@@ -1,0 +1,83 @@
+"""What guides a tracker besides the images, and who is told its rows: options of `track`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from toolkit.io.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.app.pipeline.events import EventStream
+    from toolkit.tracking.guide import Guide
+
+SENSORS = "Inertial sensors"
+EVENTS = "Live labels"
+
+
+@dataclass(frozen=True)
+class Guiding:
+    """Classes of motions and inertial sensors, as they are typed."""
+
+    classes: Annotated[
+        Path | None, typer.Option(help="Class file of `depthmocap learn --templates`.", rich_help_panel=EVENTS)
+    ] = None
+    queries: Annotated[
+        Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)
+    ] = None
+    events: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FILE|-",
+            help="A JSON line for each motion that ends; in one pass (--online).",
+            rich_help_panel=EVENTS,
+        ),
+    ] = None
+    inertial: Annotated[
+        Path | None,
+        typer.Option(help="Canonical file of inertial sensors that guide the tracker.", rich_help_panel=SENSORS),
+    ] = None
+    calibration: Annotated[
+        Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
+    ] = None
+
+    def watcher(self, recordings: list[Path]) -> EventStream | None:
+        """What tells events, if any are wanted.
+
+        Raises
+        ------
+        UsageError
+            Options do not go together, or belong to one recording.
+        """
+        if self.events is None:
+            if self.classes is not None or self.queries is not None:
+                raise UsageError("--classes and --queries belong to --events; add it, or leave them out")
+            return None
+        if self.classes is None or len(recordings) != 1:
+            raise UsageError("--events tells the motions of one recording; name it, and --classes")
+        from toolkit.app.pipeline.events import EventStream
+        from toolkit.retrieval.annotation.classes import load_classes
+        from toolkit.retrieval.keyframes.query_file import load_queries
+
+        wanted = load_queries(self.queries) if self.queries else ()
+        return EventStream(load_classes(self.classes), wanted, self.events)
+
+    def guide(self, recordings: list[Path]) -> Guide | None:
+        """The guide of the sensors, if there are any; raises as `watcher`."""
+        if self.inertial is None and self.calibration is None:
+            return None
+        if self.inertial is None or self.calibration is None:
+            raise UsageError("--inertial and --calibration go together; give both or neither")
+        if len(recordings) != 1:
+            raise UsageError(
+                f"inertial sensors belong to one recording, not to {len(recordings)}; track them one by one"
+            )
+        from toolkit.inertial.calibration import Calibration
+        from toolkit.inertial.workflow import load_sensors
+        from toolkit.tracking.guide import InertialGuide
+
+        sensors = load_sensors(self.inertial)
+        return InertialGuide(sensors, Calibration.load(self.calibration), recordings[0].stem)

@@ -1,0 +1,161 @@
+"""`depthmocap inertial read|calibrate|check`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.app.cli.options import Output, given
+from toolkit.app.cli.terminal import say
+from toolkit.io.errors import UsageError
+
+app = typer.Typer(
+    help="Check a track with inertial sensors: read their files, calibrate, find errors.",
+    no_args_is_help=True,
+)
+
+SensorFiles = Annotated[
+    list[Path],
+    typer.Option("--sensors", help="Canonical file; one for all runs, or once for each.", show_default=False),
+]
+Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", show_default=False)]
+MaxOffset = Annotated[float, typer.Option(help="Largest offset of the clocks that is looked for, seconds.")]
+
+Rate = Annotated[str, typer.Option(help="Ratio of the clocks: same, or free to be looked for.")]
+
+
+@app.command()
+def read(
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Sensor files of one recording.", show_default=False)
+    ],
+    output: Output,
+    placement: Annotated[
+        Path | None, typer.Option(help="YAML: sensor or device id to the part of the body that carries it.")
+    ] = None,
+    format: Annotated[str | None, typer.Option(help="Name of the reader.", show_default="guessed")] = None,
+    columns: Annotated[
+        str | None, typer.Option(help="Columns of a CSV: pairs ours=theirs, such as time_s=t,qw=Q0.")
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option(help="Units of a CSV, such as gyro=deg/s,acceleration=g,time=ms.")
+    ] = None,
+    sensor: Annotated[str | None, typer.Option(help="Name of the sensor in a file that does not say it.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Samples a second in a file that does not say it.")] = None,
+) -> None:
+    """Bring sensor files of any known format into the canonical one."""
+    from rich.table import Table
+
+    from toolkit.app.cli.terminal import print_table
+    from toolkit.inertial.readers.base import SensorOptions
+    from toolkit.inertial.workflow import read_sensors
+
+    options = SensorOptions(**given(format=format, columns=columns, units=units, sensor=sensor, rate=rate))
+    report = read_sensors(files, output, placement=placement, options=options)
+    table = Table("sensor", "device", "Hz", "seconds", "rows", "left out", "gaps", "longest gap s", "orientation from")
+    for stream in report.sensors:
+        table.add_row(
+            stream.name, report.sensors.devices.get(stream.name, ""), f"{stream.rate:.1f}",
+            f"{stream.times[-1] - stream.times[0]:.2f}", str(len(stream)), str(int((~stream.valid).sum())),
+            str(stream.gaps), f"{stream.longest_gap:.3f}", stream.origin,
+        )  # fmt: skip
+    print_table(table)
+    _say(report.suspicions)
+
+
+@app.command()
+def calibrate(
+    runs: Runs,
+    sensors: SensorFiles,
+    output: Output,
+    method: Annotated[str, typer.Option(help="robust, or thesis: Park and Martin's closed form.")] = "robust",
+    heading: Annotated[
+        str | None,
+        typer.Option(
+            help="Heading of the sensors: shared by all, or own.", show_default="shared where devices know north"
+        ),
+    ] = None,
+    rate: Rate = "same",
+    max_offset: MaxOffset = 3.0,
+) -> None:
+    """Find how every sensor sits on its limb and where its world points."""
+    from rich.table import Table
+
+    from toolkit.app.cli.terminal import print_table
+    from toolkit.inertial.calibrate import CalibrationSettings
+    from toolkit.inertial.synchronise import SyncSettings
+    from toolkit.inertial.workflow import calibrate_runs
+
+    found = calibrate_runs(
+        runs, sensors, output, settings=CalibrationSettings(method=method, heading=heading),
+        sync=SyncSettings(max_offset, _rates(rate)),
+    )  # fmt: skip
+    table = Table("sensor", "status", "spread deg", "median deg", "90 % deg", "inliers %", "why")
+    for limb, s in found.sensors.items():
+        figures = (f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", f"{100 * s.inliers:.0f}")
+        table.add_row(limb, s.status, *figures, s.reason)
+    print_table(table)
+    for name, take in found.takes.items():
+        say(f"{name}: t_sensor = {take.rate:.5f} t_camera {take.offset:+.4f} s")
+    _say(found.notes)
+
+
+@app.command()
+def check(
+    runs: Runs,
+    sensors: SensorFiles,
+    output: Output,
+    calibration: Annotated[
+        Path | None, typer.Option(help="calibration.json.", show_default="each run by itself")
+    ] = None,
+    threshold: Annotated[float, typer.Option(help="Degrees above which the track errs.")] = 45.0,
+    truth: Annotated[Path | None, typer.Option(help="CSV of known errors: limb, start, end, and run.")] = None,
+    rate: Rate = "same",
+    max_offset: MaxOffset = 3.0,
+) -> None:
+    """Find where tracks disagree with the sensors: curves, errors, a picture and a page for each run."""
+    from rich.table import Table
+
+    from toolkit.app.cli.terminal import print_table
+    from toolkit.evaluation.orientation_report import write_check
+    from toolkit.evaluation.orientations import check_runs
+    from toolkit.inertial.synchronise import SyncSettings
+
+    checks = check_runs(
+        runs, sensors, calibration=calibration, truth=truth, threshold=threshold,
+        sync=SyncSettings(max_offset, _rates(rate)),
+    )  # fmt: skip
+    table = Table("run", "part", "from s", "to s", "peak deg", "mean deg", "kind")
+    for found in checks:
+        folder = output if len(checks) == 1 else output / found.name
+        write_check(found, folder)
+        for e in found.errors:
+            table.add_row(
+                found.name, e.limb, f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind
+            )
+        for limb, sensor in found.calibration.sensors.items():
+            if sensor.status == "refused":
+                say(f"{found.name}: {limb} takes no part: {sensor.reason}")
+        for name, s in found.scores().items():
+            say(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
+    if table.row_count:
+        print_table(table)
+    else:
+        say(f"no disagreement above {threshold:g} degrees")
+
+
+def _rates(rate: str) -> tuple[float, float] | None:
+    """Ratios of the clocks that are looked for."""
+    from toolkit.inertial.synchronise import RATES
+
+    if rate not in ("same", "free"):
+        raise UsageError(f"--rate is {rate!r}; give same or free")
+    return RATES if rate == "free" else None
+
+
+def _say(sentences: list[str] | tuple[str, ...]) -> None:
+    """Suspicions, on the standard output: they belong to the result."""
+    for sentence in sentences:
+        say(f"suspicion: {sentence}")

@@ -1,0 +1,41 @@
+"""`depthmocap info`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.app.cli.groups import spread
+from toolkit.app.cli.options import given
+from toolkit.app.cli.reading import Reading, SegmentOption
+from toolkit.app.cli.terminal import say
+
+
+@spread
+def info(
+    recording: Annotated[Path, typer.Argument(metavar="RECORDING", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Picture of the people found.", show_default="NAME_info.png"),
+    ] = None,
+    segment: SegmentOption = None,
+    reading: Reading = Reading(),
+) -> None:
+    """Look at the first seconds of a recording: camera, up, room, people and why, and which option would help."""
+    from toolkit.database.database import PoseDatabase
+    from toolkit.database.default import DEFAULT_DATABASE
+    from toolkit.io.files import check_output
+    from toolkit.output.rendering.survey_picture import save_picture
+    from toolkit.people.description import describe
+    from toolkit.recordings.opening import open_upright
+    from toolkit.sensing.sensing_settings import SensingSettings
+
+    target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
+    opened = open_upright(recording, **reading.options())
+    judge = PoseDatabase.load(DEFAULT_DATABASE).regressor
+    look = describe(opened, SensingSettings(**given(segment=segment)), judge)
+    save_picture(look, target)
+    say("\n".join(look.lines))
+    say(f"picture: {target} (frame {look.frame})")

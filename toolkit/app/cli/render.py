@@ -1,0 +1,77 @@
+"""`depthmocap render`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from toolkit.app.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
+from toolkit.app.cli.terminal import say
+from toolkit.io.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.output.rendering.axes import LimbAxes
+
+
+def render(
+    run: Run,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Film (.mp4, .webm or .avi), contact sheet (.png) or folder of pictures.",
+            show_default=False,
+        ),
+    ],
+    recording: MovedRecording = None,
+    rate: Annotated[float | None, typer.Option(help="Frames per second.", show_default="the recording's")] = None,
+    start: FirstFrame = 0,
+    end: Annotated[
+        int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="all")
+    ] = None,
+    panels: Annotated[
+        str | None,
+        typer.Option(help="Which of depth, body, side, plan, with commas between.", show_default="depth,body,side"),
+    ] = None,
+    inertial: Annotated[
+        Path | None, typer.Option(help="Canonical file of inertial sensors, whose axes are drawn beside the limbs'.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration of these sensors.", show_default="made on this very run")
+    ] = None,
+) -> None:
+    """Draw a track beside its depth: mesh, skeleton and extrema, from the camera, from the side and from above."""
+    from toolkit.app.cli.terminal import progress_bars
+    from toolkit.output.rendering.film import render_run, settings_for
+
+    if calibration is not None and inertial is None:
+        raise UsageError("--calibration belongs to sensors; name them with --inertial")
+    frames = None if (start, end) == (0, None) else slice(start, end)
+    with progress_bars() as bars:
+        written = render_run(
+            run,
+            output,
+            recording=recording,
+            axes=None if inertial is None else _axes(run, inertial, calibration),
+            settings=None if panels is None else replace(settings_for(output), panels=tuple(panels.split(","))),
+            frames=frames,
+            rate=rate,
+            progress=lambda done, total: bars("drawing", done, total),
+        )
+    say(written)
+
+
+def _axes(run: Path, sensors: Path, calibration: Path | None) -> LimbAxes:
+    """The axes of a run's limbs and of the sensors that they carry."""
+    from toolkit.inertial.calibration import Calibration
+    from toolkit.inertial.workflow import checked_take
+    from toolkit.output.rendering.axes import limb_axes
+    from toolkit.tracks import RunInfo
+
+    known = None if calibration is None else Calibration.load(calibration)
+    found, take = checked_take(run, sensors, known)
+    return limb_axes(found, take, RunInfo.load(run).R_level_camera)

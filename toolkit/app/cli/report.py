@@ -1,0 +1,59 @@
+"""`depthmocap report` and `view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.app.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
+from toolkit.app.cli.terminal import say
+
+
+def report(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Run folders, or folders of them.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The page.")] = Path("report.html"),
+    references: Annotated[
+        list[Path] | None,
+        typer.Option("--reference", "-r", help="What the tracks are compared with; each run's own recording without."),
+    ] = None,
+    recording: MovedRecording = None,
+    start: FirstFrame = 0,
+    end: Annotated[
+        int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="3000 at most")
+    ] = None,
+) -> None:
+    """Write one page that works offline: film, the body in three dimensions, errors, confidence, times, settings."""
+    from toolkit.app.cli.terminal import progress_bars
+    from toolkit.output.report.content import LONGEST
+    from toolkit.output.report.page import write_report
+
+    chosen = None if (start, end) == (0, None) else range(start, start + LONGEST if end is None else end)
+    with progress_bars() as bars:
+        page = write_report(
+            runs, output, recording=recording, references=references or (), frames=chosen, progress=bars
+        )
+    say(page)
+
+
+def view(run: Run) -> None:
+    """Open the report of a run in the browser; the page is written into the run folder first, unless it is newer."""
+    import webbrowser
+
+    from toolkit.app.cli.terminal import progress_bars
+    from toolkit.output.report.page import write_report
+    from toolkit.tracks import TRACK_FILE
+    from toolkit.tracks.runs import person_runs
+
+    page = run / "report.html"
+    tracks = [folder / TRACK_FILE for folder in person_runs(run)]
+    older = page.exists() and any(t.exists() and t.stat().st_mtime > page.stat().st_mtime for t in tracks)
+    if older or not page.exists():
+        with progress_bars() as bars:
+            write_report([run], page, progress=bars)
+    say(page)
+    if not webbrowser.open(page.resolve().as_uri()):
+        say("no browser could be opened; open the page yourself")

@@ -1,0 +1,297 @@
+"""`depthmocap index`, `search` and `learn`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from toolkit.app.cli.groups import spread
+from toolkit.app.cli.options import LabelTable, Motions, Output, Pattern, Seed
+from toolkit.app.cli.terminal import say
+
+if TYPE_CHECKING:
+    from toolkit.retrieval.annotation.measures import Scores
+    from toolkit.retrieval.search.find import Match
+    from toolkit.retrieval.workflow.motions import Tag
+    from toolkit.retrieval.workflow.search_files import SearchReport
+
+PLAYED = 5
+"""Results in a film."""
+EXAMPLE_COST = 0.2
+"""Largest cost of a result by example, unless told otherwise: 99 % of other people's performances cost less than 0.18,
+half of what chance finds less than 0.17."""
+
+Index = Annotated[
+    Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
+]
+
+
+def index(
+    output: Output,
+    motions: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips."),
+    ] = None,
+    add: Annotated[bool, typer.Option("--add", help="Add to the index OUTPUT instead of writing a new one.")] = False,
+    remove: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Take this motion out of the index OUTPUT. Repeatable.")
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Processes that read; they do not change the result.", min=1)] = 1,
+) -> None:
+    """Index motions by their relational features, for `depthmocap search`."""
+    from toolkit.app.cli.terminal import progress_bars
+    from toolkit.io.errors import UsageError
+    from toolkit.retrieval.workflow.index import index_motions, remove_motions
+
+    if bool(motions) == bool(remove):
+        raise UsageError("index needs motions to read or --remove with names in the index; give one of the two")
+    if remove:
+        made = remove_motions(remove, output)
+    else:
+        with progress_bars() as bars:
+            made = index_motions(motions or [], output, add=add, workers=workers, progress=bars)
+    say(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
+
+
+@dataclass(frozen=True)
+class ByExample:
+    """A clip to search for, as it is typed."""
+
+    by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None
+    start: Annotated[float, typer.Option("--from", help="Start of the example, seconds.")] = 0.0
+    end: Annotated[float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")] = (
+        None
+    )
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film of the hits, as it is typed."""
+
+    play: Annotated[
+        Path | None, typer.Option(metavar="FILM", help="Film (.mp4, .webm) of the example and the first results.")
+    ] = None
+    mocap: Annotated[
+        list[Path] | None, typer.Option(help="For --play: the files and folders that were indexed. Repeatable.")
+    ] = None
+
+
+@spread
+def search(
+    index: Index,
+    example: ByExample,
+    film: Film,
+    queries: Annotated[
+        Path | None, typer.Option(help="Query file: learned by `depthmocap learn`, or written by hand.")
+    ] = None,
+    classes: Annotated[
+        Path | None,
+        typer.Option(help="Motion model of `depthmocap learn`: where its classes are, likeliest first."),
+    ] = None,
+    label: Annotated[list[str] | None, typer.Option(help="Only these queries or classes.")] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            help="Largest cost: by example 0 (equal) to 1 (opposite), of classes 1 minus probability.",
+            show_default="0.2, 0.8",
+        ),
+    ] = None,
+    limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
+) -> None:
+    """Find motions in an index: by an example, by a motion model, or by learned or written keyframes."""
+    from toolkit.io.errors import UsageError
+    from toolkit.io.files import check_output
+
+    if sum(way is not None for way in (queries, example.by_example, classes)) != 1:
+        raise UsageError("search needs one of --by-example, --classes and --queries; give exactly one")
+    if (film.play is None) != (not film.mocap):
+        raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
+    for written in filter(None, (output, film.play)):
+        check_output(written, [path for path in (index, queries, example.by_example, classes) if path is not None])
+    if example.by_example is None:
+        reports = _labelled(index, queries, classes, label, threshold)
+    else:
+        reports = [_alike(index, example.by_example, example, limit, threshold)]
+    if output is not None:
+        from toolkit.retrieval.workflow.search_files import save_matches
+
+        save_matches(output, reports)
+    for report in reports:
+        _show(report, limit)
+    if film.play is not None:
+        ranked = sorted((match for report in reports for match in report.matches), key=lambda match: match.cost)
+        _play(film.play, ranked[:PLAYED], film.mocap or [], example)
+
+
+def _labelled(
+    index: Path, queries: Path | None, classes: Path | None, labels: list[str] | None, threshold: float | None
+) -> list[SearchReport]:
+    """What a model's classes, or a file's queries, find: one report for each label."""
+    from toolkit.retrieval.annotation.model import MotionModel
+    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+    from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
+    from toolkit.retrieval.workflow.search_files import DOUBT, by_class, by_keyframes
+
+    opened = KeyframeIndex.open(index)
+    if classes is not None:
+        return by_class(opened, MotionModel.load(classes), labels, DOUBT if threshold is None else threshold)
+    return by_keyframes(opened, choose_labels(load_queries(queries or Path()), labels))
+
+
+def _alike(index: Path, clip: Path, example: ByExample, limit: int, threshold: float | None) -> SearchReport:
+    """What is like a piece of a clip."""
+    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+    from toolkit.retrieval.workflow.search_files import by_example, cut_example
+
+    piece = cut_example(clip, example.start, example.end)
+    return by_example(KeyframeIndex.open(index), piece, limit, EXAMPLE_COST if threshold is None else threshold)
+
+
+def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExample) -> None:
+    """A film of the example and of what was found."""
+    from toolkit.output.rendering.motions import film_of_motions
+    from toolkit.retrieval.workflow.motions import load_motion
+    from toolkit.retrieval.workflow.search_files import stretches
+
+    titled = []
+    if example.by_example is not None:
+        motion = load_motion(example.by_example)
+        rate = motion.frame_rate
+        stop = len(motion) if example.end is None else round(example.end * rate)
+        titled.append((f"example\n{example.by_example.stem}", motion.sliced(round(example.start * rate), stop)))
+    for match, motion in zip(matches, stretches(matches, mocap), strict=True):
+        titled.append((f"{match.document}\n{match.start:.1f} to {match.end:.1f} s", motion))
+    if titled:
+        say(film_of_motions(film, titled))
+
+
+def _show(report: SearchReport, limit: int) -> None:
+    from rich.table import Table
+
+    from toolkit.app.cli.terminal import print_table
+
+    title = f"{report.label or 'query'}: {len(report.matches)} results"
+    ranked = report.share is None
+    if report.share is not None:
+        title += f", {100 * report.share:.1f} % of the data"
+    table = Table("motion", "from", "to", *(["cost"] if ranked else []), title=title, title_justify="left")
+    for match in report.matches[:limit]:
+        cost = [f"{match.cost:.3f}"] if ranked else []
+        table.add_row(match.document, f"{match.start:.2f} s", f"{match.end:.2f} s", *cost)
+    print_table(table)
+
+
+@dataclass(frozen=True)
+class KeyframeLearning:
+    """How keyframe queries are learned, as it is typed."""
+
+    label: Annotated[list[str] | None, typer.Option(help="Keyframes: only of these classes.")] = None
+    alternatives: Annotated[int, typer.Option(help="Keyframes: queries per class; a motion has to fit one.", min=1)] = 1
+    tight: Annotated[bool, typer.Option("--tight", help="Keyframes: leave less data; hits mark a motion's middle.")] = (
+        False
+    )
+    runs: Annotated[int, typer.Option(help="Keyframes: genetic runs per class.", min=1)] = 100
+    workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1
+
+
+@spread
+def learn(
+    clips: Motions,
+    output: Output,
+    keyframes: KeyframeLearning,
+    pattern: Pattern = None,
+    labels: LabelTable = None,
+    others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
+    templates: Annotated[
+        bool, typer.Option("--templates", help="Motion templates (the thesis's way) in place of a motion model.")
+    ] = False,
+    seed: Seed = 0,
+) -> None:
+    """Learn motions from cut clips: a motion model for `depthmocap annotate` (OUTPUT.npz), with a table of how well it
+    does on people left out, motion templates (OUTPUT.npz), or keyframe queries for `depthmocap search` (OUTPUT.json).
+
+    The class of a clip is its folder; in a single folder it comes from the clips' names, unless told otherwise.
+    """
+    from toolkit.app.cli.terminal import progress_bars
+    from toolkit.retrieval.workflow.learn import learn_templates
+    from toolkit.retrieval.workflow.motions import find_motions, tags_of
+
+    tags = tags_of(find_motions(clips), pattern, labels)
+    classes = {file: tag.label for file, tag in tags.items()}
+    if templates:
+        with progress_bars() as bars:
+            learned = learn_templates(classes, output, bars)
+        say(f"{output}: {len(learned)} classes ({', '.join(c.label for c in learned)}) from {len(classes)} clips")
+    elif output.suffix.lower() == ".npz":
+        _learn_model(tags, output, others or [], seed)
+    else:
+        _learn_queries(classes, output, keyframes, others or [], seed)
+
+
+def _learn_queries(
+    classes: dict[Path, str], output: Path, keyframes: KeyframeLearning, others: list[Path], seed: int
+) -> None:
+    import numpy as np
+    from rich.table import Table
+
+    from toolkit.app.cli.terminal import print_table, progress_bars
+    from toolkit.retrieval.learning.queries import LearningSettings
+    from toolkit.retrieval.workflow.learn import learn_queries
+
+    with progress_bars() as bars:
+        learned = learn_queries(
+            classes, output, np.random.default_rng(seed), labels=keyframes.label, others=others,
+            settings=LearningSettings(runs=keyframes.runs), alternatives=keyframes.alternatives, tight=keyframes.tight,
+            workers=keyframes.workers,
+            progress=lambda _, done, total: bars("genetic runs", done, total),
+        )  # fmt: skip
+    table = Table("class", "keyframes", "precision", "recall", "F (beta 2)", title=f"{output}: on the training clips")
+    for name, result in learned.items():
+        quality = result.training
+        numbers = (f"{value:.3f}" for value in (quality.precision, quality.recall, quality.fitness))
+        table.add_row(name, str(len(result.individual.positions)), *numbers)
+    print_table(table)
+
+
+def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: int) -> None:
+    import numpy as np
+    from rich.table import Table
+
+    from toolkit.app.cli.terminal import print_table, progress_bars
+    from toolkit.retrieval.annotation.measures import Scores
+    from toolkit.retrieval.workflow.learn import learn_model
+
+    with progress_bars() as bars:
+        learned = learn_model(tags, output, np.random.default_rng(seed), others=others, progress=bars)
+    several = len(learned.people) > 1
+    who = "each person annotated by a model of the others" if several else "each half by a model of the other"
+    table = Table("class", "clips", "F frames", "F segments", "found", "right", title=f"{output}: {who}")
+    nothing = Scores(0, 0, 0, 0)
+    totals = [nothing, nothing]
+    for label, count in learned.clips.items():
+        frames, segments = (
+            sum((getattr(part, name).get(label, nothing) for part in learned.left_out), nothing)
+            for name in ("frames", "segments")
+        )
+        totals = [totals[0] + frames, totals[1] + segments]
+        table.add_row(label, str(count), *_scores_shown(frames, segments))
+    table.add_row("all", str(sum(learned.clips.values())), *_scores_shown(*totals))
+    if learned.left_out:
+        print_table(table)
+    else:
+        say(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
+    if not several:
+        say("The clips name no person who performs them, so this says nothing about other people: see --pattern.")
+    for first, second, ratio in learned.alike:
+        say(f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips.")
+    if not others:
+        say("Without --others the model knows only its own classes, and labels whatever resembles one of them:")
+        say("give motions of no class, such as walking, sitting, standing about.")
+
+
+def _scores_shown(frames: Scores, segments: Scores) -> tuple[str, ...]:
+    return f"{frames.f:.2f}", f"{segments.f:.2f}", f"{segments.recall:.2f}", f"{segments.precision:.2f}"

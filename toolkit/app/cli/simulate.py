@@ -1,0 +1,224 @@
+"""`depthmocap simulate`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+
+import typer
+
+from toolkit.app.cli.groups import spread
+from toolkit.app.cli.options import Output, numbers
+from toolkit.app.cli.terminal import say
+from toolkit.io.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.simulation.furniture import Box
+    from toolkit.simulation.person import SimulatedPerson
+    from toolkit.simulation.simulate import Shot
+
+PEOPLE = "People (given once it holds for all of them, otherwise once for each CLIP)"
+ROOM = "Room"
+SENSORS = "Inertial sensors"
+BOXES = (".yaml", ".yml")
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Cast:
+    """Who is recorded, as it is typed."""
+
+    body: Annotated[
+        list[str] | None,
+        typer.Option(help="Name of a body, or shape coefficients such as 1.0,-0.5.", rich_help_panel=PEOPLE),
+    ] = None
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Z",
+            help="Mean place: metres to the right in the image and towards the camera.",
+            show_default="in a row, a metre apart",
+            rich_help_panel=PEOPLE,
+        ),
+    ] = None
+    yaw: Annotated[
+        list[float] | None,
+        typer.Option(help="Degrees by which a person is turned to their left.", rich_help_panel=PEOPLE),
+    ] = None
+    stature: Annotated[
+        list[float] | None,
+        typer.Option(help="Metres; below 1.25 with a small child's proportions.", rich_help_panel=PEOPLE),
+    ] = None
+    enters: Annotated[
+        list[float] | None, typer.Option(help="Seconds after which the person appears.", rich_help_panel=PEOPLE)
+    ] = None
+    clothes: Annotated[
+        list[str] | None,
+        typer.Option(help="skirt, dress, coat, wide_trousers or none; several with commas.", rich_help_panel=PEOPLE),
+    ] = None
+    furniture: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="chair, stool, desk, table, crate or none, several with commas; or a YAML file of boxes.",
+            rich_help_panel=PEOPLE,
+        ),
+    ] = None
+    seated: Annotated[
+        bool, typer.Option("--seated", help="All people do what their clips show sitting.", rich_help_panel=PEOPLE)
+    ] = False
+
+    def people(self, clips: list[Path]) -> list[SimulatedPerson]:
+        """One person for each clip.
+
+        Raises
+        ------
+        UsageError
+            An option was given for some of them only, or cannot be understood.
+        """
+        from toolkit.simulation.person import SimulatedPerson
+
+        count = len(clips)
+        row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
+        kinds = [text for text in self.furniture or [] if not text.endswith(BOXES)]
+        columns: dict[str, Sequence[Any]] = {
+            "body": each(self.body, count, "--body", "neutral"),
+            "at": row if self.at is None else each([_place(text) for text in self.at], count, "--at", (0.0, 0.0)),
+            "yaw": each(self.yaw, count, "--yaw", 0.0),
+            "stature": each(self.stature, count, "--stature", None),
+            "seated": [self.seated] * count,
+            "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
+            "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],
+            "enters": each(self.enters, count, "--enters", 0.0),
+        }
+        return [
+            SimulatedPerson(clip, **{name: values[i] for name, values in columns.items()})
+            for i, clip in enumerate(clips)
+        ]
+
+    def boxes(self) -> tuple[Box, ...]:
+        """Furniture of files, which belongs to no person."""
+        from toolkit.simulation.furniture import read_boxes
+
+        files = [Path(text) for text in self.furniture or [] if text.endswith(BOXES)]
+        return tuple(box for file in files for box in read_boxes(file))
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """From where, in which room and with which sensor, as it is typed; see `Shot`."""
+
+    sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof"
+    distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0
+    height: Annotated[
+        str, typer.Option(help="Metres of the camera above the floor, or neck: as high as the first person's.")
+    ] = "1.0"
+    tilt: Annotated[
+        float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
+    ] = None
+    cut: Annotated[
+        float | None,
+        typer.Option(
+            help="Metres below the first person's neck at which the image ends, instead of a tilt: 0.45 is the waist.",
+            show_default="the image is not cut",
+        ),
+    ] = None
+    seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0
+    frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0
+    furnished: Annotated[
+        bool, typer.Option("--furnished/--empty", help="Show a room, or the people only.", rich_help_panel=ROOM)
+    ] = True
+    room: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:SEED",
+            help="A room furnished at random: office, living, classroom or corridor, such as office:7.",
+            show_default="a bare one",
+            rich_help_panel=ROOM,
+        ),
+    ] = None
+    background: Annotated[
+        bool,
+        typer.Option("--background/--no-background", help="Store the depth of the empty room.", rich_help_panel=ROOM),
+    ] = True
+    color: Annotated[
+        bool, typer.Option("--color", help="Store colour too, registered to the depth.", rich_help_panel=ROOM)
+    ] = False
+    seconds: Annotated[float, typer.Option(help="Seconds of a recording without people.", rich_help_panel=ROOM)] = 3.0
+    inertial: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIMB,...",
+            help="Inertial sensors on the first person, such as left_shin,right_forearm; their file lies beside.",
+            rich_help_panel=SENSORS,
+        ),
+    ] = None
+    inertial_noise: Annotated[
+        str, typer.Option(help="Errors of these sensors: mtx, phone or none.", rich_help_panel=SENSORS)
+    ] = "mtx"
+
+    def shot(self, boxes: tuple[Box, ...]) -> Shot:
+        """How it is recorded, with this furniture; raises UsageError where an option cannot be understood."""
+        from toolkit.simulation.simulate import Shot
+
+        typed = {"height": _height(self.height), "inertial": _words(self.inertial or ""), "boxes": boxes}
+        return Shot(**{**vars(self), **typed})
+
+
+@spread
+def simulate(
+    output: Output,
+    clips: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[CLIP]...", help="BVH or AMC files, one per person; none: an empty room."),
+    ] = None,
+    view: Viewpoint = Viewpoint(),
+    cast: Cast = Cast(),
+) -> None:
+    """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
+    from toolkit.app.cli.terminal import progress_bars
+    from toolkit.simulation.simulate import simulate_scene
+
+    people, shot = cast.people(clips or []), view.shot(cast.boxes())
+    with progress_bars() as bars:
+        recording = simulate_scene(people, output, shot, progress=lambda done, total: bars("simulating", done, total))
+    size = f"{recording.camera.width}x{recording.camera.height}"
+    say(f"{output}: {len(recording)} frames of {size} pixels")
+
+
+def each(values: Sequence[T] | None, count: int, option: str, default: T) -> list[T]:
+    """One value per person: the default, one value for all, or all as they were given.
+
+    Raises
+    ------
+    UsageError
+        There are neither one nor `count` values.
+    """
+    if not values:
+        return [default] * count
+    if len(values) == 1:
+        return list(values) * count
+    if len(values) != count:
+        raise UsageError(f"{option} was given {len(values)} times for {count} people; give it once, or once for each")
+    return list(values)
+
+
+def _height(text: str) -> float | None:
+    """Metres; None for the neck's height."""
+    if text == "neck":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--height is {text!r}; give metres above the floor, or neck") from None
+
+
+def _place(text: str) -> tuple[float, float]:
+    x, z = numbers(text, 2, "--at")
+    return x, z
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word for word in text.split(",") if word and word != "none")

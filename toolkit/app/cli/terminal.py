@@ -1,0 +1,135 @@
+"""What the verbs show: results on the standard output, progress on the standard error."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+from toolkit.io.display_names import printable
+from toolkit.io.progress import Progress
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+WIDEST = 400
+"""Characters: no table is wider."""
+MINUTE = 60.0
+"""Seconds between two lines of progress in a pipe or a log."""
+
+
+def say(*texts: object, sep: str = " ", file: TextIO | None = None) -> None:
+    """As `print`; names out of files may stand in the lines, and what a terminal would obey is written out."""
+    lines = sep.join(map(str, texts)).split("\n")
+    print("\n".join(map(printable, lines)), file=file or sys.stdout, flush=True)
+
+
+class LogLines:
+    """A line a minute, for a pipe or a log; nothing of what takes less."""
+
+    def __init__(self, every: float = MINUTE) -> None:
+        self._latest: tuple[str, int, int] | None = None
+        self._every, self._begun, self._over = every, time.monotonic(), threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread.start()
+
+    def __call__(self, doing: str, done: int, total: int) -> None:
+        """See `Progress`."""
+        self._latest = (doing, done, total)
+
+    def close(self) -> None:
+        """No more lines."""
+        self._over.set()
+        self._thread.join()
+
+    def _tell(self) -> None:
+        while not self._over.wait(self._every):
+            if self._latest is not None:
+                doing, done, total = self._latest
+                minutes = (time.monotonic() - self._begun) / MINUTE
+                print(f"{doing}: {done} of {total} after {minutes:.0f} min", file=sys.stderr, flush=True)
+
+
+def doing_words(doing: str) -> str:
+    """What the pipeline is doing, in words for people; compilation is named as such."""
+    words = {"compiling": "preparing", "learning": "learning the body"}
+    return f"{words[doing]} (compiles for a while the first time)" if doing in words else doing
+
+
+@contextmanager
+def progress_bars() -> Iterator[Progress]:
+    """Progress on the standard error while the block runs: a bar for each thing in a terminal, else a line a minute."""
+    if not sys.stderr.isatty():
+        lines = LogLines()
+        try:
+            yield lines
+        finally:
+            lines.close()
+        return
+    from rich import progress
+    from rich.console import Console
+
+    columns = (
+        progress.TextColumn("{task.description}", markup=False), progress.BarColumn(), progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+    )  # fmt: skip
+    tasks: dict[str, progress.TaskID] = {}
+    with progress.Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as bars:
+
+        def show(doing: str, done: int, total: int) -> None:
+            if doing not in tasks:
+                tasks[doing] = bars.add_task(doing, total=total)
+            bars.update(tasks[doing], completed=done, total=total)
+
+        yield show
+
+
+def next_commands(commands: dict[tuple[str, ...], str]) -> None:
+    """What to do next, on the standard error: the words behind `depthmocap` and what they are for, to be pasted."""
+    lines = {_line(program() + words): purpose for words, purpose in commands.items()}
+    width = max(map(len, lines))
+    print("next:", file=sys.stderr)
+    for line, purpose in lines.items():
+        print(f"  {line:<{width}}   # {purpose}", file=sys.stderr)
+
+
+def program() -> tuple[str, ...]:
+    """How this very program is called from here: by name where the shell finds it, by its path, or by its module."""
+    beside = Path(sys.executable).with_name("depthmocap.exe" if sys.platform == "win32" else "depthmocap")
+    found = shutil.which("depthmocap")
+    if found is not None and os.path.realpath(found) == os.path.realpath(beside):
+        return ("depthmocap",)
+    return (_short(beside),) if beside.is_file() else (_short(Path(sys.executable)), "-m", "depthmocap")
+
+
+def _line(words: tuple[str, ...]) -> str:
+    """Words as this system's shell takes them."""
+    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+
+
+def _short(path: Path) -> str:
+    """A path from the present folder where it lies in it, else the whole path."""
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def print_table(table: Table) -> None:
+    """A table on the standard output; brackets and escapes in its cells, titles and names do nothing."""
+    from rich.console import Console
+
+    for column in table.columns:
+        column._cells = [printable(cell) if isinstance(cell, str) else cell for cell in column._cells]
+    if isinstance(table.title, str):
+        table.title = printable(table.title)
+    console = Console(markup=False)
+    natural = console.measure(table, options=console.options.update(width=WIDEST)).maximum
+    # A narrow terminal breaks long lines, which is better than columns of single letters.
+    Console(width=max(natural, console.width), markup=False).print(table, crop=False, soft_wrap=True)

@@ -1,0 +1,219 @@
+"""`depthmocap track`."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
+
+import typer
+
+from toolkit.app.cli.groups import spread
+from toolkit.app.cli.guiding import Guiding
+from toolkit.app.cli.options import SettingOption, given
+from toolkit.app.cli.reading import Joints, Reading, SegmentOption, people_of
+from toolkit.app.cli.terminal import say
+from toolkit.io.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.app.pipeline import TrackerRecipe
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """Which tracker is built, as it is typed."""
+
+    database: Annotated[
+        Path | None,
+        typer.Option("--database", "-d", help="Pose database.", show_default="the one of the package"),
+    ] = None
+    body: Annotated[Path | None, typer.Option(help="The person's body file, of `depthmocap body scan`.")] = None
+    config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid"
+    settings: SettingOption = None
+    online: Annotated[
+        bool, typer.Option("--online", help="One pass, each frame done with as it comes, as for a live camera.")
+    ] = False
+    segment: SegmentOption = None
+    subject: Annotated[
+        str | None,
+        typer.Option(help="Who is meant among several people: only, largest or nearest.", show_default="only"),
+    ] = None
+
+    def overrides(self) -> dict[str, Any]:
+        """Settings that are not the configuration's, by their dotted names."""
+        from toolkit.app.config import parse_overrides
+        from toolkit.app.pipeline import TrackerRecipe
+        from toolkit.tracking.registry import DEFAULT
+
+        sensing = given(segment=self.segment, subject=self.subject)
+        found = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
+        # Other trackers know one pass only.
+        if self.online and TrackerRecipe(self.config, found).tracker == DEFAULT:
+            found["passes"] = 1
+        return found
+
+    def recipe(self, sensors: Path | None = None) -> TrackerRecipe:
+        """What the tracker is made of: the database named or that of the package, for a tracker that needs one.
+
+        A database that is named for a tracker that looks no poses up is not used, which is said.
+        """
+        from toolkit.app.pipeline import TrackerRecipe
+        from toolkit.database.default import default_database_path
+
+        recipe = TrackerRecipe(self.config, self.overrides(), self.database, self.body, sensors)
+        if not recipe.needs_database():
+            if self.database is not None:
+                say(f"{self.database} is not used: this tracker looks no poses up", file=sys.stderr)
+            return replace(recipe, database=None)
+        return recipe if self.database else replace(recipe, database=default_database_path())
+
+    def check(self) -> None:
+        """Raise SettingsError for settings that cannot be, before anything costs time."""
+        from toolkit.app.pipeline import TrackerRecipe
+
+        TrackerRecipe(self.config, self.overrides()).settings()
+
+
+@dataclass(frozen=True)
+class Folders:
+    """What becomes of run folders that are there already, and of many recordings, as it is typed."""
+
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace finished runs.")] = False
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a killed or interrupted run; several recordings always do.")
+    ] = False
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of processes that share the recordings.", show_default="one"),
+    ] = None
+
+    def keep_finished(self, run: Path) -> None:
+        """Refuse to replace a finished run without --overwrite."""
+        from toolkit.tracks import PARTIAL_FILE, TRACK_FILE
+        from toolkit.tracks.runs import PEOPLE_FILE
+
+        finished = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
+        if (finished or (run / PEOPLE_FILE).exists()) and not (self.overwrite or self.resume):
+            raise UsageError(f"{run} holds a finished run; add --overwrite to replace it, or choose another --output")
+
+
+@spread
+def track(
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Run folder; several recordings go to OUTPUT/<stem>.", show_default=False),
+    ],
+    tracking: Tracking,
+    people: Annotated[
+        str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
+    ] = "1",
+    joints: Joints = Joints(),
+    guiding: Guiding = Guiding(),
+    folders: Folders = Folders(),
+    reading: Reading = Reading(),
+) -> None:
+    """Track the person in depth recordings and write what was found into run folders.
+
+    Of several recordings, or with --workers, each has OUTPUT/<stem>, finished runs are left alone, and
+    OUTPUT/manifest.jsonl lists all.
+    """
+    from toolkit.app.pipeline import unreadable
+
+    options, choice = reading.options(), joints.choice(len(recordings))
+    how = {"people": people_of(people), "joints": choice}
+    batch = len(recordings) > 1 or folders.workers is not None
+    if not batch:
+        folders.keep_finished(output)
+    tracking.check()
+    for path, reason in unreadable(recordings, options).items():  # before anything costs time
+        say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
+    if batch:
+        _track_batch(recordings, output, tracking, guiding, folders, {**how, "reader_options": options})
+    else:
+        _track_one(recordings[0], options, output, tracking, guiding, folders.resume, how)
+
+
+def _track_one(
+    path: Path, options: dict[str, Any], run: Path, tracking: Tracking, guiding: Guiding, resume: bool,
+    how: dict[str, Any],
+) -> None:  # fmt: skip
+    """One recording into `run`. Exit code 1 where it is not done."""
+    from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
+    from toolkit.kernels.precompile import compile_beside
+
+    compile_beside()
+    from toolkit.app.pipeline import track_recording
+    from toolkit.recordings.opening import open_upright
+
+    guide, watcher = guiding.guide([path]), guiding.watcher([path])
+    if watcher is not None:  # motions are told as they end, in the rows of the first pass
+        tracking = replace(tracking, online=True)
+    with progress_bars() as bars:
+        recipe, preparing = tracking.recipe(guiding.inertial), doing_words("compiling")
+        bars(preparing, 0, 1)
+        tracker = recipe.build(guide)
+        bars(preparing, 1, 1)
+        summary = track_recording(
+            open_upright(path, **options),
+            tracker,
+            run,
+            resume=resume,
+            progress=lambda name, doing, done, total: bars(f"{name}: {doing_words(doing)}", done, total),
+            watcher=watcher,
+            made_of=recipe,
+            **how,
+        )
+    _say_done(summary.text(), run, sys.stderr if guiding.events == "-" else None)
+    if summary.interrupted:
+        raise typer.Exit(1)
+    if not summary.states["tracked"]:
+        next_commands({("info", str(path)): "what the recording holds, and which option would help"})
+        return
+    next_commands(
+        {
+            ("report", str(run), "--output", "report.html"): "one page: film, body in three dimensions, plots",
+            ("evaluate", str(run)): "error, where the recording knows the truth; time; states",
+            ("export", str(run), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .trc, .csv",
+        }
+    )
+
+
+def _track_batch(
+    recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, folders: Folders, how: dict[str, Any]
+) -> None:
+    """Several recordings; a line for each. Exit code 1 where one is not done."""
+    from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
+    from toolkit.app.pipeline import track_recordings
+    from toolkit.app.pipeline.manifest import DONE
+
+    if guiding.guide(recordings) or guiding.watcher(recordings):
+        raise UsageError("sensors and events belong to one recording; leave --workers out")
+    with progress_bars() as bars:
+        rows = track_recordings(
+            recordings, tracking.recipe(), output, workers=folders.workers or 1, overwrite=folders.overwrite,
+            progress=lambda name, doing, done, total: bars(f"{name}: {doing_words(doing)}", done, total), **how,
+        )  # fmt: skip
+    for row in rows:
+        if row.status == DONE:
+            _say_done(row.text, Path(row.run))
+        else:
+            say(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
+    if any(row.status != DONE for row in rows):
+        raise typer.Exit(1)
+    next_commands(
+        {
+            ("report", str(output), "--output", "report.html"): "one page: films, bodies in three dimensions, plots",
+            ("evaluate", str(output)): "error, where the recordings know the truth; time; states",
+        }
+    )
+
+
+def _say_done(text: str, run: Path, file: TextIO | None = None) -> None:
+    """What became of a recording, and who is in it where several were followed."""
+    from toolkit.tracks.runs import PEOPLE_FILE, load_people
+
+    say(text, file=file)
+    if (run / PEOPLE_FILE).exists():
+        say(load_people(run).text(), file=file)

@@ -1,0 +1,132 @@
+"""YAML mapped onto the frozen settings dataclasses of the rooms, by their type hints.
+
+A settings file names any subset of the settings; the rest keep their defaults. Nothing is guessed: an unknown name, a
+wrong type or a value out of range is an error that lists what there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from toolkit.io.errors import SettingsError
+from toolkit.io.files import is_file, shipped
+from toolkit.io.typed_values import TypedReader, is_constant
+from toolkit.io.yaml_reader import parse_yaml, read_yaml
+
+Settings = TypeVar("Settings")
+READER = TypedReader(SettingsError, written_by_hand=True, what="setting")
+
+
+def load_settings(
+    kind: type[Settings], path: str | Path | None = None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Settings from a YAML file and overrides on top of the defaults.
+
+    Parameters
+    ----------
+    kind : the settings dataclass
+    path : a YAML file, or the name of a shipped one such as `baak2013`; None for the defaults
+    overrides : values by dotted name, for example `{"sensing.half_resolution": True}`
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be read, or a name, a type or a value is not one that the dataclass knows.
+    UsageError
+        There is neither a file nor a shipped one of this name.
+    """
+    values = {} if path is None else _read(path)
+    for name, value in (overrides or {}).items():
+        _set(values, name, value)
+    return READER.read(values, kind, "")
+
+
+def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> Any:
+    """One top-level value as `load_settings` would see it, None where neither file nor overrides name it.
+
+    Raises
+    ------
+    SettingsError, UsageError
+        As `load_settings`.
+    """
+    values = {} if path is None else _read(path)
+    return (overrides or {}).get(name, values.get(name))
+
+
+def parse_overrides(pairs: list[str]) -> dict[str, Any]:
+    """Overrides from `name=value` texts; a value is read as YAML.
+
+    Raises
+    ------
+    SettingsError
+        A text has no `=`, or its value is no YAML.
+    """
+    overrides = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals or not name:
+            raise SettingsError(f"{pair!r} is no setting; write NAME=VALUE, for example sensing.half_resolution=true")
+        overrides[name.strip()] = parse_yaml(value, f"the value {value[:80]!r} of {name}", SettingsError, "correct it")
+    return overrides
+
+
+def settings_text(settings: Any) -> str:
+    """All settings of a dataclass as YAML, and those constants that are not as they stand in the code."""
+    shown = _plain(_shown(settings, type(settings)(), public=True))
+    return yaml.safe_dump(shown, sort_keys=False, default_flow_style=False)
+
+
+def _shown(settings: Any, default: Any, *, public: bool) -> dict[str, Any]:
+    """Settings by name; of constants those that differ from `default`."""
+    shown: dict[str, Any] = {}
+    for item in fields(settings):
+        value, usual = getattr(settings, item.name), getattr(default, item.name)
+        setting = public and not is_constant(item)
+        if is_dataclass(value) and type(value) is type(usual):
+            if inner := _shown(value, usual, public=setting):
+                shown[item.name] = inner
+        elif setting or value != usual:
+            shown[item.name] = value
+    return shown
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    file = Path(path)
+    if not is_file(file) and not file.suffix:
+        file = shipped(f"{file}.yaml")
+    hint = "name a YAML file of settings"
+    values = read_yaml(file, str(file), SettingsError, hint)
+    if values is None:
+        return {}
+    if not isinstance(values, dict):
+        raise SettingsError(f"{file} holds {_kind(values)}; settings are names with values")
+    return values
+
+
+def _set(values: dict[str, Any], name: str, value: Any) -> None:
+    *parents, last = name.split(".")
+    for parent in parents:
+        inner = values.setdefault(parent, {})
+        if not isinstance(inner, dict):
+            raise SettingsError(f"{name} cannot be set: {parent} is {_kind(inner)} and has no settings inside")
+        values = inner
+    values[last] = value
+
+
+def _kind(value: Any) -> str:
+    if value is None:
+        return "empty"
+    return "a list" if isinstance(value, list) else "a group of settings" if isinstance(value, dict) else repr(value)

@@ -1,0 +1,7 @@
+"""A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
+
+from toolkit.app.pipeline.batch import track_recordings, unreadable
+from toolkit.app.pipeline.run import track_recording
+from toolkit.app.pipeline.trackers import TrackerRecipe
+
+__all__ = ["TrackerRecipe", "track_recording", "track_recordings", "unreadable"]

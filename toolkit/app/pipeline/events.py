@@ -1,0 +1,100 @@
+"""Events told while a run is tracked: one JSON line for each motion that has ended, as soon as it is known."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.files import save_text
+from toolkit.io.safe_open import open_file
+from toolkit.io.typed_values import TypedReader
+from toolkit.io.yaml_reader import parse_json, read_text
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.tracks import EMPTY, FrameResult
+
+STANDARD_OUTPUT = "-"
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What of an event's line is read again: seconds since the first frame."""
+
+    time: float
+
+
+class EventStream:
+    """Tells motions as they end.
+
+    A run that goes on repeats no event: the rows before are looked at again in silence.
+
+    Parameters
+    ----------
+    classes, queries : see `OnlineAnnotator`
+    output : file to which lines are added, `-` for the standard output
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[MotionClass],
+        queries: Sequence[KeyframeQuery] = (),
+        output: str | Path = STANDARD_OUTPUT,
+    ) -> None:
+        self._classes, self._queries = tuple(classes), tuple(queries)
+        self._output = str(output)
+        self._frame_rate = 30.0
+        self._annotator: OnlineAnnotator | None = None
+
+    def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
+        """A run starts, or goes on after rows that are written: records with pose, state and timestamps."""
+        self._frame_rate, self._annotator = frame_rate, None
+        for row in past if body is not None else ():
+            self._push(row["pose"], int(row["state"]), float(row["timestamps"]), body)
+        if self._output != STANDARD_OUTPUT:
+            self._keep_until(float(past["timestamps"][-1]) if len(past) else -np.inf)
+
+    def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
+        """Take in one more row, and tell the motions that have ended."""
+        self._append(self._push(result.pose, result.state, timestamp, body))
+
+    def end(self) -> None:
+        """No more rows come: tell what is left."""
+        if self._annotator is not None:
+            self._append(self._annotator.finish())
+
+    def _push(self, pose: np.ndarray, state: int, timestamp: float, body: Body | None) -> list[Event]:
+        if state == EMPTY or body is None:
+            return []
+        if self._annotator is None:
+            self._annotator = OnlineAnnotator(self._classes, body, self._frame_rate, self._queries)
+        return self._annotator.push(pose, timestamp)
+
+    def _keep_until(self, time: float) -> None:
+        """Forget what was told of rows that will be found again."""
+        path = Path(self._output)
+        hint = "name another file for the events"
+        lines = read_text(path, UsageError, hint).splitlines() if np.isfinite(time) and path.exists() else []
+        reader = TypedReader(UsageError, hint, loose=True, source=str(path))
+        told = [reader.read(parse_json(line, str(path), UsageError, hint), _Told, "").time for line in lines]
+        save_text(path, "".join(f"{line}\n" for line, when in zip(lines, told, strict=True) if when <= time))
+
+    def _append(self, events: Sequence[Event]) -> None:
+        if self._output == STANDARD_OUTPUT:
+            for event in events:
+                print(event.to_json(), flush=True, file=sys.stdout)
+            return
+        if not events:
+            return
+        try:
+            with open_file(self._output, "a+b") as stream:
+                stream.writelines(f"{event.to_json()}\n".encode() for event in events)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"cannot write events to {self._output}: {reason}; choose another file") from error

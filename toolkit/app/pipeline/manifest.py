@@ -1,0 +1,85 @@
+"""`manifest.jsonl`: what became of every recording of a batch, one line of JSON each, written as results arrive."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.safe_open import open_file
+
+MANIFEST_FILE = "manifest.jsonl"
+DONE, FAILED, INTERRUPTED = "done", "failed", "interrupted"
+HEAD = b'{"command": "track"}\n'
+"""The first line."""
+
+
+@dataclass(frozen=True)
+class ManifestRow:
+    """What became of one recording.
+
+    Attributes
+    ----------
+    recording, run : paths
+    status : "done", "failed" or "interrupted"
+    reason : why it failed, empty otherwise
+    text : the summary for people, empty where it failed
+    seconds : wall-clock time
+    frames : rows of its track
+    """
+
+    recording: str
+    run: str
+    status: str
+    reason: str = ""
+    text: str = ""
+    seconds: float = 0.0
+    frames: int = 0
+
+
+class Manifest:
+    """The manifest of a batch's output folder, in the place of an earlier batch's.
+
+    Attributes
+    ----------
+    path : of the file, which is written with its first row
+    rows : so far, by recording
+
+    Raises
+    ------
+    UsageError
+        The folder holds a manifest of something else.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.path = Path(folder) / MANIFEST_FILE
+        self.rows: dict[str, ManifestRow] = {}
+        if not os.path.lexists(self.path):
+            return
+        try:
+            with open_file(self.path, inside=True) as stream:
+                own = HEAD.startswith(stream.readline(len(HEAD)))  # one whose writing broke off is a part of it
+        except OSError as error:
+            raise UsageError(f"cannot read {self.path}: {error.strerror or error}; choose another output") from error
+        if not own:
+            raise UsageError(f"{self.path} is the manifest of something else; choose another output")
+
+    def append(self, row: ManifestRow) -> None:
+        """Add a row; it is on disk when this returns.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with open_file(self.path, "a+b" if self.rows else "w+b", inside=True) as stream:
+                stream.write((b"" if self.rows else HEAD) + json.dumps(asdict(row)).encode() + b"\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise OutputError(f"cannot write {self.path}: {error.strerror or error}; free some space") from error
+        self.rows[row.recording] = row

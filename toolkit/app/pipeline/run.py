@@ -1,0 +1,331 @@
+"""One recording tracked into one run folder."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from toolkit.app.pipeline.earlier import sightings_before
+from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_whose, info_of, tracks_of_same_run
+from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source, name_of
+from toolkit.app.pipeline.run_summary import RunSummary, summarised
+from toolkit.app.pipeline.run_writer import RunSink
+from toolkit.app.pipeline.second import SecondPass
+from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.app.pipeline.watch import log_file, stop_request
+from toolkit.body.body import Body
+from toolkit.io.checkpoint import HINT, load_checkpoint, save_checkpoint
+from toolkit.io.errors import DepthMocapError, RecordingError, TrackError, UsageError
+from toolkit.io.files import locked
+from toolkit.io.progress import RecordingProgress, silent
+from toolkit.people.evidence import furniture
+from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.joint_masks import JointSource
+from toolkit.people.sighting import PeopleFinder
+from toolkit.people.survey import find_people, find_person
+from toolkit.people.vertical import floor_height
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.depth_filter import DepthFilter
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.multi_person import Crowd, Row
+from toolkit.tracking.tracker_protocol import LooksBack, Tracker, judge_of
+from toolkit.tracks import RunInfo
+
+if TYPE_CHECKING:
+    from toolkit.app.pipeline.events import EventStream
+
+MEMORY_SECONDS = 2.0
+"""A killed run loses at most this much work: the state is written so often, seconds."""
+WARM_UP_FRAMES = 3
+"""Frames that are tracked once beforehand, so that compiled code is ready when timing begins."""
+
+logger = logging.getLogger(__name__)
+
+
+class Job(NamedTuple):
+    """What is tracked, and how.
+
+    Attributes
+    ----------
+    recording : read frame by frame
+    tracker : makes a follower for each person
+    people : how many are followed; None = all
+    joints : tells where their joints are in the image
+    """
+
+    recording: Recording
+    tracker: Tracker
+    people: int | None
+    joints: JointSource
+
+    def finder(self) -> PeopleFinder:
+        """What finds the people."""
+        return finder_of(self.recording, self.people, self.tracker.settings.sensing, judge_of(self.tracker))
+
+    def crowd(self) -> Crowd:
+        """Follows the people from the first frame on."""
+        recording = self.recording
+        return Crowd(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
+
+
+def finder_of(
+    recording: Recording, people: int | None, sensing: SensingSettings, judge: PersonJudge | None = None
+) -> PeopleFinder:
+    """What finds the one person whom the settings mean, or so many people, or with None all of them."""
+    if people == 1:
+        return find_person(recording, sensing, judge)
+    return find_people(recording, sensing, most=people, judge=judge)
+
+
+def track_recording(
+    recording: Recording,
+    tracker: Tracker,
+    run: str | Path,
+    *,
+    people: int | None = 1,
+    resume: bool = False,
+    warm_up: bool = True,
+    progress: RecordingProgress = silent,
+    watcher: EventStream | None = None,
+    joints: JointChoice | None = None,
+    made_of: TrackerRecipe | None = None,
+) -> RunSummary:
+    """Follow the person, or the people, through a recording and write the run folder.
+
+    Rows are on disk as soon as they are found. Ctrl-C or a termination signal ends the run after the current frame and
+    puts the track so far in place. A run that was killed or interrupted goes on with `resume`, to the same
+    result as one that never stopped.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    people : how many to follow, each in a run folder of their own within `run`; None = all. 1 follows the one person
+        whom the settings mean, in `run` itself
+    resume : continue an unfinished run; one that is finished already is left alone
+    warm_up : track the first frames once beforehand, so that no compilation is timed
+    progress : told what is going on
+    watcher : told every row of the one person who is followed, as it is written
+    joints : where joints in the image are to come from
+    made_of : what the tracker is made of, by default its database: no run may replace that
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set, the run would damage the recording or what the
+        tracker is made of, several people are to be watched, or joints are chosen for a tracker that uses none.
+    ModelError
+        Joints have to be detected, and the detector cannot be used.
+    TrackError
+        The unfinished track belongs to another recording or database, or to other settings.
+    OutputError
+        The run folder cannot be written, or another process is writing it; the rows before stay.
+    RecordingError
+        A frame cannot be used; the rows before it stay.
+    """
+    if watcher is not None and people != 1:
+        raise UsageError("events are told of one person; leave --people away")
+    recipe = made_of or TrackerRecipe(database=tracker.database)
+    check_inputs(Path(run), recording, recipe)
+    choice = joints or JointChoice()
+    give_joints(recording, choice)
+    job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
+    with locked(run):
+        info = replace(
+            info_of(recording, tracker),
+            joints_2d=name_of(job.joints, recording),
+            **recipe.digests(),
+        )
+        return _track(job, info, Path(run), resume, warm_up, progress, watcher)
+
+
+def _track(
+    job: Job,
+    info: RunInfo,
+    folder: Path,
+    resume: bool,
+    warm_up: bool,
+    report: RecordingProgress,
+    watcher: EventStream | None,
+) -> RunSummary:
+    """As `track_recording`, in a folder that is this process's own."""
+    recording, tracker, several = job.recording, job.tracker, job.people != 1
+    check_whose(folder)
+    if resume:
+        tracks = tracks_of_same_run(folder, info, tracker, several=several)
+        if tracks is not None and all(len(track) == len(recording) for track in tracks):
+            return summarised(recording.name, folder, tracks, len(recording))
+    sink = RunSink(folder, tracker, info, several=several, resume=resume)
+    try:
+        with log_file(folder), stop_request() as stop:
+            second = _second_pass(job, folder, sink) if watcher is None else None
+            frames = len(recording)
+            if second is not None and resume and second.restore():
+                bodies = second.bodies
+                sink.judge(second.evidence)
+            else:
+                bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
+            complete = frames == len(recording)
+            if second is not None and complete:
+                complete = second.follow(stop, partial(report, recording.name, "looking back"))
+                bodies = second.bodies
+            tracks = sink.finish(bodies, complete=complete)
+            if complete:
+                (folder / STATE_FILE).unlink(missing_ok=True)
+            logger.info("%s: %d of %d frames written", recording.name, frames, len(recording))
+    except DepthMocapError:
+        sink.abandon()
+        raise
+    stature = None if several else next((float(body.height) for body in bodies.values()), None)
+    return summarised(recording.name, folder, tracks, len(recording), unfinished=not complete, stature=stature)
+
+
+def _first_pass(
+    job: Job,
+    folder: Path,
+    sink: RunSink,
+    warm_up: bool,
+    report: RecordingProgress,
+    stop: threading.Event,
+    watcher: EventStream | None,
+    second: SecondPass | None,
+) -> tuple[dict[int, Body], int]:
+    """Follow all people frame by frame as they come, for the second pass if there is one; their bodies, and how far."""
+    recording, tracker = job.recording, job.tracker
+    crowd = _restored(folder, sink, job)
+    if second is not None:
+        crowd.sightings = second.sightings(crowd.frames)
+    if warm_up and (crowd.frames or not tracker.learning_seconds):
+        _warm_up(job, report)  # else learning the body comes first, and is not timed
+    logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
+    if watcher is not None:
+        watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
+    _follow(recording, crowd, sink, report, stop, watcher)
+    bodies, complete = crowd.bodies, crowd.frames == len(recording)
+    if complete:
+        sink.judge(crowd.finder.evidence)
+        bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
+    if second is not None and crowd.sightings is not None and complete:
+        before = list(sightings_before(recording, crowd.finder, crowd.sightings, bodies))
+        crowd.sightings.close()  # on disk before there is a state that counts on them
+        second.begin(bodies, crowd.finder.evidence, before)
+    return bodies, crowd.frames
+
+
+def _second_pass(job: Job, folder: Path, sink: RunSink) -> SecondPass | None:
+    """The pass that follows the first one; None for a tracker that is done with each frame as it comes."""
+    tracker, recording = job.tracker, job.recording
+    if not isinstance(tracker, LooksBack) or tracker.passes < 2:
+        return None
+    camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
+    rotation, floor = level_rotation(recording.up_camera), floor_of(recording)
+    return SecondPass(folder, tracker, camera, rotation, recording.timestamps, floor, sink)
+
+
+def floor_of(recording: Recording) -> float | None:
+    """Where the floor is, y in the level frame, metres; None where none is seen."""
+    height = floor_height(recording)
+    return None if height is None else -height
+
+
+def _warm_up(job: Job, report: RecordingProgress) -> None:
+    """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
+    recording, tracker, joints = job.recording, job.tracker, job.joints
+    total = min(WARM_UP_FRAMES, len(recording))
+    report(recording.name, "compiling", 0, total)
+    finder, before = job.finder(), joints.export_state()
+    follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
+    for i, frame in enumerate(islice(recording.stream(color=joints.needs_color), total)):
+        for sighting in joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})[:1]):
+            follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names))
+        report(recording.name, "compiling", i + 1, total)
+    joints.restore_state(before)
+
+
+def _follow(
+    recording: Recording,
+    crowd: Crowd,
+    sink: RunSink,
+    report: RecordingProgress,
+    stop: threading.Event,
+    watcher: EventStream | None,
+) -> None:
+    """Track from the crowd's next frame to the last one, or until a stop is asked for."""
+    total, remembered = len(recording), time.monotonic()
+    report(recording.name, "tracking" if crowd.frames else "learning", crowd.frames, total)
+    measured = crowd.frames > 0
+    for frame in recording.stream(crowd.frames, color=crowd.joints.needs_color):
+        if stop.is_set():
+            break
+        measured = measured or bool(frame.depth_mm.any())
+        _write(sink, crowd, crowd.step(frame), watcher)
+        report(recording.name, "tracking" if crowd.settled else "learning", crowd.frames, total)
+        if crowd.settled and time.monotonic() - remembered > MEMORY_SECONDS:
+            _remember(sink, crowd)
+            remembered = time.monotonic()
+    if crowd.settled and crowd.frames < total:
+        _remember(sink, crowd)
+    # While a body is being learnt there is no state to go on from: `resume` finds these rows again.
+    _write(sink, crowd, crowd.finish(), watcher)
+    if not measured and not stop.is_set():
+        raise RecordingError(
+            f"no frame of {recording.name} holds a measurement, only 0 or 65535; record it again, or see its unit"
+        )
+    if watcher is not None and not stop.is_set():
+        watcher.end()
+    if not stop.is_set() and crowd.frames < total:
+        raise RecordingError(
+            f"{recording.name} ended after {crowd.frames} of {total} frames; copy it again and continue with --resume"
+        )
+
+
+def _write(sink: RunSink, crowd: Crowd, rows: list[Row], watcher: EventStream | None) -> None:
+    sink.write(rows)
+    if watcher is not None:
+        for row in rows:
+            watcher.row(row.result, row.timestamp, crowd.bodies[row.person])
+
+
+def _frame_rate(recording: Recording) -> float:
+    """Frames a second, by the median of the intervals."""
+    steps = np.diff(recording.timestamps)
+    return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
+
+
+def _remember(sink: RunSink, crowd: Crowd) -> None:
+    sink.keep()
+    if crowd.sightings is not None:
+        crowd.sightings.flush()
+    save_checkpoint(sink.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
+
+
+def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
+    """A crowd that goes on from the last frame whose state was written; the rows after it are found again.
+
+    Where rows before it are gone, as after a loss of power, all are found again.
+    """
+    recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
+    crowd = job.crowd()
+    if sink.begun and os.path.lexists(path):
+        nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
+        try:
+            crowd.restore_state(state)
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise TrackError(f"{path} cannot be gone on from ({error}); {HINT}") from error
+        if crowd.timestamps != recording.timestamps[: crowd.frames].tolist():
+            raise TrackError(f"{path} is of another recording; {HINT}")
+        if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):
+            job.joints.restore_state(nothing)
+            crowd = job.crowd()
+    sink.cut(crowd.frames, crowd.bodies)
+    return crowd

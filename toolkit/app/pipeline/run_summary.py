@@ -1,0 +1,103 @@
+"""What became of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.tracks import EMPTY, LOST, STATE_NAMES, TRACKED, Track
+
+LOW_CONFIDENCE = 0.1
+"""Mean of the observed joints: below, the body often does not lie where the depth is."""
+LOW_ADVICE = (
+    "look at it with `depthmocap render`; --intrinsics, --depth-unit or --up may be wrong, and a --database of such "
+    "motions or the person's own --body may help"
+)
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What became of one recording.
+
+    Attributes
+    ----------
+    name : of the recording
+    run : its run folder
+    frames, recorded_frames : rows of the track and frames of the recording
+    stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together, where there
+        was something to do
+    states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
+    people : how many were followed
+    confidence : mean of the observed joints in tracked frames, of all people together; NaN where there is none
+    unfinished : the second pass was stopped, and all rows are those of the first
+    stature : metres, of the fitted body of the one person; None of several
+    """
+
+    name: str
+    run: Path
+    frames: int
+    recorded_frames: int
+    stage_ms: dict[str, float]
+    frame_ms: float
+    states: dict[str, int]
+    people: int = 1
+    confidence: float = float("nan")
+    unfinished: bool = False
+    stature: float | None = None
+
+    @property
+    def interrupted(self) -> bool:
+        """Stopped before the last frame; `resume` continues it."""
+        return self.unfinished or self.frames < self.recorded_frames
+
+    def text(self) -> str:
+        """One line for people."""
+        stages = ", ".join(f"{name} {ms:.1f}" for name, ms in self.stage_ms.items())
+        count = f"{self.frames} of {self.recorded_frames}" if self.interrupted else f"{self.frames}"
+        states = ", ".join(f"{count} {name}" for name, count in self.states.items() if count)
+        people = "" if self.people == 1 else f" of {self.people} people"
+        hint = "; continue with --resume" if self.interrupted else ""
+        if not self.states["tracked"]:
+            hint += "; no person was tracked: look at the recording with `depthmocap info`, try --segment or --up"
+        elif self.confidence < LOW_CONFIDENCE:
+            hint += f"; the tracker is hardly sure of it: {LOW_ADVICE}"
+        sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
+        sure += f", {self.stature:.2f} m tall" if self.states["tracked"] and self.stature is not None else ""
+        spent = f", {self.frame_ms:.1f} ms a frame ({stages})" if self.stage_ms else ""
+        return f"{self.run}: {count} frames{people}: {states or 'no person seen'}{sure}{spent}{hint}"
+
+
+def summarised(
+    name: str,
+    run: Path,
+    tracks: Sequence[Track],
+    recorded_frames: int,
+    *,
+    unfinished: bool = False,
+    stature: float | None = None,
+) -> RunSummary:
+    """The summary of a recording of which these are the tracks, one for each person."""
+    stage_ms: dict[str, float] = {}
+    states = dict.fromkeys(STATE_NAMES, 0)
+    for track in tracks:
+        busy = track.stage_ms[track.stage_ms.any(axis=1)]
+        medians = np.median(busy, axis=0) if len(busy) else np.zeros(len(track.stage_names))
+        for stage, milliseconds in zip(track.stage_names, map(float, medians), strict=True):
+            stage_ms[stage] = stage_ms.get(stage, 0.0) + milliseconds
+        for state in (TRACKED, LOST, EMPTY):
+            states[STATE_NAMES[state]] += int((track.state == state).sum())
+    frames = len(tracks[0]) if tracks else recorded_frames
+    each = sum((track.stage_ms.sum(axis=1) for track in tracks), np.zeros(frames if tracks else 0))
+    frame_ms = float(np.median(each[each > 0])) if each.any() else 0.0
+    people, sure = len(tracks), confidence_of(tracks)
+    return RunSummary(name, run, frames, recorded_frames, stage_ms, frame_ms, states, people, sure, unfinished, stature)
+
+
+def confidence_of(tracks: Sequence[Track]) -> float:
+    """Mean confidence of the observed joints in tracked frames, NaN where there are none."""
+    sure = [track.confidence[(track.state == TRACKED)[:, None] & track.observed] for track in tracks]
+    values = np.concatenate(sure) if sure else np.zeros(0)
+    return float(values.mean()) if len(values) else float("nan")

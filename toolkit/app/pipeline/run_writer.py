@@ -1,0 +1,204 @@
+"""Where the rows of a run go: one run folder, or one for each person with `people.json` beside them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.app.config import settings_text
+from toolkit.body.body import Body
+from toolkit.io.errors import OutputError
+from toolkit.io.files import save_text
+from toolkit.motion.contact import foot_contacts
+from toolkit.people.evidence import Evidence, furniture
+from toolkit.tracking.multi_person import Row
+from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracks import (
+    EMPTY,
+    LOST,
+    PARTIAL_FILE,
+    RUN_FILE,
+    TRACK_FILE,
+    TRACKED,
+    FrameResult,
+    RunInfo,
+    Track,
+    TrackWriter,
+)
+from toolkit.tracks.runs import PEOPLE_FILE, PersonSummary, load_people, save_people
+
+CONFIG_FILE = "config.yaml"
+
+
+class RunSink:
+    """Writes rows as they come; what has been written survives the death of the process.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    tracker : whose rows these are
+    info : what `run.json` says; the shape is that of each person at the end
+    several : whether every person has a folder of their own
+    resume : continue what an unfinished run left
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set.
+    TrackError
+        The unfinished track was written by a tracker with other stages, sources or pose entries.
+    OutputError
+        The folder cannot be written.
+    """
+
+    def __init__(self, run: Path, tracker: Tracker, info: RunInfo, *, several: bool, resume: bool) -> None:
+        self.run, self._tracker, self._info, self._several, self._resume = run, tracker, info, several, resume
+        self._writers: dict[int, TrackWriter] = {}
+        self._evidence: Mapping[int, Evidence] = {}
+        try:
+            run.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"cannot write {run}: {reason}; choose a folder that can be written") from error
+        begun = os.path.lexists(run / RUN_FILE)  # then the partial files come first: they say that it is unfinished
+        if not begun:
+            self._describe(run)
+        for person in self._begun() if several else [1]:
+            self._open(person)
+        if begun:
+            self._describe(run)
+
+    def write(self, rows: list[Row]) -> None:
+        """Add rows, each person's in order.
+
+        Raises
+        ------
+        OutputError
+            A row cannot be written; those before it stay.
+        """
+        for row in rows:
+            self._open(row.person).append(row.result, row.timestamp)
+
+    @property
+    def begun(self) -> bool:
+        """Whether there are rows of a person."""
+        return any(writer.rows for writer in self._writers.values())
+
+    def rows(self, people: Iterable[int]) -> int:
+        """Frames of which the row of each of these people is written."""
+        return min((self._writers[p].rows if p in self._writers else 0 for p in people), default=0)
+
+    def keep(self) -> None:
+        """Wait until what was written would outlast a loss of power; raises OutputError."""
+        for writer in self._writers.values():
+            writer.keep()
+
+    def past(self, person: int = 1) -> np.ndarray:
+        """A person's rows so far, by default those of the one who is followed."""
+        return self._open(person).past()
+
+    def cut(self, frames: int, people: Mapping[int, Body]) -> None:
+        """Go back to `frames` rows of these people; who came later is forgotten."""
+        for person, writer in list(self._writers.items()):
+            writer.cut(frames if person in people else 0)
+            if self._several and person not in people:
+                writer.abandon()
+                del self._writers[person]
+
+    def judge(self, evidence: Mapping[int, Evidence]) -> None:
+        """Leave out the people whom the evidence takes for furniture, and number the others 1, 2, ... at the end."""
+        self._evidence = evidence
+        for person in furniture(evidence):
+            if self._several and person in self._writers:
+                writer = self._writers.pop(person)
+                writer.abandon()
+                shutil.rmtree(writer.run)
+
+    def replace(self, person: int, rows: Iterable[tuple[FrameResult, float]]) -> None:
+        """Put a person's rows, with their timestamps, in place of those so far; raises as `TrackWriter.replace`."""
+        self._open(person).replace(rows)
+
+    def finish(self, bodies: Mapping[int, Body], *, complete: bool) -> list[Track]:
+        """Put the tracks in place, with what is known of each person; returns them."""
+        tracks = {}
+        for person, writer in sorted(self._writers.items()):
+            if person in bodies:
+                body = bodies[person]
+                shape, scale = [float(c) for c in body.shape], float(body.scale)
+                offsets = [] if body.offsets is None else [float(o) for o in body.offsets]
+                replace(self._info, shape=shape, scale=scale, offsets=offsets).save(writer.run)
+            path = writer.finish(complete=False, contacts=self._contacts(bodies.get(person)))
+            tracks[person] = Track.load(path.parent)
+        # Where folders get other names a kill in between starts the run anew; else it is finished by `resume`.
+        anew = complete and self._several and list(tracks) != list(range(1, len(tracks) + 1))
+        if self._several and not anew:
+            self._save_people([self._summary(p, p, track, bodies[p]) for p, track in tracks.items()])
+        for writer in self._writers.values() if complete else ():  # only now is nothing missing any more
+            writer.forget()
+        if anew:
+            for number, person in enumerate(tracks, start=1):
+                (self.run / folder_of(person)).replace(self.run / folder_of(number))
+            numbered = enumerate(tracks.items(), start=1)
+            self._save_people([self._summary(n, p, track, bodies[p]) for n, (p, track) in numbered])
+        return list(tracks.values())
+
+    def _contacts(self, body: Body | None) -> Callable[[Track], np.ndarray] | None:
+        """What says which feet of a body carry."""
+        height = self._info.floor[0] if self._info.floor else None
+        return None if body is None else lambda track: foot_contacts(body, track, height)
+
+    def abandon(self) -> None:
+        """Let go of the partial files, which stay unless they hold no row."""
+        for writer in self._writers.values():
+            writer.abandon()
+
+    def _open(self, person: int) -> TrackWriter:
+        if person not in self._writers:
+            folder = self.run / folder_of(person) if self._several else self.run
+            if self._several and folder.is_symlink():
+                raise OutputError(f"{folder} is a link; remove it, or choose another output")
+            names = self._tracker.stage_names, self._tracker.source_names
+            self._writers[person] = TrackWriter(folder, *names, resume=self._resume)
+            if self._several:
+                self._describe(folder)
+        return self._writers[person]
+
+    def _describe(self, folder: Path) -> None:
+        self._info.save(folder)  # first: it says whose the other files are
+        save_text(folder / CONFIG_FILE, settings_text(self._tracker.settings))
+
+    def _begun(self) -> list[int]:
+        """Ids of the people with rows in an unfinished run."""
+        names = [path.parent.name.split("_")[1] for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
+        return [int(name) for name in names if name.isdecimal() and folder_of(int(name)) == f"person_{name}"]
+
+    def _save_people(self, people: Sequence[PersonSummary]) -> None:
+        save_people(self.run, people, [self._evidence[p] for p in sorted(furniture(self._evidence))])
+
+    def _summary(self, number: int, person: int, track: Track, body: Body) -> PersonSummary:
+        there = np.flatnonzero(track.state != EMPTY)
+        first, last = (int(there[0]), int(there[-1])) if len(there) else (0, 0)
+        state = track.state[first : last + 1]
+        tracked, lost, hidden = (float((state == kind).mean()) for kind in (TRACKED, LOST, EMPTY))
+        stature, why = float(body.height), self._evidence.get(person)
+        return PersonSummary(number, folder_of(number), first, last, stature, tracked, lost, hidden, why)
+
+
+def folder_of(person: int) -> str:
+    """Name of a person's run folder within a run of several people."""
+    return f"person_{person:02d}"
+
+
+def finished_tracks(run: Path, *, several: bool) -> list[Track] | None:
+    """The tracks of a run that came to its end, None where it did not."""
+    if not several:
+        whole = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
+        return [Track.load(run)] if whole else None
+    if not (run / PEOPLE_FILE).exists() or any(run.glob(f"person_*/{PARTIAL_FILE}")):
+        return None
+    return [Track.load(run / person.folder) for person in load_people(run).people]

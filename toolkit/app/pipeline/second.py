@@ -1,0 +1,196 @@
+"""The second pass over a recording: all people who were found are followed again from their surest frames outwards."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.app.pipeline.run_writer import RunSink
+from toolkit.body.body import Body
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
+from toolkit.io.files import is_folder
+from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
+from toolkit.sensing.camera import Camera
+from toolkit.tracking.heading import directions_walked
+from toolkit.tracking.passes import Plan
+from toolkit.tracking.person import PREDICTED
+from toolkit.tracking.sightings import Kept, SightingFile
+from toolkit.tracking.state import body_of, body_state
+from toolkit.tracking.tracker_protocol import LooksBack
+from toolkit.tracking.trajectory_choice import WayFile
+from toolkit.tracks import EMPTY, FrameResult
+
+FOLDER, BEFORE_FOUND = "second", "before"
+"""Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
+STATE_FILE = "state.npz"
+TOLD = 0.5
+"""Share of the frames in which a detector sees joints of whoever keeps still; of coats it does in a seventh."""
+MEMORY_SECONDS = 2.0
+"""A killed run loses at most this much work: the state is written so often, seconds."""
+
+
+class SecondPass:
+    """Follows the people of a recording again, one after the other, and puts their rows in place of the first ones.
+
+    Parameters
+    ----------
+    run : the run folder, in which the sightings of the first pass lie
+    tracker : that of the first pass
+    camera, level_rotation : of the sightings
+    timestamps : float64 (T,), seconds, of all frames
+    floor : y of the floor, metres, level frame, None where it is not known
+    sink : holds the rows of the first pass
+
+    Attributes
+    ----------
+    bodies : of all people, by id: after `begin` or `restore` those of the first pass, then their own
+    evidence : of all people and of what is furniture, by id, from the first pass
+    """
+
+    def __init__(
+        self,
+        run: Path,
+        tracker: LooksBack,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        timestamps: np.ndarray,
+        floor: float | None,
+        sink: RunSink,
+    ) -> None:
+        self._folder, self._tracker, self._camera, self._rotation = run / FOLDER, tracker, camera, level_rotation
+        self._timestamps, self._floor, self._sink = timestamps, floor, sink
+        self.bodies: dict[int, Body] = {}
+        self.evidence: dict[int, Evidence] = {}
+        self._finished = 0
+        self._resumed: Mapping[str, Any] = {}
+
+    def sightings(self, frames: int) -> SightingFile:
+        """Where the first pass keeps what it sees; of a run that goes on, the sightings of so many frames are there."""
+        if frames == 0 and is_folder(self._folder):  # of a pipe rmtree would wait for a writer
+            shutil.rmtree(self._folder, ignore_errors=True)
+        return SightingFile(self._folder, self._camera, frames)
+
+    def begin(
+        self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence], before: Iterable[tuple[int, Kept]]
+    ) -> None:
+        """After the first pass, which learnt these bodies and gathered this evidence; `before` are frames before people
+        were found, and what is seen of them.
+        """
+        with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
+            for frame, kept in sorted(before, key=lambda seen: seen[0]):
+                file.append(frame, [kept.sighting()])
+        self.bodies, self.evidence, self._finished, self._resumed = dict(bodies), dict(evidence), 0, {}
+        self._keep({})
+
+    def restore(self) -> bool:
+        """Go on from what an unfinished run left, if its first pass came to its end: whether all rows of it are there.
+
+        Raises
+        ------
+        TrackError
+            It is no state of a second pass.
+        """
+        if not (self._folder / STATE_FILE).exists():
+            return False
+        state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
+        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "evidence", "way"), "second pass")
+        self.bodies = {person: body_of(own) for person, own in numbered(state["bodies"], "second pass").items()}
+        self.evidence = restore_evidence(state["evidence"])
+        self._finished, self._resumed = state["finished"], state["way"]
+        if self._resumed:
+            check_state(self._resumed, {}, ("plan", "steps"), "way")
+        return self._sink.rows(self.bodies.keys() - furniture(self.evidence)) == len(self._timestamps)
+
+    def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
+        """Follow all people, until a stop is asked for; whether all are done."""
+        people = sorted(self.bodies)
+        frames = len(self._timestamps)
+        total = len(people) * frames
+        with ExitStack() as opened:
+            folders = self._folder, self._folder / BEFORE_FOUND
+            files = [opened.enter_context(closing(SightingFile(folder, self._camera, frames))) for folder in folders]
+            for number in range(self._finished, len(people)):
+                for done in self._person(people[number], *files):
+                    report(number * frames + done, total)
+                    if stop.is_set():
+                        return False
+                self._finished, self._resumed = number + 1, {}
+                self._keep({})
+        shutil.rmtree(self._folder)
+        self._sink.judge(self.evidence)
+        return True
+
+    def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
+        """Follow one person and put their rows in place; `stop` may end it between two steps."""
+        seen, stages = sightings.of(person, before_found.of(person)), self._tracker.stage_names
+        before = self._sink.past(person)
+        if "plan" in self._resumed:
+            plan: Plan | None = Plan.restore(self._resumed["plan"])
+        else:
+            walked = directions_walked(before, self._timestamps, self._rotation)
+            planner = self._tracker.planner(self._camera, self._rotation, seen, self._timestamps, self._floor, walked)
+            for _ in planner.run():
+                yield 0
+            plan = planner.plan
+        if plan is None:
+            return  # too little was seen: the rows of the first pass stay
+        way = WayFile(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
+        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
+        if "plan" in self._resumed:
+            both.restore_state(self._resumed["steps"])
+        kept = time.monotonic()
+        for done, must in enumerate(both.run()):
+            if must or time.monotonic() - kept > MEMORY_SECONDS:
+                self._keep({"plan": plan.export(), "steps": both.export_state()})
+                kept = time.monotonic()
+            yield min(done, len(self._timestamps) - 1)
+        self._sink.replace(person, self._rows(person, way))
+        self.bodies[person] = plan.body
+        way.close()
+        if person in self.evidence:
+            poses = self._sink.past(person)["pose"][seen.frames]
+            energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
+            own = replace(self.evidence[person], unlikely=float(np.median(energies)))
+            somebody = own.lifeless and seen.told_share() >= TOLD
+            self.evidence[person] = replace(own, unlikely=0.0) if somebody else own
+
+    def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
+        """All rows of a person; where they were out of sight the last pose, before that the first one."""
+        spent = self._sink.past(person)["stage_ms"]
+        predicted = self._tracker.source_names.index(PREDICTED)
+        known = next(step for step in map(way.get, range(len(self._timestamps))) if step is not None)
+        last = replace(known.result, source=predicted, **_nothing(known.result))
+        for frame, moment in enumerate(self._timestamps.tolist()):
+            step = way.get(frame)
+            if step is None:
+                yield replace(last, stage_ms=spent[frame]), moment
+            else:
+                yield replace(step.result, stage_ms=step.result.stage_ms + spent[frame]), moment
+                last = replace(step.result, source=predicted, **_nothing(step.result))
+
+    def _keep(self, way: Mapping[str, Any]) -> None:
+        state = {
+            "bodies": {str(person): body_state(body) for person, body in self.bodies.items()},
+            "evidence": export_evidence(self.evidence),
+            "finished": self._finished,
+            "way": way,
+        }
+        save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, state)
+
+
+def _nothing(result: FrameResult) -> dict[str, Any]:
+    """What a row says of joints of which nothing is known."""
+    return {
+        "state": EMPTY,
+        "confidence": np.zeros_like(result.confidence),
+        "observed": np.zeros_like(result.observed),
+    }

@@ -1,0 +1,109 @@
+"""What a tracker is made of, and the tracker made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from toolkit.app.config import load_settings, setting_of
+from toolkit.database.database import PoseDatabase
+from toolkit.io.errors import UsageError
+from toolkit.io.files import is_file, sha256_of
+from toolkit.tracking.guide import Guide
+from toolkit.tracking.registry import DEFAULT, Registration, registered
+from toolkit.tracking.tracker_protocol import Tracker, TrackerSettings
+
+
+@dataclass(frozen=True)
+class TrackerRecipe:
+    """What a tracker is made of; None where there is none.
+
+    Attributes
+    ----------
+    config, overrides : settings, see `config.load_settings`; they name the tracker, `hybrid` if they name none
+    database : file of the pose database, for trackers that look poses up
+    body : file of the person's own body; otherwise it is learnt from the recording
+    sensors : file of the inertial sensors that guide it
+    """
+
+    config: str | Path | None = None
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    database: str | Path | None = None
+    body: str | Path | None = None
+    sensors: str | Path | None = None
+
+    def build(self, guide: Guide | None = None) -> Tracker:
+        """The tracker, guided by what is known of the frames besides their depth.
+
+        Raises
+        ------
+        BodyError
+            The body's file cannot be read, or holds a body of another mesh.
+        DatabaseError
+            The database cannot be read or belongs to another body or format version.
+        SettingsError
+            There is no such tracker, or a setting is unknown or wrong.
+        UsageError
+            The tracker needs a database and none was given, or it takes no guide or no body.
+        """
+        settings = self.settings()
+        if not self.needs_database():
+            tracker = self._registration().build(settings, None, "")
+        elif self.database is None:
+            raise UsageError(f"the tracker {settings.tracker!r} looks poses up; name a pose database")
+        else:
+            tracker = self._registration().build(settings, PoseDatabase.load(self.database), str(self.database))
+        return _guided(_embodied(tracker, self.body), guide)
+
+    def settings(self) -> TrackerSettings:
+        """The tracker's settings; raises SettingsError as `build`."""
+        settings: TrackerSettings = load_settings(self._registration().settings, self.config, self.overrides)
+        return settings
+
+    def needs_database(self) -> bool:
+        """Whether the tracker looks poses up; raises SettingsError as `build`."""
+        return self._registration().needs_database
+
+    def files(self) -> list[Path]:
+        """Those that it is made of: no run may replace one."""
+        config = self.config if self.config and is_file(self.config) else None
+        return [Path(file) for file in (self.database, config, self.sensors, self.body) if file]
+
+    def digests(self) -> dict[str, Any]:
+        """What `RunInfo` says of sensors and body: their SHA-256, empty without."""
+        files = {"sensors_sha256": self.sensors, "body_sha256": self.body}
+        return {name: sha256_of(file) if file else "" for name, file in files.items()}
+
+    @property
+    def tracker(self) -> str:
+        """The name under which the tracker is registered; raises SettingsError as `build`."""
+        return setting_of("tracker", self.config, self.overrides) or DEFAULT
+
+    def _registration(self) -> Registration:
+        return registered(self.tracker)
+
+
+def _embodied(tracker: Tracker, body: str | Path | None) -> Tracker:
+    if body is None:
+        return tracker
+    from toolkit.body.personal import load_body_file
+    from toolkit.tracking.tracker_protocol import TakesBody
+
+    own = load_body_file(body)
+    if not isinstance(tracker, TakesBody):
+        raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no body; leave --body out")
+    tracker.know(own)
+    return tracker
+
+
+def _guided(tracker: Tracker, guide: Guide | None) -> Tracker:
+    if guide is None:
+        return tracker
+    from toolkit.trackers.hybrid.tracker import HybridTracker
+
+    if not isinstance(tracker, HybridTracker):
+        raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no inertial sensors; use the hybrid one")
+    tracker.guide = guide
+    return tracker

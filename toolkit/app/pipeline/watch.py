@@ -1,0 +1,71 @@
+"""What goes on beside a run: signals that ask it to stop, and its log file."""
+
+from __future__ import annotations
+
+import io
+import logging
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from toolkit.io.errors import OutputError
+from toolkit.io.safe_open import open_file
+
+LOG_FILE = "log.txt"
+
+
+@contextmanager
+def stop_request() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or a termination signal sets; a second one is not held back any more.
+
+    Outside the main thread signals cannot be caught, and the event stays unset.
+    """
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def request(number: int, frame: object) -> None:
+        stop.set()
+        signal.signal(number, before[signal.Signals(number)])
+
+    for number in before:
+        signal.signal(number, request)
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+class _Quiet(logging.StreamHandler):
+    """A log that a full disk cuts short without a word: the rows are what counts, and they say it."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing, where `logging` would print a traceback."""
+
+
+@contextmanager
+def log_file(folder: Path) -> Iterator[None]:
+    """Everything that the toolkit logs meanwhile goes to `log.txt` too."""
+    try:
+        stream = io.TextIOWrapper(open_file(folder / LOG_FILE, "a+b", inside=True), "utf-8", "backslashreplace")
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"cannot write {folder / LOG_FILE}: {reason}; choose a folder that can be written") from error
+    handler = _Quiet(stream)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    root = logging.getLogger("toolkit")
+    level = root.level
+    root.addHandler(handler)
+    root.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        root.setLevel(level)
+        root.removeHandler(handler)
+        with suppress(OSError):  # a full disk: the rows are what counts
+            stream.close()

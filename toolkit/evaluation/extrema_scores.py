@@ -1,0 +1,88 @@
+"""Do the first five geodesic extrema find the five end effectors? (Baak 2013, 5.5.1)"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.landmarks.extrema import geodesic_extrema
+from toolkit.landmarks.graph import grid_graph
+from toolkit.landmarks.landmark_settings import LandmarkSettings
+from toolkit.sensing.cloud import Cloud
+
+FOUND = 0.2
+"""An extremum this near to an end effector has found it, metres."""
+FREE = 0.25
+"""An end effector is free of the body if the way to any other part along the surface is longer, metres."""
+
+TIPS = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
+"""Rows of the five end effectors among the reported joints."""
+
+_INDEX = {name: i for i, name in enumerate(skeleton.REPORTED)}
+
+
+def _limb(tip: str) -> list[str]:
+    if tip == "head":
+        return ["neck", "head"]
+    side, end = tip.split("_")
+    chain = ("shoulder", "elbow", "wrist", "hand") if end == "hand" else ("hip", "knee", "ankle", "foot")
+    return [f"{side}_{name}" for name in chain]
+
+
+def _bones() -> tuple[np.ndarray, np.ndarray]:
+    """Both ends of every bone (B, 2), and the end effector whose limb it belongs to (B,), -1 for the trunk."""
+    bones, owners = [], []
+    for i, tip in enumerate(skeleton.END_EFFECTORS):
+        names = _limb(tip)
+        bones += list(zip(names[:-1], names[1:], strict=True))
+        owners += [i] * (len(names) - 1)
+    trunk = [("pelvis", "neck"), ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")]
+    trunk += [("left_shoulder", "left_hip"), ("right_shoulder", "right_hip")]
+    return np.array([[_INDEX[a], _INDEX[b]] for a, b in bones + trunk]), np.array(owners + [-1] * len(trunk))
+
+
+BONES, OWNERS = _bones()
+
+
+def all_found(extrema: np.ndarray, ends: np.ndarray) -> bool:
+    """Whether each of five end effectors (5, 3) has an extremum (n, 3) of its own within 0.2 m."""
+    from scipy.optimize import linear_sum_assignment
+
+    if len(extrema) < len(ends):
+        return False
+    missed = np.linalg.norm(ends[:, None] - extrema[None], axis=-1) >= FOUND
+    rows, columns = linear_sum_assignment(missed)
+    return not missed[rows, columns].any()
+
+
+def limbs_of_points(points: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    """Index of the end effector whose limb's bone is nearest to each point (N, 3), -1 for the trunk: int64 (N,)."""
+    start, along = joints[BONES[:, 0]], joints[BONES[:, 1]] - joints[BONES[:, 0]]
+    length = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(np.einsum("nbc,bc->nb", points[:, None] - start[None], along) / length, 0.0, 1.0)
+    nearest = start[None] + share[..., None] * along[None]
+    return OWNERS[np.linalg.norm(points[:, None] - nearest, axis=-1).argmin(axis=1)]
+
+
+def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bool:
+    """Whether from each end effector every other part of the body is over 0.25 m away along the cloud's graph.
+
+    A neck is shorter than that, so the head has to be free of the other limbs only.
+
+    Parameters
+    ----------
+    cloud : of the person
+    joints : (20, 3), true joints, level frame, metres
+    """
+    from scipy.sparse.csgraph import dijkstra
+
+    nodes = np.linalg.norm(cloud.points[None] - joints[TIPS][:, None], axis=-1).argmin(axis=1)
+    reached = dijkstra(grid_graph(cloud, settings).matrix(), directed=False, indices=nodes, limit=FREE) <= FREE
+    owners = limbs_of_points(cloud.points.astype(np.float64), joints)
+    foreign = [(owners != i) & ((owners >= 0) | (tip != "head")) for i, tip in enumerate(skeleton.END_EFFECTORS)]
+    return not any((reached[i] & foreign[i]).any() for i in range(len(nodes)))
+
+
+def extrema_found(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bool:
+    """Whether the first five extrema of a cloud are the five end effectors of the true joints (20, 3), level frame."""
+    return all_found(geodesic_extrema(cloud, len(TIPS), settings).points, joints[TIPS])

@@ -1,0 +1,93 @@
+"""Distances between estimated and true joints, and the figures made of them.
+
+Every figure takes all frames of a recording, the first one included. A joint whose truth is unknown (NaN) is left
+out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.io.errors import TrackError
+from toolkit.sensing.camera import Camera
+
+CAP = 1.0
+"""Largest error of a joint that counts, metres: farther away is simply wrong."""
+NEAR = 0.1
+"""A joint within this distance of the true one counts as found, metres: A(100)."""
+LOST_ERROR = 0.2
+"""A frame whose mean error over the joints exceeds this is lost, metres."""
+CURVE = np.arange(0.0, 0.301, 0.005)
+"""Thresholds t at which the accuracy curve A(t) is sampled, metres."""
+HANDS_AND_FEET = np.array([i for i, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("hand", "foot")])
+"""Indices of the two hands and two feet among the reported joints."""
+TRUNK = ("pelvis", "spine", "neck", "head", "left_hip", "right_hip")
+SURFACE_REACH = np.array([0.2 if name in TRUNK else 0.12 for name in skeleton.REPORTED])
+"""How far each joint's centre may lie from the measured surface along z and still be seen, metres: those of the trunk
+lie up to 14 cm inside an average adult, those of the limbs up to 7 cm."""
+SURFACE_WINDOW = 2
+"""Pixels to each side of a joint's projection that are searched for that surface."""
+
+
+def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Distance of every joint to the true one, capped at 1 m: float64 (T, 20), metres, NaN where the truth is unknown.
+
+    Parameters
+    ----------
+    joints, truth : (T, 20, 3), metres, in one frame of reference
+
+    Raises
+    ------
+    TrackError
+        The two have different shapes.
+    """
+    if joints.shape != truth.shape:
+        raise TrackError(f"joints {joints.shape} cannot be compared with {truth.shape}; give one row per frame to both")
+    return np.minimum(np.linalg.norm(np.asarray(joints, np.float64) - truth, axis=-1), CAP)
+
+
+def accuracy(errors: np.ndarray, threshold: float | np.ndarray = NEAR) -> np.ndarray:
+    """A(t): share of the known joints within `threshold` metres, one value per threshold."""
+    known = errors[np.isfinite(errors)]
+    thresholds = np.asarray(threshold, dtype=np.float64)
+    if known.size == 0:
+        return np.full(thresholds.shape, np.nan)
+    return np.searchsorted(np.sort(known), thresholds, side="right") / known.size
+
+
+def accuracy_per_joint(errors: np.ndarray) -> np.ndarray:
+    """A(100) of each joint on its own: float64 (20,)."""
+    return np.array([accuracy(errors[:, j]) for j in range(errors.shape[1])])
+
+
+def frame_errors(errors: np.ndarray) -> np.ndarray:
+    """Mean error of each frame over its known joints: float64 (T,), metres, NaN where none is known."""
+    known = np.isfinite(errors)
+    count = known.sum(axis=1)
+    return np.where(count > 0, np.where(known, errors, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+
+
+def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """Which joints the camera sees: bool (..., 20).
+
+    A joint is seen if a surface is measured within `SURFACE_WINDOW` pixels of its projection and within
+    `SURFACE_REACH` of it along z. Joints outside the image, behind another limb, another person or furniture, or in a
+    hole of the measurement are hidden.
+
+    Parameters
+    ----------
+    joints_camera : (..., 20, 3), metres, true joints of one person or of several; NaN counts as hidden
+    depth_m : float32 (H, W), metres along z, 0 = nothing measured
+    camera : of that image
+    """
+    joints = np.asarray(joints_camera, dtype=np.float64)
+    pixels = np.rint(np.nan_to_num(camera.project(joints), nan=-1.0))
+    inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1)
+    column, row = pixels[inside].astype(np.int64).T
+    padded = np.pad(depth_m, SURFACE_WINDOW)
+    around = np.stack([padded[row + i, column + j] for i, j in np.ndindex(*2 * (2 * SURFACE_WINDOW + 1,))])
+    reach = np.broadcast_to(SURFACE_REACH, inside.shape)[inside]
+    seen = np.zeros(inside.shape, dtype=bool)
+    seen[inside] = ((around > 0) & (np.abs(around - joints[inside, 2]) < reach)).any(axis=0)
+    return seen

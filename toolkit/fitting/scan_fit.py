@@ -1,0 +1,178 @@
+"""A person's own body from views of them in a T-pose: coefficients of the shape space, then offsets (Qammaz, 2.1).
+
+The paper registers a mesh that is made by hand to one scan of four turned views. Here pose and shape are fitted to all
+views at once, and what the shape space does not know is left to offsets of the vertices along their normals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.placed import PlacedBody, Placer
+from toolkit.fitting.refiner import Refiner, mesh_terms
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
+from toolkit.io.errors import BodyError
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+
+WIDE = 200
+"""Pixels of width above which the body is drawn at half the resolution of the image."""
+BEHIND = 0.1
+"""Metres from the surface to the middle of the body."""
+ROUNDS = 60
+"""Times that poses and coefficients are fitted in turn; a limb and the pose of its joint part slowly."""
+FIRST_ITERATIONS, ITERATIONS = 20, 4
+"""Of each pose, in the first round and after it."""
+PRIOR = 3.0
+"""See `ShapeSettings.prior`; every view has far more equations than that."""
+REACH = 0.04
+"""Metres: a measured point farther along the normal is not the vertex's own."""
+FACING = 0.5
+"""Cosine between normal and ray from which on a vertex is measured well enough."""
+MOST = 0.03
+"""Metres, the largest offset."""
+STIFFNESS = 1.0
+"""Pull of a vertex's neighbours against that of one measurement."""
+SWEEPS = 100
+"""Over all vertices, by which the offsets are spread evenly."""
+NARROW = 0.7
+"""Share of the stature that the span of the arms reaches in some view, at least."""
+UNLIKE = 0.08
+"""Relative difference of statures above which the views show different people."""
+
+
+class ScanView(NamedTuple):
+    """One view of a person in a T-pose.
+
+    Attributes
+    ----------
+    cloud : the person's points, level frame
+    yaw : radians by which they are turned to their left, roughly; 0 faces the camera
+    """
+
+    cloud: Cloud
+    yaw: float
+
+
+class Scan(NamedTuple):
+    """What was found.
+
+    Attributes
+    ----------
+    body : the person's own
+    poses : float64 (N, P), of each view, level frame
+    seen : bool (V,), vertices that were measured
+    residual : metres, median distance along the normals of what was measured from the body
+    """
+
+    body: Body
+    poses: np.ndarray
+    seen: np.ndarray
+    residual: float
+
+
+def fit_scan(views: Sequence[ScanView]) -> Scan:
+    """The body of the person in at least two views.
+
+    Raises
+    ------
+    BodyError
+        There are fewer than two views, they show no person, different people, or no person who holds their arms out.
+    """
+    fitting, stature = FittingSettings(), _checked_stature(views)
+    space = ShapeSpace.load()
+    body = space.body(space.typical(stature))
+    placers = [Placer(body, _small(view.cloud), view.cloud.rotation) for view in views]
+    scenes = [Scene(view.cloud, np.zeros((0, 3)), fitting.cloud_samples) for view in views]
+    poses = np.array([_t_pose(body, view) for view in views])
+    shape_settings = ShapeSettings(prior=PRIOR, forgetting=1.0)
+    for k in range(ROUNDS):
+        estimator = ShapeEstimator(body, shape_settings, placers[0], mesh_terms(fitting))
+        for i, (placer, scene) in enumerate(zip(placers, scenes, strict=True)):
+            iterations = FIRST_ITERATIONS if k == 0 else ITERATIONS
+            poses[i] = Refiner(placer, fitting).refine(body, poses[i], scene, iterations=iterations)
+            found = estimator.observe(poses[i], scene, placer)
+        body = found
+    placed = [placer.place(body, pose) for placer, pose in zip(placers, poses, strict=True)]
+    measured, weight = _offsets(placed, [view.cloud for view in views])
+    smooth = _spread(measured, weight, body.faces)
+    own = space.body(body.shape, name="scanned", offsets=smooth)
+    seen = weight > 0
+    return Scan(own, poses, seen, float(np.median(np.abs(measured - smooth)[seen])) if seen.any() else 0.0)
+
+
+def _checked_stature(views: Sequence[ScanView]) -> float:
+    """Stature in metres, after a look at what the views show."""
+    if len(views) < 2:
+        raise BodyError(f"a body cannot be scanned from {len(views)} view; give two or more, of a person who turns")
+    if empty := [i + 1 for i, view in enumerate(views) if len(view.cloud) < 300]:
+        raise BodyError(f"view {empty[0]} shows no person; record a person in a T-pose")
+    extents = np.array([np.ptp(np.percentile(v.cloud.points, [0.2, 99.8], axis=0), axis=0) for v in views])
+    statures = extents[:, 1]
+    if np.ptp(statures) > UNLIKE * statures.max():
+        raise BodyError(
+            f"the views show people of {statures.min():.2f} and {statures.max():.2f} m, or one who is cut off; "
+            "record the whole of one person"
+        )
+    stature = float(np.median(statures))
+    if extents[:, 0].max() < NARROW * stature:
+        raise BodyError(
+            f"the arms span {extents[:, 0].max():.2f} m at most, of a stature of {stature:.2f} m; hold them out to the "
+            "sides in every view, and face the camera in one"
+        )
+    return stature
+
+
+def _small(cloud: Cloud) -> Camera:
+    """The camera of the image that the body is drawn into."""
+    return cloud.camera.subsampled(2) if cloud.camera.width > WIDE else cloud.camera
+
+
+def _t_pose(body: Body, view: ScanView) -> np.ndarray:
+    """The rest pose where the cloud is: the top of the head at its top, the middle of the body behind its surface."""
+    points, pose = view.cloud.points, np.zeros(skeleton.POSE_SIZE)
+    top, middle = np.percentile(points[:, 1], 99.8), np.median(points, axis=0)
+    pose[skeleton.ROOT_POSITION] = middle[0], top - body.vertices[:, 1].max(), middle[2] - BEHIND
+    pose[skeleton.ROOT_ROTATION] = 0.0, view.yaw, 0.0
+    return pose
+
+
+def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
+    """How far the measured surface lies outside each vertex, metres (V,), and the weight of that, 0 = not seen."""
+    total, weight = (np.zeros(len(placed[0].vertices)) for _ in range(2))
+    for one, cloud in zip(placed, clouds, strict=True):
+        vertices, normals = one.vertices, one.normals
+        rays = vertices / np.sqrt((vertices * vertices).sum(axis=1, keepdims=True))
+        cosine = -(normals * rays).sum(axis=1)
+        pixels = np.rint(cloud.camera.project(vertices)).astype(np.int64)
+        inside = ((pixels >= 0) & (pixels < (cloud.camera.width, cloud.camera.height))).all(axis=1)
+        u, v = np.where(inside[:, None], pixels, 0).T
+        z = np.where(inside, cloud.depth[v, u], 0.0).astype(np.float64)
+        at = np.stack([(u - cloud.camera.cx) * z / cloud.camera.fx, (v - cloud.camera.cy) * z / cloud.camera.fy, z], 1)
+        outward = (normals * (at - vertices)).sum(axis=1)
+        use = (z > 0) & (cosine > FACING) & (np.abs(outward) < REACH)
+        total += np.where(use, cosine * outward, 0.0)
+        weight += np.where(use, cosine, 0.0)
+    return np.where(weight > 0, total / np.maximum(weight, 1e-9), 0.0), weight
+
+
+def _spread(measured: np.ndarray, weight: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Smooth offsets (V,) near the measured ones, 0 where nothing was seen, at most `MOST`."""
+    ends = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
+    count = np.bincount(ends.ravel(), minlength=len(measured))
+    smooth = np.where(weight > 0, measured, 0.0)
+    for _ in range(SWEEPS):
+        around = np.zeros(len(measured))
+        np.add.at(around, ends[:, 0], smooth[ends[:, 1]])
+        np.add.at(around, ends[:, 1], smooth[ends[:, 0]])
+        smooth = (weight * measured + STIFFNESS * around) / (weight + STIFFNESS * np.maximum(count, 1))
+        smooth = np.where(weight > 0, np.clip(smooth, -MOST, MOST), 0.0)
+    return smooth

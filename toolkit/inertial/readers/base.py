@@ -1,0 +1,131 @@
+"""What the readers of sensor files share: options, text, tables of numbers, counters that wrap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.io.errors import InertialError
+from toolkit.io.safe_open import open_file, read_file
+from toolkit.io.yaml_reader import LARGEST_TEXT
+
+DEGREE = np.pi / 180.0
+
+
+@dataclass(frozen=True)
+class SensorOptions:
+    """What a reader may be told.
+
+    Attributes
+    ----------
+    format : name of the reader; None guesses by the file
+    columns : CSV only: ours=theirs pairs such as `time_s=t,qw=Q0`, see `readers/table.py`
+    units : CSV only: `gyro=deg/s,acceleration=g,time=ms`; rad/s, m/s2 and s without
+    sensor : name of the sensor in a file that does not say it
+    rate : samples a second in a file that does not say it
+    """
+
+    format: str | None = None
+    columns: str | None = None
+    units: str | None = None
+    sensor: str | None = None
+    rate: float | None = None
+
+
+def read_text(path: Path) -> str:
+    """The file as text.
+
+    Raises
+    ------
+    InertialError
+        It cannot be read, or it is binary.
+    """
+    try:
+        data = read_file(path, LARGEST_TEXT)
+    except OSError as error:
+        raise InertialError(f"cannot read {path}: {error.strerror or error}; check the path") from error
+    if b"\0" in data[:4096]:
+        raise InertialError(f"{path} is binary and no text; is it the exported file?")
+    return data.decode("utf-8-sig", errors="replace")
+
+
+def head_of(path: Path, size: int = 4096) -> str:
+    """The beginning of a file as text; empty where it cannot be read or is binary."""
+    try:
+        with open_file(path) as stream:
+            data = stream.read(size)
+    except OSError:
+        return ""
+    return "" if b"\0" in data else data.decode("utf-8-sig", errors="replace")
+
+
+class Columns:
+    """A table of text cells by column; cells that are empty or no number are NaN."""
+
+    def __init__(self, path: Path, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        self.path = path
+        self.names = [name.strip() for name in names]
+        self._rows = rows
+        if not rows:
+            raise InertialError(f"{path} holds no row below its header; export the recording again")
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def has(self, *names: str) -> bool:
+        """Whether all these columns are there."""
+        return all(name in self.names for name in names)
+
+    def numbers(self, *names: str) -> np.ndarray:
+        """Float64 (N, len(names)).
+
+        Raises
+        ------
+        InertialError
+            A column is missing.
+        """
+        if missing := [name for name in names if name not in self.names]:
+            raise InertialError(f"{self.path} has no column {', '.join(missing)}; it has: {', '.join(self.names)}")
+        places = [self.names.index(name) for name in names]
+        return np.array([[_number(row[p]) if p < len(row) else np.nan for p in places] for row in self._rows])
+
+    def optional(self, *names: str) -> np.ndarray | None:
+        """The same, or None where a column is missing or holds no number at all."""
+        if not self.has(*names):
+            return None
+        values = self.numbers(*names)
+        return values if np.isfinite(values).any() else None
+
+    def texts(self, name: str) -> list[str]:
+        """The cells of a column as they are."""
+        place = self.names.index(name)
+        return [row[place].strip() if place < len(row) else "" for row in self._rows]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
+
+
+def unwrapped(counter: np.ndarray, sizes: Sequence[int] = (1 << 16, 1 << 32)) -> np.ndarray:
+    """A counter (N,) that starts again at zero, as one that does not: the smallest size that holds it is its range.
+
+    Rows that are NaN stay NaN. A step back by less than half the range is left: it is no wrap but disorder.
+    """
+    counter = np.asarray(counter, np.float64)
+    rows = np.flatnonzero(np.isfinite(counter))
+    values = counter[rows]
+    if len(values) < 2:
+        return counter
+    size = next((s for s in sizes if values.max() < s), None)
+    if size is None:
+        return counter
+    turns = np.concatenate([[0], np.cumsum(np.diff(values) < -0.5 * size)])
+    out = counter.copy()
+    out[rows] = values + turns * size
+    return out

@@ -1,0 +1,323 @@
+"""The project's own NPZ files: plain arrays by name with a checksum, written whole or not at all, read without trust.
+
+A file may come from anywhere. Nothing in it is unpickled, no size that it states is believed before the bytes are
+there, and whatever reading raises is turned into one sentence of the caller's error family.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import zipfile
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+
+from toolkit.io.errors import DepthMocapError
+from toolkit.io.files import is_file, save_npz
+from toolkit.io.safe_open import open_file
+
+CHECKSUM = "checksum"
+"""Name of the array that holds the SHA-256 of all others; files of other programs may lack it."""
+PLAIN_KINDS = "biufU"
+"""Kinds of NumPy types that a file may hold: truth values, numbers and text."""
+LARGEST_ARRAYS = 1 << 30
+"""Bytes that the arrays of one file may have together; of what is read as a whole nothing has as many."""
+MOST_ARRAYS = 10_000
+KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
+
+_END_MARK, _END_BYTES, _COUNT, _MANY = b"PK\x05\x06", 22, slice(10, 12), 0xFFFF
+"""Of a zip's last record: how it begins, its bytes before the comment, where the count of files stands in them, and the
+count that says that it stands elsewhere."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What one array must be.
+
+    Attributes
+    ----------
+    kinds : kinds of NumPy types that will do, such as "f", "iu" or "U"
+    shape : its sizes; a name stands for any size, the same wherever it appears; None = any shape
+    low, high : range of every value, both inclusive
+    gaps : NaN and infinity are allowed: unknown
+    optional : None is allowed: there is none
+    """
+
+    kinds: str
+    shape: tuple[int | str, ...] | None = None
+    low: float = -math.inf
+    high: float = math.inf
+    gaps: bool = False
+    optional: bool = False
+
+
+def check_columns(
+    values: Mapping[str, Any], columns: Mapping[str, Column], error: type[DepthMocapError], where: str, hint: str
+) -> None:
+    """Check arrays against what they must be; sizes by name have to agree among them.
+
+    Parameters
+    ----------
+    values : arrays, or what becomes one, by name; a column without a value is not checked
+    columns : what each must be
+    error : what is raised
+    where, hint : what the arrays belong to, and what to do about a bad one, for the message
+
+    Raises
+    ------
+    DepthMocapError
+        An array has another type or shape, a value is not finite or out of range.
+    """
+    sizes: dict[str, int] = {}
+    for name, column in columns.items():
+        if name not in values or (column.optional and values[name] is None):
+            continue
+        array = np.asarray(values[name])
+        if array.dtype.kind not in column.kinds:
+            words = KIND_WORDS.get(column.kinds, "numbers")
+            raise error(f"{name} of {where} is {array.dtype}; it must be {words}; {hint}")
+        if column.shape is not None and not _fits(array.shape, column.shape, sizes):
+            expected = ", ".join(str(sizes.get(s, s) if isinstance(s, str) else s) for s in column.shape)
+            raise error(f"{name} of {where} has shape {array.shape}; expected ({expected}); {hint}")
+        _check_values(array, column, name, error, where, hint)
+
+
+def _fits(shape: tuple[int, ...], expected: tuple[int | str, ...], sizes: dict[str, int]) -> bool:
+    """Whether a shape is the expected one; sizes by name are kept in `sizes` when they are met first."""
+    if len(shape) != len(expected):
+        return False
+    wanted = [
+        sizes.setdefault(want, have) if isinstance(want, str) else want
+        for have, want in zip(shape, expected, strict=True)
+    ]
+    return tuple(wanted) == shape
+
+
+def _check_values(
+    array: np.ndarray, column: Column, name: str, error: type[DepthMocapError], where: str, hint: str
+) -> None:
+    if array.dtype.kind not in "iuf" or not array.size:
+        return
+    usable = array[np.isfinite(array)] if column.gaps and array.dtype.kind == "f" else array
+    if not usable.size:
+        return
+    least, most = float(usable.min()), float(usable.max())
+    if not (math.isfinite(least) and math.isfinite(most)):
+        raise error(f"{name} of {where} holds values that are not finite; {hint}")
+    if least < column.low or most > column.high:
+        wrong = least if least < column.low else most
+        raise error(f"{name} of {where} holds {wrong:g}, outside {column.low:g} to {column.high:g}; {hint}")
+
+
+MOST_LEVELS = 64
+"""Questions from the root of a tree to a leaf."""
+
+
+def check_trees(
+    children: np.ndarray, roots: np.ndarray, leaves: int, error: type[DepthMocapError], where: str, hint: str
+) -> None:
+    """Check that every walk down a forest ends in a leaf, and soon.
+
+    Parameters
+    ----------
+    children : whole numbers (nodes, 2); one that is negative is leaf `-1 - child`
+    roots : whole numbers (trees,), the first node of each tree, or its only leaf
+    leaves : how many there are
+    error, where, hint : as of `check_columns`
+
+    Raises
+    ------
+    DepthMocapError
+        A number leads out of the forest, a node hangs from two others or from itself, or a tree has more than
+        `MOST_LEVELS` levels.
+    """
+    columns = {
+        "children": Column("iu", ("nodes", 2), -leaves, len(children) - 1),
+        "roots": Column("iu", ("trees",), -leaves, len(children) - 1),
+    }
+    check_columns({"children": children, "roots": roots}, columns, error, where, hint)
+    if not leaves or not len(roots):
+        raise error(f"{where} has {len(roots)} trees and {leaves} leaves; {hint}")
+    reached = np.concatenate([children.ravel(), roots]).astype(np.int64)
+    reached = reached[reached >= 0]
+    if len(reached) and np.bincount(reached).max() > 1:
+        raise error(f"a node of {where} hangs from two others; {hint}")
+    level = roots[roots >= 0]
+    for _ in range(MOST_LEVELS):
+        if not len(level):
+            return
+        level = children[level].ravel()
+        level = level[level >= 0]
+    raise error(f"a tree of {where} has more than {MOST_LEVELS} levels; {hint}")
+
+
+def save_archive(path: str | Path, arrays: Mapping[str, Any], *, compressed: bool = True) -> None:
+    """Write named arrays (or what becomes one) and their checksum as one NPZ file, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    plain = {name: _native(np.asarray(value)) for name, value in arrays.items()}
+    save_npz(path, {**plain, CHECKSUM: np.array(checksum_of(plain))}, compressed=compressed)
+
+
+def load_archive(
+    path: str | Path,
+    error: type[DepthMocapError],
+    hint: str,
+    *,
+    only: Collection[str] | None = None,
+    most: int = LARGEST_ARRAYS,
+    inside: bool = False,
+) -> dict[str, np.ndarray]:
+    """Read the arrays of an NPZ file, and compare them with its checksum where it has one.
+
+    Parameters
+    ----------
+    path : the file
+    error : what is raised
+    hint : what to do about a bad file, for the message
+    only : names of the arrays to read, as far as they are there, without regard to the checksum; None = all
+    most : bytes that they may have together; what their headers say is compared before anything is unpacked
+    inside : the file lies in a folder that may come from anywhere, see `toolkit.io.safe_open`
+
+    Raises
+    ------
+    DepthMocapError
+        The file is missing, no NPZ file, damaged, too large, or holds something other than plain arrays.
+    """
+    file = Path(path)
+    with opened(file, error, hint, inside=inside) as archive:
+        wanted = [name for name in _names(archive) if only is None or name in only]
+        size = sum(archive.getinfo(f"{name}.npy").file_size for name in wanted)
+        if size > most:
+            raise error(f"{file} unpacks to {size} bytes, more than the {most} that it could need; {hint}")
+        arrays = {name: _read_whole(archive, name) for name in wanted}
+    stated = arrays.pop(CHECKSUM, None)
+    if stated is not None and str(stated) != checksum_of(arrays):
+        raise error(f"{file} is damaged: its checksum does not fit its content; {hint}")
+    return arrays
+
+
+def archive_names(path: str | Path, error: type[DepthMocapError], hint: str) -> list[str]:
+    """Names of the arrays in an NPZ file; raises as `load_archive`."""
+    with opened(Path(path), error, hint) as archive:
+        return _names(archive)
+
+
+def checksum_of(arrays: Mapping[str, np.ndarray]) -> str:
+    """SHA-256 of names, types, shapes and values, as hexadecimal digits; the order of the names does not matter."""
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        array = np.asarray(arrays[name])
+        digest.update(f"{name}|{array.dtype.str}|{array.shape}|".encode())
+        digest.update(np.ascontiguousarray(array).data if array.dtype.kind != "U" else array.tobytes())
+    return digest.hexdigest()
+
+
+@contextmanager
+def opened(path: Path, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Iterator[zipfile.ZipFile]:
+    """The archive at `path`; whatever reading it raises becomes `error`."""
+    if not is_file(path):
+        raise error(f"there is no file {path}; check the path")
+    with (
+        translated(path, error, hint),
+        open_file(path, inside=inside) as stream,
+        zipfile.ZipFile(stream) as archive,
+    ):
+        _check_count(stream, archive)
+        yield archive
+
+
+def _check_count(stream: IO[bytes], archive: zipfile.ZipFile) -> None:
+    """Raise ValueError where the archive's end states more or fewer files than its directory lists.
+
+    zipfile does not compare them; a wrong length in one entry hides those behind it, and with them the checksum.
+    """
+    stream.seek(-_END_BYTES - len(archive.comment), os.SEEK_END)
+    end = stream.read(_END_BYTES)
+    if not end.startswith(_END_MARK):
+        raise ValueError("something follows its end")
+    stated, listed = int.from_bytes(end[_COUNT], "little"), len(archive.infolist())
+    if stated not in (listed, _MANY):
+        raise ValueError(f"it states {stated} arrays and lists {listed}")
+
+
+@contextmanager
+def translated(path: Path, error: type[DepthMocapError], hint: str) -> Iterator[None]:
+    """Turn whatever reading `path` raises into `error`.
+
+    Every exception is caught on purpose: a damaged archive makes zipfile, zlib, NumPy and the parser of its headers
+    raise more than a dozen kinds, among them MemoryError, RecursionError and NotImplementedError.
+    """
+    try:
+        yield
+    except DepthMocapError:
+        raise
+    except Exception as problem:
+        raise error(f"{path} is damaged, truncated or no NPZ file ({_reason(path, problem)}); {hint}") from problem
+
+
+def _reason(path: Path, problem: Exception) -> str:
+    if isinstance(problem, zipfile.BadZipFile):
+        with open_file(path) as stream:
+            if stream.read(len(npy.MAGIC_PREFIX)) == npy.MAGIC_PREFIX:
+                return "it is a single array"
+    return " ".join(str(problem).split()) or type(problem).__name__
+
+
+def _names(archive: zipfile.ZipFile) -> list[str]:
+    """Names of the arrays in an archive; raises where one stands twice or is called otherwise in its own header."""
+    names = [name.removesuffix(".npy") for name in archive.namelist()]
+    if len(names) > MOST_ARRAYS:
+        raise ValueError(f"it lists {len(names)} arrays, more than {MOST_ARRAYS}")
+    for member in archive.infolist():
+        archive.open(member).close()
+    if len(set(names)) != len(names):
+        raise ValueError("an array stands in it twice")
+    return names
+
+
+def read_header(archive: zipfile.ZipFile, name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, whether stored column by column, and type of the array that `stream` stands at the beginning of.
+
+    Raises
+    ------
+    ValueError
+        The type is not plain, or the sizes are not those of the bytes that follow.
+    """
+    version = npy.read_magic(stream)
+    reader = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, by_column, dtype = reader(stream)
+    if dtype.kind not in PLAIN_KINDS:
+        raise ValueError(f"{name} is of type {dtype}; only numbers and text are read")
+    size = math.prod(shape) * dtype.itemsize
+    stated = archive.getinfo(f"{name}.npy").file_size - stream.tell()
+    if min(shape, default=0) < 0 or size != stated:
+        raise ValueError(f"{name} of shape {shape} needs {size} bytes and has {stated}")
+    return shape, by_column, dtype
+
+
+def _read_whole(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    with archive.open(f"{name}.npy") as stream:
+        shape, by_column, dtype = read_header(archive, name, stream)
+        data = stream.read()  # to the end, so that zipfile compares its CRC
+    array = np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if by_column else "C")
+    array = _native(array)
+    if dtype.kind == "U":
+        array.tolist()  # raises ValueError for what is no text
+    return array
+
+
+def _native(array: np.ndarray) -> np.ndarray:
+    """A copy in this machine's byte order, which compiled code asks for."""
+    return array.astype(array.dtype.newbyteorder("="))

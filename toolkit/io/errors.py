@@ -1,0 +1,68 @@
+"""One family of errors: each says what is wrong, with which value, and what to do."""
+
+from __future__ import annotations
+
+from toolkit.io.display_names import printable
+
+
+class DepthMocapError(Exception):
+    """Base of every error that the toolkit raises on purpose; the command prints it as one sentence.
+
+    Names and values out of files stand in messages; a line break in one of them becomes a space, and what a terminal
+    would obey is written out.
+    """
+
+    def __str__(self) -> str:
+        return printable(" ".join(super().__str__().splitlines()))
+
+
+class UsageError(DepthMocapError):
+    """An argument or a combination of options that cannot work (exit code 2)."""
+
+
+class SettingsError(UsageError):
+    """A settings file or value that is unknown, of the wrong type or out of range."""
+
+
+class RecordingError(DepthMocapError):
+    """A depth recording that cannot be read or used."""
+
+
+class SegmentationError(RecordingError):
+    """No person, or more than one, can be cut out of a depth image."""
+
+
+class MocapError(DepthMocapError):
+    """A motion capture file that cannot be read or used."""
+
+
+class RigError(MocapError):
+    """A skeleton whose joints are not the ones that a map or a feature needs."""
+
+
+class BodyError(DepthMocapError):
+    """A body asset, a shape or a pose vector that does not fit."""
+
+
+class DatabaseError(DepthMocapError):
+    """A pose database that cannot be built, read or used."""
+
+
+class TrackError(DepthMocapError):
+    """A run folder that is missing, unfinished or made by another version."""
+
+
+class RetrievalError(DepthMocapError):
+    """An index, a template, a keyframe query or an annotation that cannot be made or used."""
+
+
+class InertialError(DepthMocapError):
+    """Sensor data, a placement, a clock or a calibration that cannot be read or used."""
+
+
+class ModelError(DepthMocapError):
+    """A detector whose model or runtime is missing, or is not the one that is expected."""
+
+
+class OutputError(DepthMocapError):
+    """A result that cannot be written: no permission, no space, a name already taken."""

@@ -1,0 +1,318 @@
+"""Files: written whole or not at all and never over what they are made from; and shipped ones."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import socket
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.safe_open import is_inside, open_file, read_file
+
+LARGEST_FOLDER = 1_000_000
+"""Files and folders that a recording has at most: a folder with more is a whole disk."""
+LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
+
+
+@contextmanager
+def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; on success it is renamed to `path`, on any failure it is removed.
+
+    The temporary name keeps the suffix of `path`, because writers choose their format by it. A file that shall be
+    `lasting` is on the disk before it takes the place of an older one, so that no loss of power leaves neither.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made or written, or the disk is full.
+    """
+    target = Path(path)
+    if os.path.exists(target) and not is_file(target):
+        raise OutputError(f"cannot write {target}: it is a folder or a device; choose another name")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem[:100]}-", suffix=target.suffix, dir=target.parent)
+        os.close(handle)
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"cannot write {target}: {reason}; choose a folder that can be written") from error
+    temporary = Path(name)
+    try:
+        yield temporary
+        os.chmod(temporary, 0o666 & ~_umask())
+        if lasting:
+            flush_to_disk(temporary, os.O_RDWR)
+        os.replace(temporary, target)
+        if lasting and os.name == "posix":
+            flush_to_disk(target.parent, os.O_RDONLY)
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"cannot write {target}: {reason}; free some space or choose another folder") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def flush_to_disk(path: Path, flags: int) -> None:
+    """Wait until what was written to a file, or the names in a folder, would outlast a loss of power."""
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def save_npz(path: str | Path, arrays: dict[str, Any], *, compressed: bool = True) -> None:
+    """Write named arrays as one NPZ file, whole or not at all."""
+    writer = np.savez_compressed if compressed else np.savez
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        writer(stream, **arrays)
+
+
+def save_text(path: str | Path, text: str) -> None:
+    """Write a text file (UTF-8), whole or not at all."""
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(text.encode("utf-8", "backslashreplace"))  # names of files may be no UTF-8
+
+
+def save_bytes(path: str | Path, data: bytes) -> None:
+    """Write what can be drawn again, such as a picture, whole or not at all."""
+    with atomic_path(path, lasting=False) as temporary:
+        temporary.write_bytes(data)
+
+
+def save_json(path: str | Path, value: Any) -> None:
+    """Write JSON with two spaces of indent, whole or not at all; arrays and NumPy scalars are converted."""
+    save_text(path, json.dumps(value, indent=2, default=_plain) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"cannot write {type(value).__name__} as JSON")
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether there is an ordinary file at `path`: no folder, pipe or device, and no name too long to exist."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: str | Path) -> bool:
+    """Whether there is a folder at `path`, whatever the name looks like."""
+    try:
+        return Path(path).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def check_output(output: str | Path, inputs: Iterable[str | Path], *, sealed: Iterable[str | Path] = ()) -> Path:
+    """Refuse an output that would damage what it is made from, before anything is written.
+
+    Parameters
+    ----------
+    output : the file or folder that will be written
+    inputs : files and folders that are read: the output must neither be nor hold one of them
+    sealed : those of the inputs into which nothing may be written either, such as a recording's folder of images,
+        whose files are its identity
+
+    Returns
+    -------
+    `output` as a path
+
+    Raises
+    ------
+    UsageError
+        The output is an input, holds one, or lies in a sealed one.
+    """
+    target = _place(output)
+    for given in inputs:
+        source = _place(given)
+        if source == target or _same_file(source, target):
+            raise UsageError(f"{output} is read and would be overwritten; choose another output")
+        if target in source.parents:
+            raise UsageError(f"the output {output} holds {given}, which is read; choose another output")
+    for given in sealed:
+        if _place(given) in target.parents:
+            raise UsageError(f"the output {output} lies inside {given}, which is read; choose a place outside of it")
+    return Path(output)
+
+
+def _place(path: str | Path) -> Path:
+    """Where a path leads, links followed as far as they exist."""
+    try:
+        return Path(path).resolve()
+    except (OSError, RuntimeError, ValueError):  # links in a circle, a name too long, a null character
+        return Path(os.path.abspath(path))
+
+
+def _same_file(a: Path, b: Path) -> bool:
+    try:
+        return a.samefile(b)
+    except (OSError, ValueError):
+        return False
+
+
+def free_folder(path: str | Path) -> Path:
+    """Where intermediate files may lie: `path`, or `path`-2, ... while that is not ours; nothing is made yet."""
+    wanted, number = Path(path), 1
+    folder = wanted
+    while os.path.lexists(folder) and not _is_own(folder):
+        number += 1
+        folder = wanted.with_name(f"{wanted.name}-{number}")
+    return folder
+
+
+def _is_own(folder: Path) -> bool:
+    return not folder.is_symlink() and is_inside(folder / OWN_MARK)
+
+
+def make_own_folder(path: str | Path) -> None:
+    """Make a folder and mark it as the toolkit's own, which may be removed with all that it holds.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        open_file(folder / OWN_MARK, "a+b", inside=True).close()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {folder}: {error.strerror or error}; choose a folder that can be written"
+        ) from error
+
+
+def remove_own_folder(path: str | Path) -> None:
+    """Remove a folder that `make_own_folder` made, with all that it holds; any other one stays as it is."""
+    if _is_own(Path(path)):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+@contextmanager
+def locked(folder: str | Path) -> Iterator[None]:
+    """Hold a folder for this process alone; the lock ends with the process, however that ends.
+
+    Raises
+    ------
+    OutputError
+        Another process holds it (the message names it), or the folder cannot be written.
+    """
+    from filelock import FileLock, Timeout
+
+    if is_file(folder):
+        raise OutputError(f"{folder} is a file; name a folder")
+    path, owner = Path(folder) / LOCK_FILE, Path(folder) / OWNER_FILE
+    lock = FileLock(path, mode=0o666)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if os.path.lexists(path):  # neither a link nor another's file, which the lock might cut
+            open_file(path, "a+b", inside=True).close()
+        lock.acquire(blocking=False)
+        with open_file(owner, "w+b", inside=True) as stream:
+            stream.write(f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+    except Timeout:
+        raise OutputError(f"{path.parent} is being written by {_owner(owner)}; wait until it has ended") from None
+    except OSError as error:
+        lock.release()
+        raise OutputError(
+            f"cannot write {path}: {error.strerror or error}; choose a folder that can be written"
+        ) from error
+    try:
+        yield
+    finally:
+        for file in (owner, path):  # while the lock is held; Windows keeps a file that is open until the lock is gone
+            with suppress(OSError):
+                file.unlink()
+        lock.release()
+
+
+def _owner(path: Path) -> str:
+    """Who holds a lock: the text of a second file, because Windows lets no process read the locked one."""
+    try:
+        return read_file(path, 1000, inside=True).decode("utf-8", "replace").strip() or "another process"
+    except OSError:
+        return "another process"
+
+
+def sha256_of(path: str | Path) -> str:
+    """SHA-256 of a file, or of the sorted names and contents of a folder's files, as hexadecimal digits."""
+    root, digest = Path(path), hashlib.sha256()
+    folder = root.is_dir()
+    for file in _files_below(root) if folder else [root]:
+        if folder:
+            digest.update(os.fsencode(file.relative_to(root)))
+        with open_file(file, inside=folder) as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
+
+
+def link_out_of(folder: str | Path) -> Path | None:
+    """The first link below a folder that leads to something outside of it or to nothing; None where there is none."""
+    root, count = Path(folder).resolve(), 0
+    for place, folders, files in os.walk(root):
+        count += len(folders) + len(files)
+        if count > LARGEST_FOLDER:
+            raise UsageError(f"{folder} holds more than {LARGEST_FOLDER} files, as no recording does; name a recording")
+        for name in sorted([*folders, *files]):
+            path = Path(place) / name
+            if path.is_symlink() and (not path.exists() or root not in path.resolve().parents):
+                return path
+    return None
+
+
+def _files_below(folder: Path) -> list[Path]:
+    """The ordinary files below a folder, sorted; links are left out.
+
+    Raises
+    ------
+    UsageError
+        There are more than any recording has.
+    """
+    found = list(islice(folder.rglob("*"), LARGEST_FOLDER + 1))
+    if len(found) > LARGEST_FOLDER:
+        raise UsageError(f"{folder} holds more than {LARGEST_FOLDER} files, as no recording does; name a recording")
+    return sorted(p for p in found if is_inside(p))
+
+
+def shipped(*parts: str) -> Path:
+    """Path of a file under `configs/`, in a checkout as well as in an installed wheel.
+
+    Raises
+    ------
+    UsageError
+        There is no such file; the message lists the ones that exist beside it.
+    """
+    package = Path(__file__).parents[1]
+    roots = [package / "configs", package.parent / "configs"]
+    for root in roots:
+        if (candidate := root.joinpath(*parts)).exists():
+            return candidate
+    folder = next((r.joinpath(*parts).parent for r in roots if r.joinpath(*parts).parent.is_dir()), roots[-1])
+    files = sorted(p.name for p in folder.iterdir() if p.is_file()) if folder.is_dir() else []
+    present = ", ".join(files) or "none"
+    raise UsageError(f"no shipped file {'/'.join(parts)}; there are: {present}")

@@ -1,0 +1,107 @@
+"""Numeric arrays of MATLAB files of level 5, read with every length and checksum looked at before it is believed.
+
+SciPy's reader decodes a compressed variable while it is inflated, before its checksum is known, and a damaged one can
+end the process. Here a variable is inflated whole, and what does not fit its own lengths is an error.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.io.errors import DepthMocapError
+from toolkit.io.safe_open import read_file
+
+HEADER = 128
+"""Bytes before the first variable; the last two tell the order of bytes."""
+LARGEST = 1 << 31
+"""Bytes of a file, and of an inflated variable, at most."""
+INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
+NUMBERS = {
+    1: "i1", 2: "u1", 3: "i2", 4: "u2", INT32: "i4", UINT32: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
+}  # fmt: skip
+"""Types of stored numbers."""
+CELL, FIRST_NUMERIC, LAST_NUMERIC = 1, 6, 15
+"""Classes of variables; numbers are stored in the smallest type that holds them, whatever the class."""
+COMPLEX = 0x0800
+DEEPEST = 4
+"""Levels of cells in cells, at most: sensor files have tables in cells, and no deeper."""
+
+Variable = np.ndarray | list[np.ndarray]
+
+
+def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Variable]:
+    """Variables of a file by name: arrays in the type in which they are stored, and cells of them as lists.
+
+    Text, structures, sparse and complex arrays are left out.
+
+    Raises
+    ------
+    error
+        The file is missing, damaged, or of another level (before 5, or 7.3, which is HDF5).
+    """
+    try:
+        return dict(_variables(read_file(path, LARGEST)))
+    except (OSError, ValueError, struct.error, zlib.error) as problem:
+        reason = problem.strerror if isinstance(problem, OSError) else problem
+        raise error(f"{path} is truncated or no MATLAB file ({reason}); copy it again") from problem
+
+
+def _variables(content: bytes) -> Iterator[tuple[str, Variable]]:
+    order = {b"IM": "<", b"MI": ">"}.get(content[HEADER - 2 : HEADER])
+    if order is None:
+        raise ValueError("it is not of level 5")
+    for kind, data in _elements(content[HEADER:], order):
+        if kind == COMPRESSED:
+            ((kind, data),) = _elements(_inflated(data), order)
+        if kind == MATRIX:
+            yield from _matrix(data, order)
+
+
+def _inflated(data: bytes) -> bytes:
+    stream = zlib.decompressobj()
+    content = stream.decompress(data, LARGEST)
+    if not stream.eof:
+        raise ValueError("a variable is cut short or too large")
+    return content
+
+
+def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Types and contents of what stands one after the other."""
+    at = 0
+    while at < len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        if kind >> 16:  # up to four bytes stand in the place of the size
+            kind, size, start, end = kind & 0xFFFF, kind >> 16, at + 4, at + 8
+            if size > 4:
+                raise ValueError("a short element is longer than its place")
+        else:
+            start = at + 8
+            end = start + size if kind == COMPRESSED else start + -(-size // 8) * 8
+        if start + size > len(data):
+            raise ValueError("an element is longer than the file")
+        yield kind, data[start : start + size]
+        at = end
+
+
+def _matrix(data: bytes, order: str, depth: int = 0) -> Iterator[tuple[str, Variable]]:
+    """Name and value of a variable in `depth` cells; nothing where it holds no numbers."""
+    if depth > DEEPEST:
+        raise ValueError(f"its cells lie more than {DEEPEST} deep in each other")
+    elements = list(_elements(data, order))
+    if len(elements) < 3 or (elements[0][0], elements[1][0]) != (UINT32, INT32):
+        raise ValueError("a variable has no flags, shape and name")
+    flags = struct.unpack_from(f"{order}I", elements[0][1])[0]
+    shape = np.frombuffer(elements[1][1], f"{order}i4").tolist()
+    name, parts = elements[2][1].decode("ascii"), elements[3:]
+    if flags & 0xFF == CELL:
+        cells = [value for _, part in parts for _, value in _matrix(part, order, depth + 1)]
+        yield name, [cell for cell in cells if isinstance(cell, np.ndarray)]
+    elif FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & COMPLEX:
+        if len(parts) != 1 or parts[0][0] not in NUMBERS or min(shape, default=-1) < 0:
+            raise ValueError(f"the variable {name!r} holds something else than numbers")
+        yield name, np.frombuffer(parts[0][1], order + NUMBERS[parts[0][0]]).reshape(shape, order="F")

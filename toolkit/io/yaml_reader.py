@@ -1,0 +1,132 @@
+"""Text, JSON, YAML and tables, read without trust: of a bounded size, plain values only, errors of one sentence."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+from toolkit.io.errors import DepthMocapError
+from toolkit.io.safe_open import read_file
+
+LARGEST_TEXT = 1 << 28
+"""Bytes: a larger file is no table or motion, and would only fill the memory."""
+LARGEST_JSON, LARGEST_YAML = 1 << 24, 1 << 18
+"""Bytes of notes and of settings, which take many times as much memory, and YAML a second for each hundred thousand."""
+MOST_DIGITS = 300
+"""Of a whole number in a text; a float holds no more."""
+
+
+def read_text(
+    path: str | Path,
+    error: type[DepthMocapError],
+    hint: str,
+    *,
+    encoding: str = "utf-8",
+    errors: Literal["strict", "replace"] = "strict",
+    most: int = LARGEST_TEXT,
+    inside: bool = False,
+) -> str:
+    """The text of an ordinary file of at most so many bytes, a byte order mark left out.
+
+    `inside` of a folder that may come from anywhere it is no link, see `toolkit.io.safe_open`.
+
+    Raises
+    ------
+    DepthMocapError
+        `error`, with `hint` for what to do: there is no such file, it is no ordinary one, is no text, or is too large.
+    """
+    try:
+        return read_file(path, most, inside=inside).decode(encoding, errors).removeprefix("\ufeff")
+    except FileNotFoundError as problem:
+        raise error(f"there is no file {path}; {hint}") from problem
+    except (OSError, ValueError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise error(f"cannot read {path}: {reason}; {hint}") from problem
+
+
+def read_json(path: str | Path, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Any:
+    """The value of a JSON file; raises as `read_text`, and for what is no JSON."""
+    return parse_json(read_text(path, error, hint, most=LARGEST_JSON, inside=inside), str(path), error, hint)
+
+
+def read_yaml(path: str | Path, where: str, error: type[DepthMocapError], hint: str) -> Any:
+    """The value of a YAML file, called `where` in messages; raises as `read_text`, and for what is no plain YAML."""
+    return parse_yaml(read_text(path, error, hint, most=LARGEST_YAML), where, error, hint)
+
+
+def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
+    """The value of a JSON text. NaN and Infinity, which JSON does not know, are refused, and so are endless nesting and
+    numbers that no float holds.
+    """
+    try:
+        return json.loads(text, parse_constant=_no_constant, parse_int=_whole, parse_float=_finite)
+    except (ValueError, RecursionError) as problem:
+        raise error(f"{where} is no JSON ({problem}); {hint}") from problem
+
+
+def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
+    """The value of a YAML text of plain values.
+
+    Dates and numbers that cannot be, endless nesting, and aliases, of which few lines make gigabytes, are refused.
+    """
+    import yaml
+
+    try:
+        return yaml.load(text, _plain_yaml())  # a safe loader
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:
+        raise error(f"{where} is no YAML ({' '.join(str(problem).split())}); {hint}") from problem
+
+
+@cache
+def _plain_yaml() -> Any:
+    """The safe loader, which also refuses aliases and whole numbers that no float holds."""
+    import yaml
+
+    class Plain(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.events.AliasEvent):
+                raise ValueError("it holds an alias (*); write the value out")
+            return super().compose_node(parent, index)
+
+        def construct_yaml_int(self, node: Any) -> int:
+            value = super().construct_yaml_int(node)
+            if abs(value) >= 10**MOST_DIGITS:
+                raise ValueError(f"a number of more than {MOST_DIGITS} digits")
+            return value
+
+    Plain.add_constructor("tag:yaml.org,2002:int", Plain.construct_yaml_int)
+    return Plain
+
+
+def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> list[dict[str, str]]:
+    """The rows of a CSV file whose first line names the columns; raises as `read_text`, and for what is no CSV."""
+    text = read_text(path, error, hint)
+    try:
+        rows = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as problem:
+        raise error(f"{path} is no CSV ({problem}); {hint}") from problem
+    if not rows:
+        raise error(f"{path} is empty; {hint}")
+    return [dict(zip(rows[0], row, strict=False)) for row in rows[1:] if row]
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    if math.isinf(value):
+        raise ValueError(f"{digits[:20]} is more than a float holds")
+    return value
+
+
+def _no_constant(word: str) -> None:
+    raise ValueError(f"{word} is no number")

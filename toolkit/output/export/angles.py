@@ -1,0 +1,128 @@
+"""Joint angles as a table, and as motion and markers for OpenSim."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.io.files import save_text
+from toolkit.motion.angles import COLUMNS, ISB_AXES, JOINTS, SAGITTAL, joint_angles, segment_rotations, sequence_angles
+from toolkit.tracks import STATE_NAMES
+from toolkit.tracks.runs import Person
+
+PELVIS_TO_HIPS = np.array([-0.0563, -0.0786, 0.0])
+"""Metres, ISB axes: from the origin of the generic model's pelvis (between its spines) to the middle of its hips."""
+GENERIC_STATURE = 1.70
+"""Metres, of that model (Rajagopal 2016)."""
+MARKERS: dict[str, tuple[str, tuple[float, float, float]]] = {
+    "pelvis": ("pelvis", (-0.0563, -0.0786, 0.0)),
+    "spine": ("torso", (0.0, 0.09, 0.0)),
+    "neck": ("torso", (0.0032, 0.3715, 0.0)),
+    "head": ("torso", (0.02, 0.60, 0.0)),
+    "hip": ("pelvis", (-0.0563, -0.0786, 0.0773)),
+    "knee": ("tibia", (0.0, 0.0, 0.0)),
+    "ankle": ("talus", (0.0, 0.0, 0.0)),
+    "foot": ("toes", (0.0, 0.0, 0.0)),
+    "shoulder": ("torso", (0.0032, 0.3715, 0.17)),
+    "elbow": ("humerus", (0.0131, -0.2863, -0.0096)),
+    "wrist": ("hand", (0.0, 0.0, 0.0)),
+    "hand": ("hand", (0.0, -0.085, 0.0)),
+}
+"""Our joints, those of the right side, as markers: body of OpenSim's generic model (Rajagopal 2016) and place in it."""
+
+
+def export_angles(path: str | Path, person: Person) -> None:
+    """Write the ISB angles as CSV: `time_s`, `state`, a column `<joint>_<motion>_<sequence>_deg` for each angle, then
+    `<joint>_locked`, 1 where a sequence is at its singular pose and only the sum of first and third angle is known.
+
+    Where no person is there the angles are blank.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    track = person.track
+    found = joint_angles(person.body, track.pose, person.there)
+    lines = [",".join(["time_s", "state", *COLUMNS, *(f"{joint.joint}_locked" for joint in JOINTS)])]
+    for i, (time, here) in enumerate(zip(track.timestamps.tolist(), person.there.tolist(), strict=True)):
+        values = [f"{value:.4f}" if here else "" for value in found.degrees[i].tolist()]
+        flags = [str(int(flag)) if here else "" for flag in found.locked[i].tolist()]
+        lines.append(",".join([f"{time:.6f}", STATE_NAMES[track.state[i]], *values, *flags]))
+    save_text(path, "\n".join(lines) + "\n")
+
+
+def export_mot(path: str | Path, person: Person) -> None:
+    """Write the motion as OpenSim coordinates (`.mot`), and `<stem>_markers.xml`, the markers of an exported `.trc`.
+
+    Names and signs are those of the generic full-body model (Rajagopal 2016): ground X forwards of a person who faces
+    the camera, Y up, Z to their right; degrees and metres. Frames in which no person is there are left out.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    """
+    rows = np.flatnonzero(person.there)
+    columns = {"time": person.times[rows]} | coordinates(person, rows)
+    head = [
+        "Coordinates", "version=1", f"nRows={len(rows)}", f"nColumns={len(columns)}", "inDegrees=yes", "",
+        "Units are S.I. units (second, meters, Newtons, ...)", "Angles are in degrees.", "", "endheader",
+        "\t".join(columns),
+    ]  # fmt: skip
+    body = ["\t".join(f"{value:.8f}" for value in row) for row in np.column_stack(list(columns.values())).tolist()]
+    save_text(path, "\n".join([*head, *body]) + "\n")
+    target = Path(path)
+    save_text(target.with_name(f"{target.stem}_markers.xml"), marker_set())
+
+
+def coordinates(person: Person, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Coordinates of the generic model by name, (N,) each: degrees, metres."""
+    poses = person.track.pose[rows]
+    turned, known = segment_rotations(person.body, poses), np.ones(len(rows), dtype=bool)
+
+    def angles(parent: str, child: str, *, left: bool = False) -> np.ndarray:
+        relative = turned[child] if not parent else turned[parent].transpose(0, 2, 1) @ turned[child]
+        if left:
+            relative = SAGITTAL @ relative @ SAGITTAL
+        return np.degrees(sequence_angles(relative, "ZXY", known)[0])
+
+    pelvis = angles("", "root")
+    hips = poses[:, skeleton.ROOT_POSITION] @ ISB_AXES
+    place = hips - turned["root"] @ PELVIS_TO_HIPS * person.body.height / GENERIC_STATURE
+    found = dict(zip(("pelvis_tilt", "pelvis_list", "pelvis_rotation"), pelvis.T, strict=True))
+    found |= dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), place.T, strict=True))
+    for side in ("right", "left"):
+        s, left = side[0], side == "left"
+        hip, shoulder = angles("root", f"{side}_hip", left=left), angles("thorax", f"{side}_shoulder", left=left)
+        ankle = angles(f"{side}_knee", f"{side}_ankle", left=left)
+        found |= dict(zip((f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}"), hip.T, strict=True))
+        found[f"knee_angle_{s}"] = -angles(f"{side}_hip", f"{side}_knee", left=left)[:, 0]
+        found |= dict(zip((f"ankle_angle_{s}", f"subtalar_angle_{s}"), ankle[:, :2].T, strict=True))
+        found |= dict(zip((f"arm_flex_{s}", f"arm_add_{s}", f"arm_rot_{s}"), shoulder.T, strict=True))
+        found[f"elbow_flex_{s}"] = angles(f"{side}_shoulder", f"{side}_elbow", left=left)[:, 0]
+    found |= dict(
+        zip(("lumbar_extension", "lumbar_bending", "lumbar_rotation"), angles("root", "thorax").T, strict=True)
+    )
+    return found
+
+
+def marker_set() -> str:
+    """An OpenSim marker set with the names of our joints, as an exported `.trc` has them."""
+    lines = ['<?xml version="1.0" encoding="UTF-8" ?>', '<OpenSimDocument Version="40000">']
+    lines += ['\t<MarkerSet name="depthmocap">', "\t\t<objects>"]
+    for name in skeleton.REPORTED:
+        side, _, part = name.rpartition("_")
+        body, (x, y, z) = MARKERS[part]
+        parent = f"{body}_{side[0]}" if side and body not in ("pelvis", "torso") else body
+        place = f"{x:g} {y:g} {-z if side == 'left' else z:g}"
+        lines += [
+            f'\t\t\t<Marker name="{name}">',
+            f"\t\t\t\t<socket_parent_frame>/bodyset/{parent}</socket_parent_frame>",
+            f"\t\t\t\t<location>{place}</location>",
+            "\t\t\t\t<fixed>false</fixed>",
+            "\t\t\t</Marker>",
+        ]
+    return "\n".join([*lines, "\t\t</objects>", "\t\t<groups />", "\t</MarkerSet>", "</OpenSimDocument>"]) + "\n"

@@ -1,0 +1,90 @@
+"""Poses of our body as BVH, for animation tools, under the joint names that these tools know."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.io.errors import UsageError
+from toolkit.io.files import save_text
+from toolkit.output.export.tree import OWN, JointTree, tree_of
+
+UNITS_PER_METRE = 100.0
+"""Centimetres, as animation tools expect."""
+EULER_ORDER = "ZXY"
+"""Order in which a joint's channels turn it: Z, then X, then Y about the turned axes."""
+
+
+def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: float, *, rig: str = OWN) -> None:
+    """Write poses as BVH: the body's T-pose as rest pose, constant bone lengths, three Euler channels per joint.
+
+    World y up, centimetres, degrees. Ends of limbs are end sites. The file is written whole or not at all.
+
+    Parameters
+    ----------
+    path : the file
+    body : the body whose bones are written
+    poses : float64 (T, P), in a y-up frame (`track.pose` or `PoseClip.poses`), T at least 1
+    frame_rate : frames a second
+    rig : whose joint names and hierarchy are written, see `tree.tree_of`
+
+    Raises
+    ------
+    BodyError
+        The poses have another length than the body's or a value is not finite.
+    UsageError
+        There are no poses or the frame rate is not positive.
+    RigError
+        The rig is unknown.
+    OutputError
+        The file cannot be written.
+    """
+    poses = skeleton.check_pose(np.atleast_2d(poses))
+    if len(poses) == 0 or not frame_rate > 0:
+        raise UsageError(f"cannot export {len(poses)} poses at {frame_rate} frames a second; both must be positive")
+    tree = tree_of(body, rig)
+    lines, order = ["HIERARCHY"], list[int]()
+    _write_joint(tree, 0, 0, lines, order)
+    lines += ["MOTION", f"Frames: {len(poses)}", f"Frame Time: {1.0 / frame_rate:.9f}"]
+    positions = poses[:, skeleton.ROOT_POSITION] * UNITS_PER_METRE
+    rows = io.StringIO()
+    np.savetxt(rows, np.concatenate([positions, _euler_degrees(tree.vectors(poses)[:, order])], axis=1), fmt="%.5f")
+    save_text(path, "\n".join(lines) + "\n" + rows.getvalue())
+
+
+def _write_joint(tree: JointTree, joint: int, depth: int, lines: list[str], order: list[int]) -> None:
+    """Append a joint and all below it to the HIERARCHY section, and the joints in file order to `order`."""
+    pad = "\t" * depth
+    root = tree.parents[joint] < 0
+    channels = [f"{axis}rotation" for axis in EULER_ORDER]
+    if root:
+        channels = ["Xposition", "Yposition", "Zposition", *channels]
+    lines += [
+        f"{pad}{'ROOT' if root else 'JOINT'} {tree.names[joint]}",
+        pad + "{",
+        f"{pad}\tOFFSET {_centimetres(tree.offsets[joint])}",
+        f"{pad}\tCHANNELS {len(channels)} {' '.join(channels)}",
+    ]
+    order.append(joint)
+    for child in np.flatnonzero(tree.parents == joint):
+        _write_joint(tree, int(child), depth + 1, lines, order)
+    if joint in tree.tips:
+        tip = _centimetres(tree.tips[joint] - tree.rest[joint])
+        lines += [f"{pad}\tEnd Site", pad + "\t{", f"{pad}\t\tOFFSET {tip}", pad + "\t}"]
+    lines.append(pad + "}")
+
+
+def _centimetres(vector: np.ndarray) -> str:
+    return " ".join(f"{value * UNITS_PER_METRE:.6f}" for value in vector)
+
+
+def _euler_degrees(vectors: np.ndarray) -> np.ndarray:
+    """Euler angles (T, 3 N), degrees, of rotation vectors (T, N, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    angles = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_euler(EULER_ORDER, degrees=True)
+    return angles.reshape(len(vectors), -1)

@@ -1,0 +1,93 @@
+"""JSON as the offline processor of the Azure Kinect body tracking SDK writes it, for analysis scripts made for that."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import k4abt
+from toolkit.io.errors import UsageError
+from toolkit.io.files import save_text
+from toolkit.sensing.camera import rotated_points
+from toolkit.tracks import EMPTY, TRACKED
+from toolkit.tracks.runs import Person
+
+MILLIMETRES, MICROSECONDS = 1000.0, 1e6
+DECIMALS, QUATERNION_DECIMALS = 4, 8
+"""Of millimetres, and of the numbers of a unit quaternion."""
+NONE, LOW, MEDIUM = 0, 1, 2
+"""The SDK's confidence levels; it never gives its fourth, high."""
+SURE, GUESSED = 0.5, 0.1
+"""Calibrated probabilities from which on a joint that was observed is MEDIUM, and below which one is NONE."""
+
+
+def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
+    """Write all people as the SDK's offline processor does: depth camera frame, millimetres, quaternions w, x, y, z.
+
+    `frames` holds every frame of the recording; `bodies` those who are there in it, `body_id` their number in
+    `people.json`. `confidence_level` (none 0, low 1, medium 2), which the SDK knows and its processor leaves out, is
+    added to each body. A person who is lost is written with confidences of at most low. Where the images were turned
+    upright (`--rotate`) the frame is still that of the camera as it stood, as the SDK's is.
+
+    Raises
+    ------
+    UsageError
+        The tracks have different lengths.
+    OutputError
+        The file cannot be written.
+    """
+    lengths = {len(person.track) for person in people}
+    if len(lengths) > 1:
+        raise UsageError(f"the tracks have {sorted(lengths)} frames; a k4abt file holds people of one recording")
+    times = np.rint(people[0].track.timestamps * MICROSECONDS).astype(np.int64)
+    times -= min(0, int(times[0]))  # the SDK's are unsigned
+    bodies = [_bodies(person) for person in people]
+    frames = []
+    for i, time in enumerate(times.tolist()):
+        here = [rows[i] for rows in bodies if rows[i] is not None]
+        frames.append({"bodies": here, "frame_id": i, "num_bodies": len(here), "timestamp_usec": time})
+    document = {
+        "bone_list": k4abt.BONES,
+        "frames": frames,
+        "joint_names": k4abt.NAMES,
+        "k4abt_sdk_version": "1.1.2",
+        "source_file": people[0].recording or "",
+    }
+    save_text(path, json.dumps(document, allow_nan=False) + "\n")
+
+
+def _bodies(person: Person) -> list[dict[str, Any] | None]:
+    """The person in every frame, None where no person is there."""
+    from scipy.spatial.transform import Rotation
+
+    track, there = person.track, np.flatnonzero(person.track.state != EMPTY)
+    placed = k4abt.place(person.body, track.pose[there])
+    upright = rotated_points(np.eye(3), person.turns)  # rows are the images of the axes of the camera as it stood
+    R_camera_level = upright @ person.R_level_camera.T
+    positions = np.round(placed.positions @ R_camera_level.T * MILLIMETRES, DECIMALS)
+    turns = R_camera_level @ placed.frames
+    quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat()[:, [3, 0, 1, 2]]
+    quaternions = np.round(quaternions, QUATERNION_DECIMALS).reshape(len(there), len(k4abt.NAMES), 4)
+    levels = confidence_levels(person)[there]
+    rows: list[dict[str, Any] | None] = [None] * len(track)
+    for k, i in enumerate(there.tolist()):
+        rows[i] = {
+            "body_id": person.id,
+            "confidence_level": levels[k].tolist(),
+            "joint_orientations": quaternions[k].tolist(),
+            "joint_positions": positions[k].tolist(),
+        }
+    return rows
+
+
+def confidence_levels(person: Person) -> np.ndarray:
+    """int64 (T, 32): the SDK's levels of the 32 joints, by probability and visibility of the nearest of ours."""
+    track = person.track
+    likely, seen = track.confidence[:, k4abt.WITNESS], track.observed[:, k4abt.WITNESS]
+    levels = np.where(likely < GUESSED, NONE, LOW)
+    levels[(likely >= SURE) & seen & (track.state == TRACKED)[:, None]] = MEDIUM
+    return levels

@@ -1,0 +1,172 @@
+"""Which pixel of a recording is whose: the body index map, and the clouds of people that are cut out by it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.io.errors import UsageError
+from toolkit.io.files import atomic_path
+from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
+from toolkit.people.survey import find_people, find_person
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracks.runs import Person
+
+BACKGROUND = 255
+"""Value of background pixels, that of the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
+MILLIMETRES = 1000.0
+REACH = 0.35
+"""Metres, median, within which the points of a sighting are from the joints of its person."""
+CONTOUR, ROUNDS = 60, 2
+"""Millimetres of depth between neighbouring pixels of one person, at most, and pixels that a contour is wide."""
+SAMPLES = 300
+"""Points of a sighting that decide whose it is."""
+HEAD = skeleton.REPORTED.index("head")
+
+
+class LabelledFrame(NamedTuple):
+    """One frame: number, depth uint16 (H, W) in millimetres, and labels uint8 (H, W), ids of people or `BACKGROUND`."""
+
+    number: int
+    depth: np.ndarray
+    labels: np.ndarray
+
+
+def labelled_frames(
+    people: Sequence[Person], recording: Recording, sensing: SensingSettings, *, several: bool
+) -> Iterator[LabelledFrame]:
+    """The frames of a recording with whose each measured pixel is, by the ids of `people.json`.
+
+    The people are cut out as they were for the tracker, but at full resolution and with the contour that its cleaning
+    takes away; those who touch share their pixels by the tracked bodies of the frame before. No person has pixels in
+    frames in which they are not there.
+
+    Raises
+    ------
+    UsageError
+        An id does not fit into 8 bits.
+    """
+    if max(person.id for person in people) >= BACKGROUND:
+        raise UsageError(f"a body index map has room for {BACKGROUND - 1} people; this run has more")
+    whole = replace(sensing, half_resolution=False)
+    finder: PeopleFinder
+    if several:
+        finder = find_people(recording, whole)
+    else:
+        finder = find_person(recording, whole)
+    lookup = _pixels_of(recording.camera, finder.camera)
+    frames = min(len(recording), min(len(person.track) for person in people))
+    for i, frame in zip(range(frames), recording.stream(), strict=False):
+        predicted = {person.id: _predicted(person, i - 1) for person in people if i > 0 and person.there[i - 1]}
+        labels = np.full(frame.depth_mm.shape, BACKGROUND, dtype=np.uint8)
+        for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
+            labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
+        for _ in range(ROUNDS):
+            regain_contour(labels, frame.depth_mm)
+        yield LabelledFrame(i, frame.depth_mm, labels)
+
+
+def regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
+    """Give pixels of no person beside a person, at the same depth, to that person: `labels` (H, W) is changed."""
+    before = labels.copy()
+    height, width = labels.shape
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            here = np.s_[max(0, down) : height + min(0, down), max(0, right) : width + min(0, right)]
+            there = np.s_[max(0, -down) : height + min(0, -down), max(0, -right) : width + min(0, -right)]
+            near = np.abs(depth_mm[here].astype(np.int32) - depth_mm[there]) < CONTOUR
+            taken = (labels[here] == BACKGROUND) & (depth_mm[here] > 0) & (before[there] != BACKGROUND) & near
+            labels[here][taken] = before[there][taken]
+
+
+def _predicted(person: Person, frame: int) -> PredictedBody:
+    vertices = person.body.vertex_positions(person.track.pose[frame]) @ person.R_level_camera
+    head = person.track.joints[frame, HEAD].astype(np.float64)
+    return PredictedBody(vertices, person.body.faces, person.body.height, head)
+
+
+def _pixels_of(camera: Camera, flat: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """For every pixel of the images row and column, int64 (H, W), in the images without lens distortion."""
+    rays = camera.rays()
+    columns = np.rint(rays[..., 0] * flat.fx + flat.cx).astype(np.int64)
+    rows = np.rint(rays[..., 1] * flat.fy + flat.cy).astype(np.int64)
+    return np.clip(rows, 0, flat.height - 1), np.clip(columns, 0, flat.width - 1)
+
+
+def _matched(sightings: Sequence[Sighting], people: Sequence[Person], frame: int) -> list[tuple[Person, Sighting]]:
+    """Whose the sightings of a frame are: by number where the person's joints lie there, else by who is near."""
+    from scipy.optimize import linear_sum_assignment
+
+    here = [person for person in people if person.there[frame]]
+    seen = [sighting for sighting in sightings if sighting.depth.any()]
+    if not here or not seen:
+        return []
+    far = np.array([[_distance(sighting, person, frame) for person in here] for sighting in seen])
+    same = np.array([[sighting.id == person.id for person in here] for sighting in seen])
+    rows, columns = linear_sum_assignment(far - 0.5 * REACH * same)
+    return [(here[c], seen[r]) for r, c in zip(rows, columns, strict=True) if far[r, c] < REACH]
+
+
+def _distance(sighting: Sighting, person: Person, frame: int) -> float:
+    """Median distance of a sighting's points to the nearest joint of a person, metres."""
+    points = camera_points(sighting.depth, sighting.camera)
+    points = points[:: max(1, len(points) // SAMPLES)]
+    joints = person.track.joints[frame].astype(np.float64)
+    return float(np.median(np.linalg.norm(points[:, None] - joints[None], axis=2).min(axis=1)))
+
+
+def camera_points(depth: np.ndarray, camera: Camera) -> np.ndarray:
+    """Points (N, 3) of the measured pixels of a depth image (H, W) in metres, row by row, camera frame."""
+    v, u = np.nonzero(depth)
+    z = depth[v, u].astype(np.float64)
+    return np.column_stack([camera.rays()[v, u] * z[:, None], z])
+
+
+def write_body_index(folder: Path, frames: Iterable[LabelledFrame]) -> None:
+    """Write 8-bit PNG `frame_000000.png`, ... into a folder: ids of `people.json`, or `BACKGROUND`.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    """
+    from PIL import Image
+
+    for frame in frames:
+        with atomic_path(folder / f"frame_{frame.number:06d}.png") as temporary, temporary.open("wb") as stream:
+            Image.fromarray(frame.labels).save(stream, format="PNG")
+
+
+def write_clouds(
+    folder: Path, frames: Iterable[LabelledFrame], camera: Camera, R_file_camera: np.ndarray, offset: np.ndarray
+) -> None:
+    """Write the people's points as PLY `frame_000000.ply`, ... (binary, metres): x, y, z and `person`, their id.
+
+    Parameters
+    ----------
+    R_file_camera, offset : float64 (3, 3) and (3,), what turns camera points into the file's frame: R p - offset
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    """
+    kind = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("person", "u1")])
+    for frame in frames:
+        depth = np.where(frame.labels != BACKGROUND, frame.depth, 0) / MILLIMETRES
+        points = camera_points(depth, camera) @ R_file_camera.T - offset
+        rows = np.empty(len(points), dtype=kind)
+        for k, axis in enumerate("xyz"):
+            rows[axis] = points[:, k]
+        rows["person"] = frame.labels[np.nonzero(depth)]
+        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n"
+        head += "".join(f"property float {axis}\n" for axis in "xyz") + "property uchar person\nend_header\n"
+        with atomic_path(folder / f"frame_{frame.number:06d}.ply") as temporary:
+            temporary.write_bytes(head.encode() + rows.tobytes())

@@ -1,0 +1,284 @@
+"""A run folder as a file of another program: the format follows from the file's suffix, or is named."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.files import check_output, save_json
+from toolkit.motion.motion_summary import as_plain, summary_of
+from toolkit.motion.resting import at_rest
+from toolkit.output.export.amass import export_amass
+from toolkit.output.export.angles import export_angles, export_mot
+from toolkit.output.export.bvh import export_bvh
+from toolkit.output.export.c3d import export_c3d
+from toolkit.output.export.document import export_json
+from toolkit.output.export.glb import export_glb
+from toolkit.output.export.k4abt import export_k4abt
+from toolkit.output.export.notes import notes_of, write_notes
+from toolkit.output.export.origin import CAMERA, FLOOR, Origin, origin_of
+from toolkit.output.export.pixels import LabelledFrame, labelled_frames, write_body_index, write_clouds
+from toolkit.output.export.rerun import export_rerun
+from toolkit.output.export.tables import export_csv, export_trc
+from toolkit.output.export.tree import OWN
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracks import RUN_FILE, TRACK_FILE, RunInfo
+from toolkit.tracks.runs import PEOPLE_FILE, Person, load_persons, person_runs
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class ExportJob:
+    """What is exported.
+
+    Attributes
+    ----------
+    people : in the frame of the origin
+    origin : where (0, 0, 0) lies
+    rig : whose joint names are written
+    run : the run folder, None for people in memory
+    recording : where the recording has been moved to
+    """
+
+    people: Sequence[Person]
+    origin: Origin
+    rig: str
+    run: Path | None = None
+    recording: str | Path | None = None
+
+    def open_recording(self) -> tuple[Recording, RunInfo]:
+        """The recording that was tracked, and what the run says about itself; raises UsageError without a run."""
+        info = RunInfo.load(person_runs(self._folder)[0])
+        return info.open_recording(self.recording), info
+
+    def frames(self) -> tuple[Recording, Iterator[LabelledFrame]]:
+        """The recording, and its frames with whose each pixel is; the people are in the camera's frame for that."""
+        recording, info = self.open_recording()
+        several, sensing = (self._folder / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
+        people = [person.moved(-self.origin.offset) for person in self.people]
+        return recording, labelled_frames(people, recording, sensing, several=several)
+
+    @property
+    def _folder(self) -> Path:
+        if self.run is None:
+            raise UsageError("this format holds what was measured; track into a run folder and export that")
+        return self.run
+
+    @property
+    def person(self) -> Person:
+        """The only one."""
+        (person,) = self.people
+        return person
+
+
+Writer = Callable[[Path, ExportJob], None]
+
+
+class Format(NamedTuple):
+    """A file format.
+
+    Attributes
+    ----------
+    suffix : of its files
+    write : called with the file and what is exported
+    together : whether a file holds several people
+    rigged : whether a rig names its joints
+    origin : where its origin lies by default; a format that has only one refuses another
+    origins : which ones it can have
+    blank : whether it can say that no person is there, so that a track without any is a file
+    """
+
+    suffix: str
+    write: Writer
+    together: bool = False
+    rigged: bool = False
+    origin: str = FLOOR
+    origins: tuple[str, ...] = (FLOOR, CAMERA)
+    blank: bool = True
+
+
+def _bvh(path: Path, job: ExportJob) -> None:
+    person = job.person
+    export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig)
+    write_notes(path, job.origin, job.people)
+
+
+def _rerun(path: Path, job: ExportJob) -> None:
+    try:
+        recording = None if job.run is None else job.open_recording()[0]
+    except RecordingError as error:
+        if job.recording is not None:
+            raise
+        logger.warning("%s; the file has no points", error)
+        recording = None
+    export_rerun(path, job.people, job.origin, recording)
+
+
+def _body_index(path: Path, job: ExportJob) -> None:
+    write_body_index(path, job.frames()[1])
+
+
+def _clouds(path: Path, job: ExportJob) -> None:
+    recording, frames = job.frames()
+    turn = np.eye(3) if job.origin.name == CAMERA else job.people[0].R_level_camera
+    write_clouds(path, frames, recording.camera, turn, job.origin.offset)
+
+
+def _gait(path: Path, job: ExportJob) -> None:
+    found = [{"name": person.name} | as_plain(summary_of(person)) for person in job.people]
+    save_json(path, {"format": "depthmocap gait", "people": found})
+
+
+FORMATS: dict[str, Format] = {
+    "glb": Format(
+        ".glb",
+        lambda path, job: export_glb(path, job.people, rig=job.rig, notes=notes_of(job.origin, job.people)),
+        together=True,
+        rigged=True,
+    ),
+    "bvh": Format(".bvh", _bvh, rigged=True, blank=False),
+    "c3d": Format(".c3d", lambda path, job: export_c3d(path, job.people), together=True),
+    "trc": Format(".trc", lambda path, job: export_trc(path, job.person)),
+    "csv": Format(".csv", lambda path, job: export_csv(path, job.person, level=job.origin.name == FLOOR)),
+    "json": Format(".json", lambda path, job: export_json(path, job.people, job.origin), together=True, origin=CAMERA),
+    "k4abt": Format(
+        ".json", lambda path, job: export_k4abt(path, job.people), together=True, origin=CAMERA, origins=(CAMERA,)
+    ),
+    "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
+    "mot": Format(".mot", lambda path, job: export_mot(path, job.person), blank=False),
+    "gait": Format(".json", _gait, together=True, origins=(FLOOR,)),
+    "rerun": Format(".rrd", _rerun, together=True),
+    "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
+    "ply": Format("", _clouds, together=True, origin=CAMERA),
+    "amass": Format(".npz", lambda path, job: export_amass(path, job.person), blank=False),
+}
+"""What can be exported, by name; of formats with one suffix the first is the suffix's own."""
+
+
+def export_run(
+    run: str | Path,
+    path: str | Path,
+    *,
+    rig: str | None = None,
+    format: str | None = None,
+    origin: str | None = None,
+    recording: str | Path | None = None,
+    as_tracked: bool = False,
+) -> tuple[Path, ...]:
+    """Write all people of a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
+
+    GLB, C3D and the JSON formats hold several people. The other formats hold one: of several people each has a file of
+    their own, `<stem>_<person><suffix>`.
+
+    Parameters
+    ----------
+    run : run folder, of one person or of several
+    path : the file to write
+    rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; the body's own by default
+    format : a key of `FORMATS`
+    origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
+    recording : where the recording has been moved to, for formats that hold what was measured
+    as_tracked : do not hold what rests where it is, as a file on the floor does otherwise, see `biomechanics.resting`
+
+    Returns
+    -------
+    The files that were written, or the folder of body-index and ply.
+
+    Raises
+    ------
+    TrackError
+        The folder holds no finished track.
+    UsageError
+        Suffix, format or origin are unknown or do not fit, `path` is a file of the run, a rig is named for a format
+        without joints of a skeleton, an optional package is missing, or there are too few frames for a frame rate.
+    RigError
+        The rig is unknown.
+    OutputError
+        A file cannot be written.
+    """
+    check_output(path, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
+    return export_people(
+        load_persons(run),
+        path,
+        rig=rig,
+        format=format,
+        origin=origin,
+        run=run,
+        recording=recording,
+        as_tracked=as_tracked,
+    )
+
+
+def export_people(
+    people: Sequence[Person],
+    path: str | Path,
+    *,
+    rig: str | None = None,
+    format: str | None = None,
+    origin: str | None = None,
+    run: str | Path | None = None,
+    recording: str | Path | None = None,
+    as_tracked: bool = False,
+) -> tuple[Path, ...]:
+    """The same of people whose tracks are in memory, or of those of the run folder `run`; raises as `export_run`."""
+    target = Path(path)
+    name, format_ = _chosen(target, format)
+    if rig is not None and not format_.rigged:
+        named = ", ".join(known.suffix for known in FORMATS.values() if known.rigged)
+        raise UsageError(f"--rig {rig} is for {named}; {name} names the joints that are reported")
+    if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
+        raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
+    place = origin or format_.origin
+    if place == FLOOR and not as_tracked:
+        people = [at_rest(person) for person in people]
+    if format_.together or len(people) == 1:
+        _write(format_, target, people, place, rig, run, recording)
+        return (target,)
+    written = []
+    for person in people:
+        written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
+        _write(format_, written[-1], [person], place, rig, run, recording)
+    return tuple(written)
+
+
+def _chosen(target: Path, format: str | None) -> tuple[str, Format]:
+    """Name and format by name or suffix."""
+    suffix = target.suffix.lower()
+    if format is not None:
+        if format not in FORMATS:
+            raise UsageError(f"--format {format} is unknown; choose one of {', '.join(FORMATS)}")
+        if suffix != FORMATS[format].suffix:
+            wanted = f"*{FORMATS[format].suffix}" if FORMATS[format].suffix else "a folder"
+            raise UsageError(f"--format {format} is written to {wanted}, not to {target.name}")
+        return format, FORMATS[format]
+    for name, known in FORMATS.items():
+        if known.suffix == suffix and suffix:
+            return name, known
+    suffixes = ", ".join(dict.fromkeys(known.suffix for known in FORMATS.values() if known.suffix))
+    raise UsageError(f"cannot export to {target}; choose one of the suffixes {suffixes}")
+
+
+def _write(
+    format_: Format,
+    path: Path,
+    people: Sequence[Person],
+    origin: str,
+    rig: str | None,
+    run: str | Path | None,
+    recording: str | Path | None,
+) -> None:
+    if not format_.blank and not people[0].there.any():
+        raise UsageError(
+            f"{people[0].name} is in none of the frames, which {path.name} cannot say; export .csv or .json"
+        )
+    place = origin_of(people, origin)
+    moved = [person.moved(place.offset) for person in people]
+    format_.write(path, ExportJob(moved, place, rig or OWN, None if run is None else Path(run), recording))

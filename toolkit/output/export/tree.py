@@ -1,0 +1,170 @@
+"""The joints that a file names: the body's own, or those of a rig that other programs know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.io.errors import RigError
+from toolkit.io.files import shipped
+from toolkit.io.yaml_reader import read_yaml
+
+OWN = "toolkit"
+"""The rig of the body's own joints."""
+SITE_NAMES = tuple(name for name, _ in skeleton.SITES)
+
+
+@dataclass(frozen=True, eq=False)
+class JointTree:
+    """Joints in file order, parents first; at rest all of them are aligned with the body frame.
+
+    Attributes
+    ----------
+    names : the N joints
+    parents : int64 (N,), -1 for the root
+    turns : int64 (N,), the body's joint whose rotation a joint has, -1 for one that its parent carries
+    rest : float64 (N, 3), rest positions in the body frame, metres
+    tips : joint number -> rest position (3,) of the tip of its bone, for joints without children
+    """
+
+    names: tuple[str, ...]
+    parents: np.ndarray
+    turns: np.ndarray
+    rest: np.ndarray
+    tips: dict[int, np.ndarray]
+
+    @property
+    def offsets(self) -> np.ndarray:
+        """float64 (N, 3): from the parent's rest position, the root's from the body's own root."""
+        return np.where(self.parents[:, None] < 0, self.rest, self.rest - self.rest[self.parents])
+
+    def vectors(self, poses: np.ndarray) -> np.ndarray:
+        """Rotation vectors of the joints relative to their parents, of poses (T, P): float64 (T, N, 3), radians."""
+        own = np.zeros((len(poses), len(skeleton.JOINTS), 3))
+        own[:, skeleton.DOF_JOINT, skeleton.DOF_AXIS] = poses[:, 3:]
+        return np.where((self.turns >= 0)[:, None], own[:, self.turns], 0.0)
+
+
+def tree_of(body: Body, rig: str = OWN) -> JointTree:
+    """The joints of a body as a rig names them.
+
+    Parameters
+    ----------
+    body : gives the bone lengths
+    rig : one of `export_rigs()`, or a YAML file with an `export:` section like those in `configs/rigs`
+
+    Raises
+    ------
+    RigError
+        The rig is unknown, or its file is not understood.
+    """
+    return _own_tree(body) if rig == OWN else _rig_tree(body, rig)
+
+
+def export_rigs() -> tuple[str, ...]:
+    """Names of the rigs that can be exported."""
+    return (OWN, *sorted(_shipped_rigs()))
+
+
+def _shipped_rigs() -> dict[str, Path]:
+    files = {path.stem.removesuffix("_bvh"): path for path in shipped("rigs").glob("*.yaml")}
+    return {name: path for name, path in files.items() if "\nexport:" in path.read_text(encoding="utf-8")}
+
+
+def _own_tree(body: Body) -> JointTree:
+    order: list[int] = []
+
+    def visit(joint: int) -> None:
+        order.append(joint)
+        for child in np.flatnonzero(skeleton.PARENTS == joint):
+            visit(int(child))
+
+    visit(0)
+    place = {joint: i for i, joint in enumerate(order)}
+    return JointTree(
+        names=tuple(skeleton.JOINT_NAMES[j] for j in order),
+        parents=np.array([place.get(int(skeleton.PARENTS[j]), -1) for j in order]),
+        turns=np.array(order),
+        rest=body.joints[order],
+        tips={place[int(joint)]: site for joint, site in zip(skeleton.SITE_PARENTS, body.sites, strict=True)},
+    )
+
+
+def _rig_tree(body: Body, rig: str) -> JointTree:
+    known = _shipped_rigs()
+    is_file = rig.endswith((".yaml", ".yml"))
+    if not is_file and rig not in known:
+        raise RigError(f"there is no rig {rig!r} to export; there are {', '.join(export_rigs())}, or give a YAML file")
+    bones = read_bones(Path(rig) if is_file else known[rig])
+    names = tuple(bones)
+    places = [place for _, place in bones.values()]
+    joints = [skeleton.JOINT_NAMES.index(p) if p in skeleton.JOINT_NAMES else -1 for p in places]
+    parents = np.array([names.index(parent) if parent else -1 for parent, _ in bones.values()])
+    turns = np.array(joints)
+    return JointTree(names, parents, turns, rest_places(body, places), tips_of(body, parents, turns))
+
+
+def rest_places(body: Body, places: list[Any]) -> np.ndarray:
+    """Where the joints of a file's tree stand in the rest pose of a body: float64 (J, 3), metres, body frame."""
+    points = dict(zip((*skeleton.JOINT_NAMES, *SITE_NAMES), (*body.joints, *body.sites), strict=True))
+    parts = [[place] if isinstance(place, str) else place for place in places]
+    return np.array([np.mean([points[part] for part in named], axis=0) for named in parts])
+
+
+def tips_of(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.ndarray]:
+    """Fingertips, toe tips and crown for the joints without children, by the body joint that carries them."""
+    carried = turns.copy()
+    for i in range(len(parents)):
+        if carried[i] < 0:
+            carried[i] = carried[parents[i]]
+    ends = dict(zip(skeleton.END_EFFECTORS, body.vertices[body.end_effectors], strict=True))
+    tips = {int(joint): ends[name] for joint, name in zip(skeleton.SITE_PARENTS, SITE_NAMES, strict=True)}
+    leaves = sorted(set(range(len(parents))) - set(parents.tolist()))
+    return {i: tips[int(carried[i])] for i in leaves if int(carried[i]) in tips}
+
+
+def read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
+    """Name -> parent and place of every joint in the `export:` section of a file.
+
+    Raises
+    ------
+    RigError
+        The file is not understood, or its joints do not make a tree over the body's.
+    """
+    hint = "write `export:` with `name: [parent, place]` per joint"
+    content = read_yaml(path, f"the rig {path.name}", RigError, hint)
+    try:
+        rows: Mapping[str, Any] = content["export"]
+        bones = {str(name): (parent, place) for name, (parent, place) in rows.items()}
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RigError(f"the rig {path.name} is not understood; {hint}") from error
+    names, known = list(bones), {*skeleton.JOINT_NAMES, *SITE_NAMES}
+    turning = [place for _, place in bones.values() if isinstance(place, str) and place in skeleton.JOINT_NAMES]
+    for i, (name, (parent, place)) in enumerate(bones.items()):
+        if (parent is None) != (i == 0) or (parent is not None and parent not in names[:i]):
+            raise RigError(f"{path.name} names {parent!r} as parent of {name!r}; parents stand before their children")
+        parts = [place] if isinstance(place, str) else place
+        if not isinstance(parts, list) or not parts or not all(isinstance(p, str) and p in known for p in parts):
+            raise RigError(f"{path.name} puts {name!r} at {place!r}; use one or two of {', '.join(sorted(known))}")
+    if missing := [name for name in skeleton.JOINT_NAMES if turning.count(name) != 1]:
+        raise RigError(f"{path.name} must name a joint for {missing[0]!r} exactly once; its motion would be lost")
+    _check_order(path, bones)
+    return bones
+
+
+def _check_order(path: Path, bones: dict[str, tuple[str | None, Any]]) -> None:
+    """Raise where a turning joint does not hang from the joint that its body joint hangs from."""
+    turning: dict[str, str | None] = {}
+    for name, (parent, place) in bones.items():
+        above = turning.get(parent) if parent else None
+        turns = isinstance(place, str) and place in skeleton.JOINT_NAMES
+        expected = skeleton.JOINTS[skeleton.JOINT_NAMES.index(place)].parent if turns else above
+        if above != expected:
+            raise RigError(f"{path.name} hangs {name!r} below {above!r}; the body has it below {expected!r}")
+        turning[name] = place if turns else above

@@ -1,0 +1,134 @@
+"""Pictures into films that browsers play: H.264 and VP9 by the optional package av, VP8 and MJPG by OpenCV."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.errors import OutputError, UsageError
+
+FILM_SUFFIXES = (".mp4", ".webm", ".avi")
+"""Of films: H.264 or VP9 in the first two, motion JPEG in the last, which editors cut but browsers do not play."""
+CODECS = {
+    ".mp4": ("libx264", {"preset": "veryfast", "crf": "23"}),
+    ".webm": (
+        "libvpx-vp9",
+        {"deadline": "realtime", "cpu-used": "5", "tune-content": "screen", "crf": "42", "b": "0"},
+    ),
+}
+"""Encoder and its options: constant quality, fast, and for pictures that are drawn."""
+JUMP = 2.0
+"""Seconds between pictures that a player can jump to without others: half as many make a film a tenth smaller."""
+INDEX_FIRST = {"movflags": "+faststart"}
+"""Of the container: a film plays while it is still loaded."""
+RATE_DENOMINATOR = 1001
+"""Frame rates become fractions with at most this denominator: 30000/1001 is television's."""
+
+
+def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) -> AvEncoder | OpenCvEncoder:
+    """The encoder for a film of this suffix, one of `FILM_SUFFIXES`.
+
+    Raises
+    ------
+    UsageError
+        The suffix needs a package that is not installed.
+    OutputError
+        OpenCV has no codec for it.
+    """
+    if suffix == ".avi":
+        return OpenCvEncoder(path, "MJPG", rate, width, height)
+    if has_av():
+        return AvEncoder(path, suffix, rate, width, height)
+    if suffix == ".webm":
+        return OpenCvEncoder(path, "VP80", rate, width, height)
+    raise UsageError(
+        f"a {suffix} film (H.264) needs the package av; type `pip install av`, "
+        "or name the output *.webm, *.png for a contact sheet, or a folder for one picture per frame"
+    )
+
+
+def has_av() -> bool:
+    """Whether the optional package av is installed."""
+    return importlib.util.find_spec("av") is not None
+
+
+class AvEncoder:
+    """H.264 and VP9 by the package av."""
+
+    def __init__(self, path: Path, suffix: str, rate: float, width: int, height: int) -> None:
+        import av
+
+        codec, options = CODECS[suffix]
+        self._to_frame: Callable[..., Any] = av.VideoFrame.from_ndarray
+        file: Any = av.open(str(path), "w", options=INDEX_FIRST if suffix == ".mp4" else {})
+        self._file = file
+        exact = Fraction(rate).limit_denominator(RATE_DENOMINATOR)
+        stream: Any = file.add_stream(codec, rate=exact, options=options)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.gop_size = max(1, round(JUMP * rate))
+        self._stream: Any = stream
+
+    def write(self, picture: np.ndarray) -> None:
+        """Append an RGB picture, uint8 (H, W, 3), H and W even."""
+        frame = self._to_frame(np.ascontiguousarray(picture), format="rgb24")
+        self._file.mux(self._stream.encode(frame))
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._file.mux(self._stream.encode())
+        self._file.close()
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Nothing that libraries print to the error stream is seen inside the block."""
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+class OpenCvEncoder:
+    """VP8 and MJPG by OpenCV."""
+
+    def __init__(self, path: Path, codec: str, rate: float, width: int, height: int) -> None:
+        import cv2
+
+        self._path, self._written = path, 0
+        with _silence():  # it says of every WebM that the container names no codecs
+            self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (width, height))
+        if not self._writer.isOpened():
+            raise OutputError(
+                f"OpenCV cannot encode {codec} here; name the output *.png for a contact sheet, "
+                "or a folder for one picture per frame"
+            )
+
+    def write(self, picture: np.ndarray) -> None:
+        """Append an RGB picture, uint8 (H, W, 3), H and W even."""
+        self._writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+        self._written += 1
+
+    def close(self) -> None:
+        """Complete the file, and count what can be read back: OpenCV does not say that a disk is full."""
+        import cv2
+
+        self._writer.release()
+        film, count = cv2.VideoCapture(str(self._path)), 0
+        while film.grab():
+            count += 1
+        film.release()
+        if count != self._written:
+            raise OutputError(
+                f"only {count} of {self._written} pictures of the film were written; free some space on its disk"
+            )

@@ -1,0 +1,239 @@
+"""A run as a film, a contact sheet or single pictures, off-screen."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.files import atomic_path, check_output, save_bytes
+from toolkit.io.progress import Count, silent
+from toolkit.output.rendering import style
+from toolkit.output.rendering.axes import LimbAxes
+from toolkit.output.rendering.depth_alone import DepthPainter
+from toolkit.output.rendering.encoders import FILM_SUFFIXES, open_encoder
+from toolkit.output.rendering.painter import FramePainter, RenderSettings
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracks import RUN_FILE, TRACK_FILE, RunInfo
+from toolkit.tracks.runs import Person, load_persons, person_runs
+
+DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
+LARGEST_RATE = 240.0  # frames per second that players and codecs take
+SHEET_COLUMNS, SHEET_FRAMES = 2, 12
+"""Of a contact sheet: pictures side by side, and all pictures."""
+GAP = 6
+"""Pixels between them."""
+
+
+def settings_for(output: str | Path) -> RenderSettings:
+    """How tracks are drawn to an output unless it is said: the pictures of a contact sheet are small."""
+    return RenderSettings(height=300, aspect=0.9) if Path(output).suffix == ".png" else RenderSettings()
+
+
+class FilmWriter:
+    """Writes RGB pictures to a film file; nothing is left under the final name unless all went well.
+
+    Parameters
+    ----------
+    path : its suffix, one of `encoders.FILM_SUFFIXES`, chooses the codec
+    rate : frames per second
+
+    Raises
+    ------
+    UsageError
+        The suffix is none of these, or needs a package that is not installed.
+    OutputError
+        The file cannot be written.
+    """
+
+    def __init__(self, path: str | Path, rate: float) -> None:
+        self._path, self._rate = Path(path), rate
+        if self._path.suffix not in FILM_SUFFIXES:
+            raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in FILM_SUFFIXES)}")
+
+    def write(self, pictures: Iterator[np.ndarray]) -> None:
+        """Write all pictures, uint8 (H, W, 3), all of one size; an odd last row or column is left out."""
+        with atomic_path(self._path, lasting=False) as place, _plainly_named(place) as temporary:
+            encoder = None
+            try:
+                for picture in pictures:
+                    even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+                    if encoder is None:
+                        height, width = even.shape[:2]
+                        encoder = open_encoder(temporary, self._path.suffix, self._rate, width, height)
+                    encoder.write(even)
+            finally:
+                if encoder is not None:
+                    encoder.close()
+            if encoder is None or temporary.stat().st_size == 0:
+                raise OutputError(f"nothing was written to {self._path}; check the space left on its disk")
+
+
+@contextmanager
+def _plainly_named(path: Path) -> Iterator[Path]:
+    """A path that encoders understand: `path`, or where it is beyond ASCII another one that is copied there."""
+    if str(path).isascii():
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / f"film{path.suffix}"
+        yield plain
+        shutil.copyfile(plain, path)
+
+
+def render_people(
+    people: Sequence[Person],
+    recording: Recording,
+    output: str | Path,
+    *,
+    sensing: SensingSettings | None = None,
+    settings: RenderSettings | None = None,
+    axes: LimbAxes | None = None,
+    frames: range | None = None,
+    rate: float | None = None,
+    progress: Count = silent,
+) -> Path:
+    """Draw tracks: a film for .mp4, .webm and .avi, a contact sheet for .png, or one PNG per frame into a folder.
+
+    Parameters
+    ----------
+    people, recording, sensing, settings, axes : see `FramePainter`
+    output : the file to write; a name without suffix is a folder
+    frames : which ones; all by default
+    rate : frames per second of the film; by default the recording's own
+    progress : told after every frame
+
+    Raises
+    ------
+    TrackError
+        A track does not belong to the recording.
+    UsageError
+        The output's suffix or the rate is none of a film, the output would damage the recording, or there are no frames
+        to draw.
+    OutputError
+        The output cannot be written.
+    """
+    target = _target(output, recording, rate)
+    painter = FramePainter(people, recording, sensing=sensing, settings=settings or settings_for(target), axes=axes)
+    return _draw(painter, recording, target, frames, rate, progress)
+
+
+def _target(output: str | Path, recording: Recording, rate: float | None) -> Path:
+    """Where to draw to; raises as `render_people`."""
+    target = check_output(output, [recording.path], sealed=[recording.path])
+    if rate is not None and not 0 < rate <= LARGEST_RATE:
+        raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {LARGEST_RATE}")
+    if target.suffix and target.suffix not in (".png", *FILM_SUFFIXES):
+        films = ", ".join(f"*{suffix}" for suffix in FILM_SUFFIXES)
+        raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
+    return target
+
+
+def _draw(
+    painter: FramePainter | DepthPainter,
+    recording: Recording,
+    target: Path,
+    frames: range | None,
+    rate: float | None,
+    progress: Count,
+) -> Path:
+    """As `render_people`, by a painter."""
+    chosen = range(len(recording)) if frames is None else frames
+    if not len(chosen) or chosen.start < 0 or max(chosen) >= len(recording):
+        raise UsageError(f"frames {chosen} are not some of the {len(recording)} frames of the track")
+    if target.suffix == ".png":
+        wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
+        save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
+    elif target.suffix in FILM_SUFFIXES:
+        pictures = _pictures(painter, recording, chosen, progress)
+        FilmWriter(target, rate or _rate(recording.timestamps)).write(pictures)
+    else:
+        for i, picture in zip(chosen, _pictures(painter, recording, chosen, progress), strict=True):
+            save_png(target / f"{i:05d}.png", picture)
+    return target
+
+
+def render_run(
+    run: str | Path,
+    output: str | Path,
+    *,
+    recording: str | Path | None = None,
+    settings: RenderSettings | None = None,
+    axes: LimbAxes | None = None,
+    frames: range | slice | None = None,
+    rate: float | None = None,
+    progress: Count = silent,
+) -> Path:
+    """Draw all people of a run folder; recording, bodies and sensing settings come from `run.json`.
+
+    `recording` is where the recording has been moved to, `frames` may be a slice too. The rest is as in
+    `render_people`; where no person was found, the depth is drawn alone.
+    """
+    folders = person_runs(run)
+    check_output(output, [folder / name for folder in (*folders, Path(run)) for name in (TRACK_FILE, RUN_FILE)])
+    info = RunInfo.load(folders[0] if folders else run)
+    opened = info.open_recording(recording)
+    if isinstance(frames, slice):
+        frames = range(frames.start or 0, len(opened) if frames.stop is None else frames.stop)
+    if not folders:
+        target = _target(output, opened, rate)
+        return _draw(DepthPainter(opened, settings or settings_for(target)), opened, target, frames, rate, progress)
+    return render_people(
+        load_persons(run),
+        opened,
+        output,
+        sensing=SensingSettings(**info.sensing),
+        settings=settings,
+        axes=axes,
+        frames=frames,
+        rate=rate,
+        progress=progress,
+    )
+
+
+def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS) -> np.ndarray:
+    """Pictures, RGB uint8 (H, W, 3) of one size, side by side and row by row as one RGB picture."""
+    if not pictures:
+        raise UsageError("a contact sheet needs at least one picture")
+    columns = min(columns, len(pictures))
+    height, width = pictures[0].shape[:2]
+    rows = -(-len(pictures) // columns)
+    sheet = np.full((rows * (height + GAP) - GAP, columns * (width + GAP) - GAP, 3), style.PAPER, dtype=np.uint8)
+    for k, picture in enumerate(pictures):
+        v, u = (k // columns) * (height + GAP), (k % columns) * (width + GAP)
+        sheet[v : v + height, u : u + width] = picture
+    return sheet
+
+
+def save_png(path: str | Path, picture: np.ndarray) -> None:
+    """Write an RGB picture as PNG, whole or not at all."""
+    import cv2
+
+    # OpenCV ends the process for a name that is no UTF-8: it encodes, and Python writes.
+    save_bytes(path, cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))[1].tobytes())
+
+
+def _pictures(
+    painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count
+) -> Iterator[np.ndarray]:
+    """Pictures of the wanted frames in order."""
+    chosen, last, done = set(wanted), max(wanted), 0
+    for i, depth in enumerate(recording.frames()):
+        if i in chosen:
+            yield painter.paint(i, depth)
+            done += 1
+            progress(done, len(chosen))
+        if i == last:
+            return
+
+
+def _rate(timestamps: np.ndarray) -> float:
+    steps = np.diff(timestamps)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    return float(np.clip(1 / usual, 1, 120)) if usual > 0 else DEFAULT_RATE

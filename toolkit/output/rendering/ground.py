@@ -1,0 +1,73 @@
+"""The ground under people and the feet that carry them: grid and soles on a picture, from wherever it looks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from toolkit.body.sole import soles
+from toolkit.motion.contact import ground_of
+from toolkit.output.rendering.overlay import draw_line
+from toolkit.output.rendering.style import CARRYING, FLOOR
+from toolkit.tracks.runs import Person
+
+Project = Callable[[np.ndarray], np.ndarray]
+"""Takes points (..., 3) of the level frame, metres, to pixels (..., 2), NaN for what cannot be seen."""
+CELL = 0.5
+"""Metres between the lines of the grid."""
+AROUND = 0.75
+"""Metres that it reaches beyond the people at least."""
+FARTHEST = 6.0
+"""Metres from the middle of the people that it reaches at most."""
+PIECE = 0.25
+"""Metres of the pieces of which its lines are drawn: one that is partly behind the camera is left out."""
+
+
+class Ground:
+    """The ground under all people of a run, and which feet stand on it.
+
+    Parameters
+    ----------
+    people : all of the run
+    """
+
+    def __init__(self, people: Sequence[Person]) -> None:
+        self.height, _ = ground_of(people)
+        self._soles = [soles(person.body, person.track.pose) for person in people]
+        self._contact = [person.track.contact for person in people]
+        there = [placed[person.there].reshape(-1, 3) for placed, person in zip(self._soles, people, strict=True)]
+        self._pieces = grid(np.concatenate(there)[:, [0, 2]], self.height)
+
+    @property
+    def carries(self) -> bool:
+        """Whether a foot carries in any frame."""
+        return any(contact.any() for contact in self._contact)
+
+    def draw_floor(self, image: np.ndarray, project: Project) -> None:
+        """Draw the grid on an RGB image."""
+        for start, end in project(self._pieces):
+            draw_line(image, start, end, FLOOR, 1)
+
+    def draw_soles(self, image: np.ndarray, project: Project, frame: int, numbers: Sequence[int]) -> None:
+        """Draw heel to ball of the feet of these people that carry in a frame."""
+        for number in numbers:
+            for side in np.flatnonzero(self._contact[number][frame]):
+                heel, ball = project(self._soles[number][frame, side])
+                draw_line(image, heel, ball, CARRYING, max(3, image.shape[0] // 80))
+
+
+def grid(places: np.ndarray, height: float) -> np.ndarray:
+    """Pieces of the lines of a grid at y = `height` around places (N, 2), x and z: float64 (K, 2, 3), metres."""
+    if not len(places):
+        return np.zeros((0, 2, 3))
+    middle = np.median(places, axis=0)
+    low, high = np.percentile(places, (1.0, 99.0), axis=0)
+    low = CELL * np.floor(np.maximum(low - AROUND, middle - FARTHEST) / CELL)
+    high = CELL * np.ceil(np.minimum(high + AROUND, middle + FARTHEST) / CELL)
+    xs, zs = (np.arange(a, b + 0.5 * PIECE, PIECE) for a, b in zip(low, high, strict=True))
+    step = round(CELL / PIECE)
+    pieces = [((a, z), (b, z)) for z in zs[::step] for a, b in zip(xs[:-1], xs[1:], strict=True)]
+    pieces += [((x, a), (x, b)) for x in xs[::step] for a, b in zip(zs[:-1], zs[1:], strict=True)]
+    flat = np.array(pieces)
+    return np.stack([flat[..., 0], np.full(flat.shape[:2], height), flat[..., 1]], axis=2)

@@ -1,0 +1,96 @@
+"""Motions side by side as stick figures: what a search found beside what was searched for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.output.rendering import style
+from toolkit.output.rendering.film import FilmWriter, contact_sheet
+from toolkit.retrieval.features.lengths import BodyLengths
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
+
+RATE = 30.0
+"""Frames per second of the film."""
+PANEL = (300, 340)
+"""Width and height of a motion's picture, pixels."""
+COLUMNS = 3
+HOLD = 15
+"""Frames for which the last pose of the longest motion stays."""
+YAW = np.radians(35.0)
+"""From straight ahead, at which a motion begins: legs and arms are seen beside each other."""
+VIEWED = 1.6
+"""Body lengths (leg and spine, `BodyLengths.body`) that the height of a panel shows."""
+
+_SPINE = ("root", "belly", "chest", "neck", "head", "headtop")
+_LIMBS = tuple(
+    (start, *(f"{side}_{joint}" for joint in joints))
+    for side in ("left", "right")
+    for start, joints in (
+        ("neck", ("clavicle", "shoulder", "elbow", "wrist", "fingers")),
+        ("root", ("hip", "knee", "ankle", "toes")),
+    )
+)
+_BONES = tuple(
+    (NAMED_JOINTS.index(a), NAMED_JOINTS.index(b), style.side_color(b))
+    for chain in (_SPINE, *_LIMBS)
+    for a, b in zip(chain[:-1], chain[1:], strict=True)
+)
+_LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
+
+
+def film_of_motions(path: str | Path, titled: Sequence[tuple[str, Motion]]) -> Path:
+    """Write a film of motions that all begin at once, each in its own panel; those that end first wait.
+
+    Parameters
+    ----------
+    path : its suffix chooses the codec (`encoders.FILM_SUFFIXES`)
+    titled : title, of one or two lines, and motion of each panel, in reading order
+
+    Raises
+    ------
+    UsageError
+        The suffix is no film's.
+    OutputError
+        It cannot be written.
+    """
+    FilmWriter(path, RATE).write(_pictures(titled))
+    return Path(path)
+
+
+def _pictures(titled: Sequence[tuple[str, Motion]]) -> Iterator[np.ndarray]:
+    pixels = [_projected(motion) for _, motion in titled]
+    for frame in range(max(map(len, pixels)) + HOLD):
+        panels = [
+            _panel(title, places[min(frame, len(places) - 1)])
+            for (title, _), places in zip(titled, pixels, strict=True)
+        ]
+        yield contact_sheet(panels, COLUMNS)
+
+
+def _projected(motion: Motion) -> np.ndarray:
+    """Pixels (T, 24, 2) of the joints at `RATE`: seen from where the person begins to face, who stays in the middle."""
+    joints = motion.at_rate(RATE).joints
+    across = joints[0, _LEFT] - joints[0, _RIGHT]
+    turn = np.arctan2(-across[2], across[0]) + YAW
+    ground = joints - joints[:, [_ROOT]] * [1.0, 0.0, 1.0]
+    x = np.cos(turn) * ground[..., 0] - np.sin(turn) * ground[..., 2]
+    y = ground[..., 1] - joints[..., 1].min()
+    scale = PANEL[1] / (VIEWED * (BodyLengths.of(motion).body or 1.0))
+    return np.stack([0.5 * PANEL[0] + scale * x, 0.93 * PANEL[1] - scale * y], axis=-1)
+
+
+def _panel(title: str, places: np.ndarray) -> np.ndarray:
+    import cv2
+
+    image = np.full((PANEL[1], PANEL[0], 3), style.PAPER, dtype=np.uint8)
+    floor = round(0.93 * PANEL[1])
+    cv2.line(image, (0, floor), (PANEL[0], floor), style.BAR, 2)
+    for a, b, color in _BONES:
+        start, end = (tuple(int(v) for v in np.rint(places[joint])) for joint in (a, b))
+        cv2.line(image, start, end, color, 3, cv2.LINE_AA)
+    for number, line in enumerate(title.splitlines()):
+        style.write(image, line, 8, 6 + 20 * number, 13)
+    return image

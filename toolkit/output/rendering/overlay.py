@@ -1,0 +1,106 @@
+"""What is drawn on top of a picture: depth in colours, skeleton, extrema, cloud."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from toolkit.body.skeleton import BONE_ROWS
+from toolkit.output.rendering.style import BONE_COLORS, EXTREMUM, JOINT_COLORS, PAPER
+
+SHIFT = 3  # binary places of a pixel: lines do not jump from pixel to pixel between frames
+DIM = 0.45  # brightness of what is not the person
+
+
+@lru_cache(maxsize=1)
+def _depth_palette() -> np.ndarray:
+    """Colours from near to far, uint8 (256, 3): light to dark, blue-grey, so that orange, blue and pink stand out."""
+    stops = np.array([[238, 240, 232], [176, 190, 196], [108, 128, 146], [58, 74, 98], [30, 36, 56]], dtype=float)
+    at = np.linspace(0, len(stops) - 1, 256)
+    return np.column_stack([np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]).astype(np.uint8)
+
+
+def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: float) -> np.ndarray:
+    """A depth image, uint16 (H, W) millimetres, in colours between `near` and `far` metres: RGB uint8 (H, W, 3).
+
+    Pixels outside the mask `person` (H, W) are dimmed; pixels without a measurement have the colour of the paper.
+    """
+    import cv2
+
+    scale = 255 / max(far - near, 1e-6)
+    level = cv2.convertScaleAbs(np.maximum(depth_mm, np.uint16(1000 * max(near, 0))), None, scale / 1000, -scale * near)
+    # The palette twice, bright and dim, and the paper: one table, so one pass looks every pixel up.
+    entry = level.astype(np.uint16) + np.where(person, np.uint16(0), np.uint16(256))
+    entry[depth_mm == 0] = 512
+    return np.take(_depth_table(), entry, axis=0)
+
+
+@lru_cache(maxsize=1)
+def _depth_table() -> np.ndarray:
+    bright = _depth_palette()
+    return np.concatenate([bright, (bright * DIM).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
+
+
+def draw_skeleton(
+    image: np.ndarray,
+    joints: np.ndarray,
+    observed: np.ndarray | None = None,
+    color: tuple[int, int, int] | None = None,
+) -> None:
+    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; joints that were not observed become rings.
+
+    Left, right and middle have their own colours, or all of it has the one that is given.
+    """
+    import cv2
+
+    points = [None if not np.isfinite(p).all() else _fixed(p) for p in joints]
+    thickness = max(2, round(image.shape[0] / 160))
+    for (a, b), side in zip(BONE_ROWS, BONE_COLORS, strict=True):
+        start, end = points[a], points[b]
+        if start is not None and end is not None:
+            cv2.line(image, start, end, PAPER, thickness + 2, cv2.LINE_AA, SHIFT)
+            cv2.line(image, start, end, color or side, thickness, cv2.LINE_AA, SHIFT)
+    for k, point in enumerate(points):
+        if point is None:
+            continue
+        radius = int((thickness + 1.5) * 2**SHIFT)
+        seen = observed is None or observed[k]
+        cv2.circle(image, point, radius + 2**SHIFT, PAPER, -1, cv2.LINE_AA, SHIFT)
+        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if seen else 1, cv2.LINE_AA, SHIFT)
+
+
+def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
+    """Mark geodesic extrema at pixels (n, 2) with diamonds, the first five larger than the rest."""
+    import cv2
+
+    for k, point in enumerate(pixels):
+        if not np.isfinite(point).all():
+            continue
+        size = image.shape[0] / (58 if k < 5 else 95)
+        corners = point + size * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
+        outline = np.rint(corners * 2**SHIFT).astype(np.int32)
+        cv2.fillPoly(image, [outline], EXTREMUM, cv2.LINE_AA, SHIFT)
+        cv2.polylines(image, [outline], True, PAPER, 1, cv2.LINE_AA, SHIFT)
+
+
+def draw_line(
+    image: np.ndarray, start: np.ndarray, end: np.ndarray, color: tuple[int, int, int], thickness: int
+) -> None:
+    """Draw a line between two pixels (2,) on an RGB image; pixels that are not known draw nothing."""
+    import cv2
+
+    if np.isfinite(start).all() and np.isfinite(end).all():
+        cv2.line(image, _fixed(start), _fixed(end), color, thickness, cv2.LINE_AA, SHIFT)
+
+
+def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int]) -> None:
+    """Set one pixel for every point at pixels (n, 2) that lies in the RGB image."""
+    at = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
+    inside = (at >= 0).all(axis=1) & (at < image.shape[1::-1]).all(axis=1)
+    image[at[inside, 1], at[inside, 0]] = color
+
+
+def _fixed(point: np.ndarray) -> tuple[int, int]:
+    u, v = np.rint(np.clip(point, -10_000, 10_000) * 2**SHIFT).astype(int)
+    return int(u), int(v)

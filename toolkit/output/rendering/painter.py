@@ -1,0 +1,250 @@
+"""One picture per frame of a run: depth with skeletons and extrema, fitted bodies, side view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from toolkit.io.errors import SettingsError, TrackError
+from toolkit.landmarks.extrema import geodesic_extrema
+from toolkit.output.rendering import style
+from toolkit.output.rendering.axes import LimbAxes
+from toolkit.output.rendering.ground import Ground
+from toolkit.output.rendering.mesh import draw_mesh, mesh_colors
+from toolkit.output.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
+from toolkit.output.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.depth_filter import DepthFilter
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracks import EMPTY, LOST, STATE_NAMES
+from toolkit.tracks.runs import Person
+
+PANELS = ("depth", "body", "side", "plan")
+TITLES = {
+    "depth": "depth, skeleton, extrema", "body": "fitted body", "side": "seen from the subject's left",
+    "plan": "seen from above",
+}  # fmt: skip
+CAMERA_AT = {"side": "camera at the left", "plan": "camera at the bottom"}
+NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m before and behind the person that the colours of depth reach
+NEAR_BODY = 0.15  # m between a drawn body and what was measured of it
+BEHIND_BODY = 2  # times darker is the depth image behind the fitted body
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """How a track is drawn.
+
+    Attributes
+    ----------
+    panels : which of "depth", "body", "side" and "plan", from left to right
+    height : of a panel, pixels
+    aspect : width of the panels "depth" and "body" over their height; the others are 3/4 as wide as high
+    extrema : how many geodesic extrema to mark; 0 for none
+    """
+
+    panels: tuple[str, ...] = ("depth", "body", "side")
+    height: int = 480
+    aspect: float = 4 / 3
+    extrema: int = 20
+
+    def __post_init__(self) -> None:
+        if not self.panels or any(panel not in PANELS for panel in self.panels):
+            raise SettingsError(f"panels {self.panels} are not some of: {', '.join(PANELS)}")
+        if not 120 <= self.height <= 2160 or self.height % 4:
+            raise SettingsError(f"height {self.height} is no multiple of 4 between 120 and 2160")
+        if not 0.5 <= self.aspect <= 3:
+            raise SettingsError(f"aspect {self.aspect} is out of range; give 0.5 to 3")
+        if not 0 <= self.extrema <= 100:
+            raise SettingsError(f"extrema {self.extrema} is out of range; give 0 to 100")
+
+    def size(self, panel: str) -> tuple[int, int]:
+        """Width and height of a panel in pixels."""
+        width = self.height * (0.75 if panel in R_LEVEL_VIEW else self.aspect)
+        return (2 * round(width / 2), self.height)  # even, as film codecs want it
+
+
+class FramePainter:
+    """Paints the frames of one run; views are fixed, so that a film does not shake.
+
+    One person is drawn in the colours of the sides, with geodesic extrema; several people have a colour each.
+
+    Parameters
+    ----------
+    people : all of the run, at least one
+    recording : with as many frames as their tracks
+    sensing : with which the depth was cleaned
+    settings : what to draw
+    axes : of limbs that carry sensors, drawn over the depth of the first person; None for none
+
+    Raises
+    ------
+    TrackError
+        Tracks and recording have different numbers of frames.
+    """
+
+    def __init__(
+        self,
+        people: Sequence[Person],
+        recording: Recording,
+        *,
+        sensing: SensingSettings | None = None,
+        settings: RenderSettings | None = None,
+        axes: LimbAxes | None = None,
+    ) -> None:
+        for person in people:
+            if len(person.track) != len(recording):
+                raise TrackError(
+                    f"the track has {len(person.track)} frames and the recording {recording.name} has "
+                    f"{len(recording)}; name the recording that was tracked"
+                )
+        self.settings, self._axes = settings or RenderSettings(), axes
+        self._people, self._name = tuple(people), recording.name
+        self._rotation = people[0].R_level_camera
+        self._filter = DepthFilter(recording.camera, sensing or SensingSettings())
+        self._colors = mesh_colors([person.body for person in people])
+        there = [person.track.joints[person.track.state != EMPTY] for person in people]
+        seen = np.concatenate(there)
+        joints = np.asarray(seen if len(seen) else people[0].track.joints, dtype=np.float64)
+        self._window = window_on(joints, recording.camera.undistorted(), self.settings.size("depth"))
+        level = joints @ self._rotation.T
+        self._outside = {view: outside_view_of(level, self.settings.size(view), view) for view in R_LEVEL_VIEW}
+        self._ground = Ground(people)
+        depths = joints[:, 0, 2]
+        self._near = float(np.percentile(depths, 5)) - NEAR_SHARE
+        self._far = float(np.percentile(depths, 95)) + FAR_SHARE
+
+    def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
+        """Picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames are painted in order."""
+        cloud = self._cloud(i, depth_mm)
+        draw = {"depth": self._draw_depth, "body": self._draw_body}
+        backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
+        panels = []
+        for panel in self.settings.panels:
+            image, project = self._blank(panel, backdrop), partial(self._to_pixels, panel)
+            if panel != "depth":  # which shows the floor as it was measured
+                self._ground.draw_floor(image, project)
+            draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
+            self._ground.draw_soles(image, project, i, [k for k, _ in self._there(i)])
+            title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
+            if panel == "depth" and self._axes is not None:
+                title = "axes of the limbs: track thin, sensors bold"
+            style.write(image, title, 10, 8, self._text)
+            panels.append(image)
+        return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
+
+    @property
+    def _several(self) -> bool:
+        return len(self._people) > 1
+
+    @property
+    def _text(self) -> int:
+        return max(9, self.settings.height // 30)
+
+    def _there(self, i: int) -> list[tuple[int, Person]]:
+        """Number and person of those who are there in frame `i`."""
+        return [(k, person) for k, person in enumerate(self._people) if person.track.state[i] != EMPTY]
+
+    def _cloud(self, i: int, depth_mm: np.ndarray) -> Cloud:
+        """What was measured within `NEAR_BODY` of a drawn body: what was tracked, however it was cut out."""
+        camera = self._filter.camera
+        drawn = np.full(camera.shape, np.inf, dtype=np.float32)
+        blank = np.zeros((*camera.shape, 3), dtype=np.uint8)
+        for k, person in self._there(i):
+            vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
+            draw_mesh(blank, vertices, person.body.faces, self._colors[k], camera, drawn)
+        step = self._filter.step
+        depth = (self._filter.checked(depth_mm)[::step, ::step] / 1000.0).astype(np.float32)
+        near = np.where((depth > 0) & (np.abs(depth - drawn) < NEAR_BODY), depth, np.float32(0.0))
+        return Cloud.from_depth(near, camera, self._rotation)
+
+    def _colored(self, depth_mm: np.ndarray, cloud: Cloud) -> np.ndarray:
+        person = cloud.depth > 0
+        if person.shape != depth_mm.shape:  # cleaned at half resolution
+            person = np.repeat(np.repeat(person, 2, axis=0), 2, axis=1)[: depth_mm.shape[0], : depth_mm.shape[1]]
+        return self._window.cut(color_depth(depth_mm, person, self._near, self._far), style.PAPER)
+
+    def _blank(self, panel: str, backdrop: np.ndarray | None) -> np.ndarray:
+        if panel in R_LEVEL_VIEW or backdrop is None:
+            width, height = self.settings.size(panel)
+            return np.full((height, width, 3), style.PAPER, dtype=np.uint8)
+        return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
+
+    def _to_pixels(self, panel: str, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the level frame in a panel (..., 2), NaN behind its camera."""
+        if panel in R_LEVEL_VIEW:
+            view = self._outside[panel]
+            return view.camera.project(view.to_camera(points))
+        return self._window.camera.project(points @ self._rotation)
+
+    def _draw_depth(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        for k, person in self._there(i):
+            color = style.person_color(k) if self._several else None
+            pixels = self._window.camera.project(person.track.joints[i])
+            draw_skeleton(image, pixels, person.track.observed[i], color)
+        if self._extrema and len(cloud):
+            extrema = geodesic_extrema(cloud, self._extrema)
+            draw_extrema(image, self._window.camera.project(extrema.points @ self._rotation))
+        if self._axes is not None:
+            self._axes.draw(image, self._window.camera, i)
+
+    @property
+    def _extrema(self) -> int:
+        return 0 if self._several or self._axes is not None else self.settings.extrema
+
+    def _draw_body(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        depth = None
+        for k, person in self._there(i):
+            vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
+            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._window.camera, depth)
+
+    def _draw_outside(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        view, depth = self._outside[panel], None
+        for k, person in self._there(i):
+            vertices = view.to_camera(person.body.vertex_positions(person.track.pose[i]))
+            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], view.camera, depth)
+        draw_points(image, view.camera.project(view.to_camera(cloud.points)), style.CLOUD)
+        place = (10, image.shape[0] - 2 * self._text)
+        style.write(image, CAMERA_AT[panel], *place, max(8, self._text - 4), style.FAINT)
+
+    def _head(self, i: int, width: int) -> np.ndarray:
+        track, size = self._people[0].track, self._text
+        frame, time = f"{self._name}   frame {i + 1}/{len(track)}", f"{track.timestamps[i]:.2f} s"
+        longest = f"{self._name}   frame {len(track)}/{len(track)}  {track.timestamps[-1]:.2f} s"
+        names = [f"{person.name}  {STATE_NAMES[LOST]}, {STATE_NAMES[EMPTY]}" for person in self._people]
+        # What may stand in a box is as wide in all frames, so that all pictures of a film are as high.
+        places = style.flowed([style.width_of(text, size) + size for text in (longest, *names)], width, size)
+        bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
+        x = style.write(bar, frame, places[0][1], size // 3, size)
+        style.write(bar, time, x + size, size // 3, size, style.FAINT)
+        for k, (person, (line, x)) in enumerate(zip(self._people, places[1:], strict=True)):
+            track, state, y = person.track, int(person.track.state[i]), 2 * size * line + size // 3
+            color = style.ALARM if state == LOST else style.INK if state != EMPTY else style.FAINT
+            if self._several:
+                x = style.write(bar, person.name, x, y, size, style.person_color(k)) + size // 2
+            x = style.write(bar, STATE_NAMES[state], x, y, size, color)
+            if state != EMPTY and len(track.source_names) and not self._several:
+                style.write(bar, track.source_names[int(track.source[i])], x + 2 * size, y, size, style.FAINT)
+        return bar
+
+    def _legend(self, panels: list[np.ndarray]) -> np.ndarray:
+        size, width = self._text, sum(p.shape[1] for p in panels)
+        entries = [("subject's left", style.LEFT), ("subject's right", style.RIGHT), ("trunk, head", style.MIDDLE)]
+        if self._several:
+            entries = [(person.name, style.person_color(k)) for k, person in enumerate(self._people)]
+        if "depth" in self.settings.panels and self._extrema:
+            entries.append(("geodesic extrema (the first five larger)", style.EXTREMUM))
+        if "side" in self.settings.panels:
+            entries.append(("measured points", style.CLOUD))
+        if self._ground.carries:
+            entries.append(("the foot carries", style.CARRYING))
+        places = style.flowed([style.width_of(text, size) + 2 * size for text, _ in entries], width, size)
+        bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
+        for (text, color), (line, x) in zip(entries, places, strict=True):
+            y = 2 * size * line
+            bar[y + size // 2 : y + 3 * size // 2, x : x + size] = color
+            style.write(bar, text, x + size + size // 2, y + size // 3, size)
+        return bar

@@ -1,0 +1,83 @@
+"""Colours and text of every picture. Colours are RGB; `left` and `right` are the subject's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body.skeleton import BONES, JOINT_NAMES, PARENTS, REPORTED
+from toolkit.io.display_names import printable
+
+LEFT = (255, 145, 40)
+RIGHT = (60, 150, 255)
+MIDDLE = (225, 225, 225)
+EXTREMUM = (255, 60, 160)
+CLOUD = (150, 230, 190)
+ALARM = (255, 80, 70)
+CARRYING = (250, 225, 60)
+FLOOR = (84, 92, 104)
+INK = (235, 238, 242)
+FAINT = (150, 156, 166)
+PAPER = (20, 22, 28)
+BAR = (32, 35, 43)
+
+PEOPLE = ((255, 145, 40), (60, 150, 255), (120, 220, 120), (240, 110, 190), (240, 215, 70), (150, 120, 255))
+"""One colour per person where there are several, in order of appearance."""
+
+
+def person_color(number: int) -> tuple[int, int, int]:
+    """Colour of the person of this number, from 0."""
+    return PEOPLE[number % len(PEOPLE)]
+
+
+def side_color(name: str) -> tuple[int, int, int]:
+    """Colour of a joint by the side in its name."""
+    return LEFT if name.startswith("left") else RIGHT if name.startswith("right") else MIDDLE
+
+
+BONE_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(b) for _, b in BONES)
+JOINT_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(name) for name in REPORTED)
+PART_COLORS: np.ndarray = np.array([side_color(name) for name in JOINT_NAMES], dtype=np.float32)
+"""Float32 (18, 3): colour of the mesh by the joint that carries it."""
+assert len(PART_COLORS) == len(PARENTS)
+
+
+@lru_cache(maxsize=256)
+def _text_mask(text: str, size: int) -> np.ndarray:
+    """A line of text as float32 (h, w) in [0, 1], `size` pixels high; what cannot be printed is written out."""
+    text = printable(text)
+    import matplotlib
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
+    width = int(font.getlength(text)) + 2
+    image = Image.new("L", (width, size + size // 2))
+    ImageDraw.Draw(image).text((0, 0), text, font=font, fill=255)
+    return np.asarray(image, dtype=np.float32) / 255.0
+
+
+def flowed(widths: Sequence[int], total: int, gap: int) -> list[tuple[int, int]]:
+    """Line and x of boxes side by side, which go on in the next line where `total` pixels end."""
+    places, line, x = [], 0, gap
+    for width in widths:
+        if x > gap and x + width > total:
+            line, x = line + 1, gap
+        places.append((line, x))
+        x += width + gap
+    return places
+
+
+def width_of(text: str, size: int) -> int:
+    """Pixels that a line of text is wide."""
+    return _text_mask(text, size).shape[1]
+
+
+def write(image: np.ndarray, text: str, x: int, y: int, size: int = 16, color: tuple[int, int, int] = INK) -> int:
+    """Write a line on an RGB image with its upper left corner at (x, y), cut at the border; the x where it ends."""
+    mask = _text_mask(text, size)[: max(image.shape[0] - y, 0), : max(image.shape[1] - x, 0)]
+    area = image[y : y + mask.shape[0], x : x + mask.shape[1]]
+    area[:] = (area + (np.array(color, dtype=np.float32) - area) * mask[..., None]).astype(np.uint8)
+    return x + mask.shape[1]

@@ -1,0 +1,56 @@
+"""The picture of a first look: a frame's depth, each person in a colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.output.rendering.film import save_png
+from toolkit.output.rendering.style import ALARM, FAINT, INK, PAPER, person_color
+from toolkit.people.description import FirstLook, largest_surface
+
+NEAR_SHADE, FAR_SHADE = 0.95, 0.25
+"""Brightness of the nearest and the farthest measurement."""
+
+
+def picture(look: FirstLook) -> np.ndarray:
+    """RGB uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture of a person's shape is
+    ringed, unmeasured pixels are dark.
+    """
+    import cv2
+
+    depth = look.depth_mm.astype(np.float64)
+    measured = depth > 0
+    near, far = np.percentile(depth[measured], [2, 98]) if measured.any() else (0.0, 1.0)
+    place = np.clip((depth - near) / max(far - near, 1.0), 0.0, 1.0)
+    shade = np.where(measured, NEAR_SHADE + (FAR_SHADE - NEAR_SHADE) * place, 0.0)[..., None]
+    image = np.where(measured[..., None], shade * np.array(FAINT), np.array(PAPER))
+    for sighting in look.sightings:
+        size = (image.shape[1], image.shape[0])
+        mask = cv2.resize((sighting.depth > 0).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        image[mask] = shade[mask] * np.array(person_color(sighting.id - 1))
+    painted = np.ascontiguousarray(np.rint(image).astype(np.uint8))
+    scale = image.shape[0] / 480
+    for sighting in look.sightings:
+        v, u = np.nonzero(largest_surface(sighting.depth))
+        k = int(np.argmin(v))
+        step = image.shape[0] / sighting.depth.shape[0]
+        at = (int(u[k] * step), int(max(v[k] * step, 24 * scale)))
+        cv2.putText(painted, str(sighting.id), at, cv2.FONT_HERSHEY_SIMPLEX, scale, INK, max(1, round(2 * scale)))
+    for u, v in np.rint(look.furniture).astype(int).tolist():
+        cv2.circle(painted, (u, v), round(14 * scale), ALARM, max(1, round(2 * scale)), cv2.LINE_AA)
+        at = (u + round(18 * scale), v)
+        cv2.putText(painted, "furniture", at, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, ALARM, max(1, round(scale)))
+    return painted
+
+
+def save_picture(look: FirstLook, path: str | Path) -> None:
+    """Write the picture as PNG, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    save_png(path, picture(look))

@@ -1,0 +1,194 @@
+"""A network that finds the points of a person in a picture: the pose landmark model of MediaPipe 0.10.21 (Apache-2.0).
+
+Neither the model nor what runs it comes with the toolkit: `depthmocap joints --fetch` gets the one, the extra
+`joints` the other.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from toolkit.datasets.folder import data_folder
+from toolkit.io.errors import ModelError
+from toolkit.io.files import is_file
+
+MODEL_FILE = "pose_landmark_full.tflite"
+MODEL_SHA256 = "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f"
+WITHOUT = "or choose --joints FOLDER (of OpenPose JSON) or --joints none"
+"""What those may do who cannot have the model."""
+
+SIDE = 256
+"""Pixels: width and height of the picture that the network sees."""
+POINTS, HEAT_SIDE = 39, 64
+"""Points that it finds, the last six of them for its own use, and the side of its heat maps in pixels."""
+CENTRE, UPWARD = 33, 34
+"""Points by which the next crop is laid: the middle of the hips, and one above it."""
+CROP_MARGIN = 1.25
+"""Side of a crop against the longer side of the person's silhouette."""
+CROP_REACH = 2.5
+"""Side of a crop against the distance from `CENTRE` to `UPWARD`."""
+HEAT_REACH, HEAT_LEAST = 3, 0.5
+"""Pixels around a point in which the heat map places it anew, and what it has to reach there."""
+LEAST_PRESENCE = 0.5
+"""Probability from which on there is a person in the crop."""
+
+
+class Crop(NamedTuple):
+    """A square of a picture.
+
+    Attributes
+    ----------
+    u, v : its centre, pixels
+    side : pixels
+    angle : radians by which it is turned clockwise
+    """
+
+    u: float
+    v: float
+    side: float
+    angle: float
+
+    @classmethod
+    def around(cls, mask: np.ndarray) -> Crop:
+        """Upright around a silhouette, bool (H, W), that is not empty."""
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        extent = max(int(rows[-1] - rows[0]), int(columns[-1] - columns[0])) + 1
+        return cls(0.5 * float(columns[0] + columns[-1]), 0.5 * float(rows[0] + rows[-1]), CROP_MARGIN * extent, 0.0)
+
+    @classmethod
+    def of_points(cls, centre: np.ndarray, upward: np.ndarray) -> Crop:
+        """By two points (2,) of a person, pixels, so that the second is above the first."""
+        du, dv = float(upward[0] - centre[0]), float(upward[1] - centre[1])
+        return cls(float(centre[0]), float(centre[1]), CROP_REACH * math.hypot(du, dv), math.atan2(du, -dv))
+
+    @property
+    def to_picture(self) -> np.ndarray:
+        """Float64 (2, 3): pixels of the crop, 0 to 255, into pixels of the picture."""
+        step, half = self.side / SIDE, 0.5 * (SIDE - 1)
+        along, down = step * math.cos(self.angle), step * math.sin(self.angle)
+        return np.array([[along, -down, self.u - half * (along - down)], [down, along, self.v - half * (along + down)]])
+
+    def placed(self, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of the crop in the picture."""
+        m = self.to_picture
+        return pixels[:, :1] * m[:, 0] + pixels[:, 1:2] * m[:, 1] + m[:, 2]
+
+    def scaled(self, factor: float) -> Crop:
+        """The same square of the picture resized by `factor`, pixel areas kept."""
+        return Crop((self.u + 0.5) * factor - 0.5, (self.v + 0.5) * factor - 0.5, self.side * factor, self.angle)
+
+
+class Landmarks(NamedTuple):
+    """What the network found.
+
+    Attributes
+    ----------
+    points : float64 (39, 2), pixels of the picture
+    visibility : float64 (39,), 0 to 1
+    presence : probability that there is a person
+    """
+
+    points: np.ndarray
+    visibility: np.ndarray
+    presence: float
+
+
+def check_model(content: bytes, where: str | Path) -> bytes:
+    """The content, if it is the model's; raises ModelError."""
+    digest = hashlib.sha256(content).hexdigest()
+    if digest != MODEL_SHA256:
+        raise ModelError(
+            f"{where} is not the pose model: its SHA-256 begins with {digest[:12]}, not {MODEL_SHA256[:12]}; fetch it "
+            f"again with `depthmocap joints --fetch`, {WITHOUT}"
+        )
+    return content
+
+
+class PoseModel:
+    """The network, ready to run; the same picture gives the same points with any number of threads.
+
+    Parameters
+    ----------
+    content : of the model's file
+    threads : that it uses
+    """
+
+    def __init__(self, content: bytes, threads: int = 1) -> None:
+        try:
+            from ai_edge_litert.interpreter import Interpreter
+        except ImportError as error:
+            raise ModelError(
+                f"joints are detected by ai-edge-litert, which is not installed ({error}): "
+                f"pip install 'ai-edge-litert>=2.1', {WITHOUT}"
+            ) from error
+        self._interpreter: Any = Interpreter(model_content=content, num_threads=threads)
+        self._interpreter.allocate_tensors()
+        self._input = self._interpreter.get_input_details()[0]["index"]
+        outputs = {tuple(d["shape"]): d["index"] for d in self._interpreter.get_output_details()}
+        self._outputs = [outputs[shape] for shape in ((1, 5 * POINTS), (1, 1), (1, HEAT_SIDE, HEAT_SIDE, POINTS))]
+
+    @classmethod
+    def load(cls, path: str | Path | None = None, threads: int = 1) -> PoseModel:
+        """The model from its file, by default from where `depthmocap joints --fetch` puts it.
+
+        Raises
+        ------
+        ModelError
+            It is not there, it is another file, or there is nothing to run it.
+        """
+        file = Path(path) if path is not None else data_folder() / MODEL_FILE
+        if not is_file(file):
+            raise ModelError(
+                f"joints are detected by a model that is not at {file}: fetch it with `depthmocap joints --fetch`, "
+                f"{WITHOUT}"
+            )
+        return cls(check_model(file.read_bytes(), file), threads)
+
+    def find(self, picture: np.ndarray, crop: Crop) -> Landmarks:
+        """Points of the person in one square of a picture, uint8 (H, W, 3), RGB."""
+        interpreter = self._interpreter
+        interpreter.set_tensor(self._input, cropped(picture, crop)[None])
+        interpreter.invoke()
+        rows, flag, heat = (np.asarray(interpreter.get_tensor(k))[0] for k in self._outputs)
+        rows = rows.reshape(POINTS, 5).astype(np.float64)
+        points = refined(rows[:, :2], heat) - 0.5
+        return Landmarks(crop.placed(points), _share(rows[:, 3]), float(flag[0]))
+
+
+def cropped(picture: np.ndarray, crop: Crop) -> np.ndarray:
+    """What the network sees: float32 (256, 256, 3), 0 to 1, black outside the picture."""
+    import cv2
+
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    seen = cv2.warpAffine(picture, crop.to_picture, (SIDE, SIDE), flags=flags, borderValue=(0, 0, 0))
+    return np.asarray(seen, dtype=np.float32) / np.float32(255)
+
+
+def refined(points: np.ndarray, heat: np.ndarray) -> np.ndarray:
+    """Points (39, 2), moved to the middle of the heat around them where it is sure.
+
+    `heat` (64, 64, 39) holds logits. The network measures from the crop's upper left corner, which is half a pixel
+    before the centre of its first pixel, and means the corner of a cell of heat, not its middle.
+    """
+    moved, scale = points.copy(), HEAT_SIDE / SIDE
+    for k, (x, y) in enumerate(points * scale):
+        column, row = math.floor(x), math.floor(y)
+        if not (0 <= column < HEAT_SIDE and 0 <= row < HEAT_SIDE):
+            continue
+        u0, v0 = max(column - HEAT_REACH, 0), max(row - HEAT_REACH, 0)
+        around = _share(heat[v0 : row + HEAT_REACH + 1, u0 : column + HEAT_REACH + 1, k].astype(np.float64))
+        if around.max() < HEAT_LEAST:
+            continue
+        total, height, width = around.sum(), *around.shape
+        moved[k, 0] = ((around.sum(axis=0) * (u0 + np.arange(width))).sum() / total) / scale
+        moved[k, 1] = ((around.sum(axis=1) * (v0 + np.arange(height))).sum() / total) / scale
+    return moved
+
+
+def _share(logits: np.ndarray) -> np.ndarray:
+    return 1.0 / (1.0 + np.exp(-np.clip(logits, -50.0, 50.0)))

@@ -1,0 +1,80 @@
+"""Cameras that stand on their side: by how many quarters their images have to be turned, found by what they see."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.kernels import linear
+from toolkit.people.detection import find_heads
+from toolkit.people.floor import Floor, find_floor
+from toolkit.people.surroundings import first_look, tolerances
+from toolkit.people.vertical import people_axes
+from toolkit.people.view import Lens
+from toolkit.sensing.camera import DEFAULT_UP, Camera, rotated_points
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+
+OTHERS = (1, 3, 2)
+"""Quarter turns clockwise, the likelier ones first."""
+ON_FLOOR = 0.5
+"""Metres above a floor of the lowest twentieth of a person who stands on it: shins, for soles pass for the floor."""
+CLEARLY = np.cos(np.radians(35.0))
+"""Between where up is and the vertical of the turned image: a camera that is tilted as well is left to `--rotate`."""
+
+
+def quarter_turns(recording: Recording) -> int:
+    """Quarter turns clockwise that bring the images upright, 0 where nothing says that they are not.
+
+    The vertical that the file knows decides, else a floor that is seen only in a turned image, on which a person stands
+    who does not stand in the image as it is: a ceiling is no floor, for what hangs above it in the turned image does
+    not stand on it. What the user said (`--rotate`, `--up`) holds.
+    """
+    if recording.options.keys() & {"rotate", "up_camera"}:
+        return 0
+    vertical = recording.vertical
+    if vertical.source == "file":
+        fits = [linear.dot(rotated_points(vertical.up_camera, turns), np.array(DEFAULT_UP)) for turns in range(4)]
+        best = int(np.argmax(fits))
+        return best if best and fits[best] > CLEARLY else 0
+    if vertical.source == "floor":
+        return 0
+    depth, camera = recording.depth(0), recording.camera
+    scene = depth if recording.background is None else recording.background
+    if _standing(depth, camera, 0):
+        return 0
+    for turns in OTHERS:
+        standing = _standing(depth, camera, turns)
+        floor = find_floor(_turned(scene, turns), camera.rotated(turns)) if standing else None
+        if floor is not None and any(_lowest(points, floor) < ON_FLOOR for points in standing):
+            return turns
+    return 0
+
+
+def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarray]:
+    """Points (N, 3), camera frame, metres, of each person who stands in the image after so many quarter turns."""
+    lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
+    people = people_axes(lens.coarse(_turned(depth_mm, turns)), lens)
+    up = np.array(DEFAULT_UP)
+    return [points for axis, trust, points in people if trust == "standing" and linear.dot(axis, up) > CLEARLY]
+
+
+def _lowest(points: np.ndarray, floor: Floor) -> float:
+    """Metres of the lowest twentieth of points (N, 3) above a floor, camera frame."""
+    return float(np.quantile(linear.times(points, floor.up_camera) + floor.height, 0.05))
+
+
+def turns_with_heads(depth_mm: np.ndarray, camera: Camera) -> int:
+    """The first quarter turns clockwise after which heads are seen, 0 for none."""
+    for turns in OTHERS:
+        lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
+        depth = lens.coarse(_turned(depth_mm, turns))
+        surroundings = first_look(depth, lens)
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
+        view = lens.view(depth, foreground, surroundings.still)
+        if find_heads(view, lens, cut_out=surroundings.cut_out):
+            return turns
+    return 0
+
+
+def _turned(image: np.ndarray, turns: int) -> np.ndarray:
+    return np.ascontiguousarray(np.rot90(image, -turns))

@@ -1,0 +1,198 @@
+"""Who is who: the people who were seen, matched from frame to frame and known again when they come back."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state
+from toolkit.io.errors import TrackError
+from toolkit.people.evidence import export_evidence, restore_evidence
+from toolkit.people.sighting import PredictedBody
+from toolkit.people.tracks import GATE, UNKNOWN, KnownPerson
+from toolkit.people.view import Lens
+
+logger = logging.getLogger(__name__)
+
+PATIENCE = 1.0
+"""Seconds during which an unseen person is expected at their last place."""
+RESTED = 0.15
+"""Metres from a head's last place within which it rests there."""
+TALLER, SHORTER = 0.08, 0.12  # m by which a returning person may differ: shoes and noise; a bent neck as well
+WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
+
+
+class KnownPeople:
+    """The people seen so far.
+
+    Parameters
+    ----------
+    lens : of the coarse frames in which they are found
+    most : how many are told apart; later ones are left out
+
+    Attributes
+    ----------
+    people : by rising id
+    """
+
+    def __init__(self, lens: Lens, most: int) -> None:
+        self.people: list[KnownPerson] = []
+        self._lens, self._most, self._left_out = lens, most, False
+
+    def present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[KnownPerson]:
+        """The people seen within `PATIENCE`, with stature and head of their predicted bodies (by id)."""
+        present = [p for p in self.people if timestamp - p.last <= PATIENCE]
+        for k, person in enumerate(present):
+            if person.id in predicted:
+                body = predicted[person.id]
+                head = UNKNOWN if body.head is None else self._lens.to_level(body.head[None])[0]
+                present[k] = replace(person, stature=float(body.stature), body_head=head)
+        return present
+
+    def at_last_places(self, heads: Sequence[np.ndarray], timestamp: float) -> list[int]:
+        """Indices of the heads at the last places of people who are absent now."""
+        absent = [replace(p, last=timestamp) for p in self._absent(timestamp)]
+        return list(match_heads(absent, heads, timestamp).values())
+
+    def expected_back(self, timestamp: float) -> list[KnownPerson]:
+        """Those out of sight who may come back.
+
+        In a room of several people a person who went out of the image is not expected back: who comes in is mostly
+        another person. Where there is only one, or no more are told apart, any of them may come back.
+        """
+        people = sum(person.evidence.log_odds > 0 for person in self.people)
+        others = 1 < people and len(self.people) < self._most
+        return [p for p in self._absent(timestamp) if not (others and p.gone)]
+
+    def keep(self, person: KnownPerson) -> int:
+        """Put a person in the place of what was known under that id; returns the id."""
+        self.people[person.id - 1] = person
+        return person.id
+
+    def meet(
+        self,
+        place: np.ndarray,
+        middle: np.ndarray,
+        area: float,
+        timestamp: float,
+        back: list[KnownPerson],
+        *,
+        head_seen: bool,
+    ) -> int:
+        """The id of a person who comes in, 0 for one who is left out.
+
+        Parameters
+        ----------
+        place : (3,), of the head, level frame, metres
+        middle, area, head_seen : as in `KnownPerson`
+        back : those who may come back; who does is taken from the list
+        """
+        again = known_again(back, place, timestamp)
+        if again is not None:
+            back.remove(again)
+            return self.keep(replace(again, head=place).seen(place, middle, area, timestamp))
+        if len(self.people) < self._most:
+            number = len(self.people) + 1
+            here = KnownPerson(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
+            self.people.append(replace(here, head_seen=head_seen))
+            return number
+        if not self._left_out:
+            self._left_out = True
+            logger.warning(
+                "at %.2f s a person came who is left out: %d people are followed already; raise --people to follow "
+                "more",
+                timestamp,
+                self._most,
+            )
+        return 0
+
+    def end_frame(self, timestamp: float) -> None:
+        """Note who went out of the image: who is neither seen in this frame nor expected within the image."""
+        for k, person in enumerate(self.people):
+            unseen = person.last < timestamp and not self._lens.shows(person.expected(timestamp))
+            self.people[k] = replace(person, gone=person.gone or unseen)
+
+    def export_state(self) -> dict[str, Any]:
+        """The people as arrays by the name of the attribute."""
+        if not self.people:
+            return {}
+        plain = [f.name for f in fields(KnownPerson) if f.name != "evidence"]
+        looks = export_evidence({p.id: p.evidence for p in self.people})
+        return {name: np.array([getattr(p, name) for p in self.people]) for name in plain} | {"evidence": looks}
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `export_state` gave; raises TrackError for anything else."""
+        if isinstance(state, Mapping) and not state:
+            self.people = []
+            return
+        place, number = Column("f", ("n", 3), -1e3, 1e3), Column("f", ("n",), -1e12, 1e12)
+        columns = {
+            "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
+            "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
+            "body_head": replace(place, gaps=True), "looked": number,
+            "head_seen": Column("b", ("n",)), "gone": Column("b", ("n",)),
+        }  # fmt: skip
+        check_state(state, columns, ("evidence",), "people")
+        evidence = restore_evidence(state["evidence"])
+        if not state["id"].tolist() == list(evidence) == list(range(1, len(state["id"]) + 1)):
+            raise TrackError(f"the people in the state of the people finder are not numbered 1, 2, ...; {HINT}")
+        plain = {name: state[name] for name in columns}
+        rows = [
+            {k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in plain.items()} for i in range(len(evidence))
+        ]
+        self.people = [KnownPerson(**row, evidence=evidence[row["id"]]) for row in rows]
+
+    def _absent(self, timestamp: float) -> list[KnownPerson]:
+        return [p for p in self.people if timestamp - p.last > PATIENCE]
+
+
+def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs (row, column) of least total cost (R, C) among those not above their row's gate (R,)."""
+    from scipy.optimize import linear_sum_assignment
+
+    if costs.size == 0:
+        return []
+    beyond = costs > gates[:, None]
+    rows, columns = linear_sum_assignment(np.where(beyond, 1e3, costs))
+    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if not beyond[r, c]]
+
+
+def match_heads(
+    people: Sequence[KnownPerson], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
+) -> dict[int, int]:
+    """Which head is whose: index of the person to index of the head.
+
+    `resting` says of each head whether nothing ever moved there: such a head is that of a person whose head was
+    there before, or a chair's.
+    """
+    if not people or not heads:
+        return {}
+    expected = np.array([p.expected(timestamp) for p in people])
+    costs = np.sqrt(((expected[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
+    if any(resting):
+        away = np.sqrt(((np.array([p.head for p in people])[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
+        costs[np.array(resting) & (away > RESTED)] = np.inf
+    return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
+
+
+def known_again(absent: Sequence[KnownPerson], head: np.ndarray, timestamp: float) -> KnownPerson | None:
+    """The absent person who may have come back with this head: the one whose height fits best, or None.
+
+    A person who comes back may sit, but is not taller than before, and was out of sight long enough to
+    get there.
+    """
+    best: tuple[float, KnownPerson] | None = None
+    for person in absent:
+        way = float(np.hypot(head[0] - person.head[0], head[2] - person.head[2]))
+        taller = float(head[1]) - person.tallest
+        if way > GATE + WALK * (timestamp - person.last) or taller > TALLER:
+            continue
+        cost = abs(taller) if taller > -SHORTER else SHORTER + 0.01 * way
+        if best is None or cost < best[0]:
+            best = (cost, person)
+    return None if best is None else best[1]

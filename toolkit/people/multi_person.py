@@ -1,0 +1,433 @@
+"""A finder of several people, who come, go, cross and touch, in any room."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state
+from toolkit.io.errors import TrackError
+from toolkit.kernels.image.growth import refine_labels, take_label
+from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.detection import (
+    BRIDGE_CUT,
+    BRIDGE_ROOM,
+    HEAD_DISTANCE,
+    SURFACE_GAP,
+    find_heads,
+    head_seeds,
+    near_head,
+    share_out,
+)
+from toolkit.people.evidence import Evidence
+from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, lowness, possible_height
+from toolkit.people.known_people import KnownPeople, match_heads
+from toolkit.people.learning import share_of
+from toolkit.people.newcomers import Newcomers
+from toolkit.people.sharing import body_seeds, stayed_seeds
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.stills import a_person, large_enough, people_and_furniture
+from toolkit.people.surroundings import Surroundings, first_look, tolerances
+from toolkit.people.tracks import KnownPerson
+from toolkit.people.unassigned import attach_islands, attach_limbs, head_of
+from toolkit.people.view import Lens, View
+from toolkit.people.visibility import hole_sizes, unobserved_pixels
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.depth_filter import DepthFilter
+from toolkit.sensing.sensing_settings import SensingSettings
+
+NEVER_MOVED = 0.3
+"""Share of still pixels above which a head candidate beside a person is furniture."""
+LOOK_AGAIN = 0.3
+"""Seconds between two looks at a track whether it is a person."""
+SAME_SURFACE = 0.15
+"""Metres of depth by which a surface moves from frame to frame: 5 m/s at 30 Hz."""
+THEIRS = 0.5
+"""Share of a surface that was a person's a frame ago, from which on it is still theirs."""
+LEAST_PART = 0.02
+"""Square metres of a known person: a shoulder beside another person."""
+MOST_PEOPLE = 16
+"""That are told apart, where nothing else is asked for; later ones are left out."""
+MIDDLE_SAMPLES = 300
+"""Points of a person whose median is their middle."""
+
+
+class SeveralPeople:
+    """A `PeopleFinder` of all people in view.
+
+    Parameters
+    ----------
+    camera : of the raw frames, lens distortion included
+    up_camera : (3,), the vertical in the camera frame
+    surroundings : what is known of the room; None decides with the first frame
+    sensing : how depth is cleaned
+    most : how many people are told apart; later ones are left out
+    judge : tells people from furniture by their pixels; None cannot tell
+
+    Attributes
+    ----------
+    camera : of the sightings
+    lens : makes the coarse frames
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        up_camera: np.ndarray,
+        surroundings: Surroundings | None = None,
+        sensing: SensingSettings | None = None,
+        most: int = MOST_PEOPLE,
+        judge: PersonJudge | None = None,
+    ) -> None:
+        sensing = sensing or SensingSettings()
+        self._made_of = camera, up_camera, sensing, most, judge
+        self._polisher = DepthFilter(camera, sensing)
+        self.camera = self._polisher.camera
+        self.lens = Lens(self._polisher.flat_camera, up_camera, sensing)
+        self._surroundings = surroundings
+        self._judge = judge
+        self._known = KnownPeople(self.lens, most)
+        self._newcomers = Newcomers()
+        self._labels = np.zeros(self.lens.camera.shape, dtype=np.int32)
+        self._depth = np.zeros(self.lens.camera.shape, dtype=np.float32)
+        self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
+        self._fine = np.zeros(camera.shape, dtype=np.int32)
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """The people to be seen in the next frame, see `PeopleFinder.find`.
+
+        Raises
+        ------
+        RecordingError
+            The frame has another size or type.
+        """
+        flat = self._polisher.checked(depth_mm)
+        surroundings = self._follow(flat, timestamp, predicted)
+        return self._sightings(flat, surroundings)
+
+    def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
+        """As `find`, without bodies and coarsely: ids int32 (h, w), 0 = none, and depth float32 (h, w), metres."""
+        self._follow(self._polisher.checked(depth_mm), timestamp, {})
+        return self._labels, self._depth
+
+    def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
+        """Row and column of `follow`'s images that hold a pixel, not negative, of a frame."""
+        height, width = self._labels.shape
+        return min(round(v / self.lens.step), height - 1), min(round(u / self.lens.step), width - 1)
+
+    def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
+        """Label the people of an undistorted frame at coarse resolution."""
+        view, surroundings = self._look(flat)
+        present = self._known.present(timestamp, predicted)
+        heads, children, furniture = self._heads(view, surroundings)
+        resting = [_rests(view, head, surroundings) for head in heads]
+        matched = match_heads(present, heads, timestamp, resting)
+        for k, i in matched.items():
+            present[k] = present[k].faced(heads[i], HEAD_DISTANCE)
+        places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
+        left = [i for i in range(len(heads)) if i not in matched.values()]
+        others = [heads[i] for i in left]
+        movers = [*places, *(heads[i] for i in left if not resting[i])]
+        chairs = [heads[i] for i in left if resting[i] and beside(heads[i], movers)]
+        furniture = [*furniture, *chairs]
+        seeds = self._seeds(view, present, places, set(matched))
+        view = self._shared_by_bodies(view, surroundings, present, places, predicted, seeds)
+        self._stayed(view, present, places, seeds)
+        labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
+        small = [children[i] for i in left]
+        candidates, touching, own = self._candidates(view, surroundings, seeds, present, places, others, small)
+        for k, i in own.items():
+            matched[k], places[k], present[k] = left[i], others[i], present[k].with_head(others[i])
+            seeds[near_head(view, others[i]) & view.foreground] = k + 1
+        whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others))}
+        candidates += [head_of(view, body) for body in whole.values()]
+        shaped = [i not in whole and shaped_alone(view, self.lens, place) for i, place in enumerate(candidates)]
+        sure = [
+            self._sure(view, place, shape, surroundings, headed=i not in whole)
+            for i, (place, shape) in enumerate(zip(candidates, shaped, strict=True))
+        ]
+        touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
+        fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
+        fresh = sorted({*fresh, *self._known.at_last_places(candidates, timestamp)})
+        walls, everywhere = surroundings.planes, [*places, *candidates]
+        fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens)]
+        if fresh or own:
+            for k, i in enumerate(fresh, start=len(places) + 1):
+                seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
+            places += [candidates[i] for i in fresh]
+            labels, _ = self._shared(view, surroundings, seeds, places, furniture)
+        doubtful = {len(present) + k for k, i in enumerate(fresh) if not shaped[i]}
+        cut_out = surroundings.cut_out
+        ids = self._updated(view, labels, present, places, set(matched), doubtful, timestamp, cut_out)
+        self._labels, self._depth = ids[labels], view.depth
+        heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
+        self._look_at(view, heads_seen, timestamp)
+        return surroundings
+
+    def afresh(self) -> SeveralPeople:
+        """See `PeopleFinder.afresh`: in the same room."""
+        camera, up_camera, sensing, most, judge = self._made_of
+        return SeveralPeople(camera, up_camera, self._surroundings, sensing, most, judge)
+
+    @property
+    def people(self) -> list[KnownPerson]:
+        """The people seen so far, by rising id."""
+        return self._known.people
+
+    @property
+    def evidence(self) -> dict[int, Evidence]:
+        """See `PeopleFinder`: nothing where nothing but people is measured."""
+        if self._surroundings is None or self._surroundings.cut_out:
+            return {}
+        return {person.id: person.evidence for person in self.people}
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return {
+            "people": self._known.export_state(),
+            "newcomers": self._newcomers.export_state(),
+            "labels": self._labels,
+            "depth": self._depth,
+            "surroundings": None if self._surroundings is None else self._surroundings.export_state(),
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        shape = self.lens.camera.shape
+        columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
+        check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
+        self._known.restore_state(state["people"])
+        self._newcomers.restore_state(state["newcomers"])
+        self._labels, self._depth = state["labels"], state["depth"]
+        if not set(np.unique(self._labels).tolist()) <= {0, *(person.id for person in self.people)}:
+            raise TrackError(f"the state of the people finder labels people who are not in it; {HINT}")
+        kept = state["surroundings"]
+        self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
+
+    def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
+        lens = self.lens
+        depth = lens.coarse(flat)
+        surroundings = self._surroundings or first_look(depth, lens)
+        if depth.any():
+            self._surroundings = surroundings
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
+        return lens.view(depth, foreground, surroundings.unclaimed), surroundings
+
+    def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
+        """Places of heads, which of them are of a small child's size, and places of furniture, whose pixels go to no
+        person beside it.
+        """
+        if surroundings.known:
+            heads = find_heads(view, self.lens, cut_out=surroundings.cut_out)
+            heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
+            heads.sort(key=lambda head: head.small)
+            return [h.place for h in heads], [h.small for h in heads], []
+        people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge, floor=surroundings.floor)
+        return people, [False] * len(people), furniture
+
+    def _seeds(
+        self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], matched: set[int]
+    ) -> np.ndarray:
+        """The heads that are seen, 1, 2, ... for those present: int32 (h, w)."""
+        seeds = np.zeros(view.depth.shape, dtype=np.int32)
+        unseen = np.full(3, np.nan)
+        head_seeds(view, [places[k] if k in matched else unseen for k in range(len(present))], seeds)
+        return seeds
+
+    def _shared_by_bodies(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        present: Sequence[KnownPerson],
+        places: Sequence[np.ndarray],
+        predicted: Mapping[int, PredictedBody],
+        seeds: np.ndarray,
+    ) -> View:
+        """Add the pixels near the expected bodies to `seeds`, of those whose head is where that body is.
+
+        Where every person has a body, still pixels near none of them are furniture that a person touches; they are not
+        in the foreground of the view that is returned.
+        """
+        if len(present) < 2 and not surroundings.still.any():
+            return view  # one person has all pixels, but for what stands before a room that was learnt
+        asked = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
+        bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
+        if not bodies:
+            return view
+        body_seeds(view, self.lens, bodies, seeds)
+        if len(bodies) < len(present):
+            return view
+        return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
+
+    def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
+        """Whether a body's surface is near the place (3,) of the person's head."""
+        head = self.lens.from_level(place[None])[0]
+        return bool(((body.vertices - head) ** 2).sum(axis=1).min() < HEAD_DISTANCE**2)
+
+    def _stayed(
+        self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], seeds: np.ndarray
+    ) -> None:
+        """Add heads where they are expected, and torsos that stayed where they were, to `seeds`."""
+        numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
+        for k, person in enumerate(present, start=1):
+            numbers[person.id] = k
+        # Still pixels may be the chair from which a person has just risen.
+        here = ~view.still & self._lasting(view)
+        stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, seeds)
+
+    def _lasting(self, view: View) -> np.ndarray:
+        """Pixels that show the surface of the frame before: bool (h, w)."""
+        return np.asarray(np.abs(view.depth - self._depth) < SAME_SURFACE)
+
+    def _shared(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        seeds: np.ndarray,
+        places: Sequence[np.ndarray],
+        furniture: Sequence[np.ndarray],
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Labels of the people at `places` (1, 2, ...), and masks of possible people without a visible head."""
+        bridge = BRIDGE_CUT if surroundings.known else BRIDGE_ROOM
+        everything = seeds.copy()
+        for k, place in enumerate(furniture, start=len(places) + 1):
+            everything[near_head(view, place) & view.foreground & (everything == 0)] = k
+        labels = share_out(view, self.lens, everything, [*places, *furniture], bridge=bridge)
+        if not surroundings.known and self._judge is not None:
+            labels = attach_limbs(view, self.lens, labels, len(places), self._judge)
+        labels[labels > len(places)] = 0
+        if not surroundings.known:
+            return labels, []
+        return attach_islands(view, self.lens, labels, places, cut_out=surroundings.cut_out)
+
+    def _candidates(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        seeds: np.ndarray,
+        present: Sequence[KnownPerson],
+        places: Sequence[np.ndarray],
+        heads: Sequence[np.ndarray],
+        children: Sequence[bool],
+    ) -> tuple[list[np.ndarray], list[bool], dict[int, int]]:
+        """Heads that may be new people, and which of them touch a person: no shoulder, knee or fist of a person who is
+        present or comes earlier in the list. A head of a child's size that touches a person is a fist, a still one
+        beside a person a chair's back. And the heads of those present that are seen for the first time, by person.
+        """
+        people, found, touching, seeds = list(places), [], [], seeds.copy()
+        own: dict[int, int] = {}
+        for i, (head, child) in enumerate(zip(heads, children, strict=True)):  # adults first, then the highest
+            labels, _ = self._shared(view, surroundings, seeds, people, [])
+            here = near_head(view, head) & view.foreground
+            owners = np.unique(labels[here & (labels > 0)])
+            whose = [int(k) - 1 for k in owners if k <= len(present) and present[k - 1].may_have(head)]
+            if len(owners) == 1 and whose and whose[0] not in own:
+                own[whose[0]] = i
+                seeds[here] = owners[0]
+                continue
+            chair = _rests(view, head, surroundings) and beside(head, people)
+            if not chair and all(apart(head, people[k - 1]) and not child for k in owners):
+                people.append(head)
+                found.append(head)
+                seeds[here] = len(people)
+                touching.append(len(owners) > 0 and not self._parted(view, surroundings, seeds, people))
+        return found, touching, own
+
+    def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
+        """Whether the last of the `places` has a person's shape by its own share of the surface alone, which was not
+        there, or nobody's, a frame ago: the elbow of somebody who bends has one, too.
+        """
+        labels, _ = self._shared(view, surroundings, seeds, places, [])
+        share = labels == len(places)
+        fresh = share_of((self._labels > 0) & self._lasting(view), share) < THEIRS
+        return fresh and a_person(view, self.lens, share, places[-1])
+
+    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
+        """Whether the surface below a candidate head is surely a person's, who counts at once.
+
+        Before a known background carried things move, too: its shape or the judge says what moves there. In a cut out
+        recording all of the first frame is people. In an unknown room candidates were chosen by the same evidence.
+        """
+        if surroundings.cut_out:
+            return not self.people
+        if not surroundings.known:
+            return True
+        if shaped or not headed:
+            return shaped
+        here = near_head(view, place) & view.foreground
+        moved = share_of(surroundings.background > 0, here)
+        judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
+        return log_odds([Glimpse(False, moved, judged=judged, low=low)]) > 0
+
+    def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
+        """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
+        surroundings = self._surroundings
+        if surroundings is None or surroundings.cut_out:
+            return
+        for person in self.people:
+            if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
+                head = heads[person.id]
+                judged = judged_head(view, self.lens, head, self._judge) or 0.0
+                shaped, rests = shaped_alone(view, self.lens, head), _rests(view, head, surroundings)
+                self._known.keep(person.looked_at(shaped, judged, rests, timestamp))
+
+    def _updated(
+        self,
+        view: View,
+        labels: np.ndarray,
+        present: Sequence[KnownPerson],
+        places: Sequence[np.ndarray],
+        matched: set[int],
+        doubtful: set[int],
+        timestamp: float,
+        cut_out: bool,
+    ) -> np.ndarray:
+        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background. `matched` and `doubtful`
+        are indices of places: whose head is seen, and which new person may be known by another part than the head.
+        """
+        ids = np.zeros(len(places) + 1, dtype=np.int32)
+        back = self._known.expected_back(timestamp)
+        for k, place in enumerate(places):
+            mask = labels == k + 1
+            points, area = view.points[mask], self.lens.area(view.depth[mask])
+            middle = place
+            if len(points):
+                middle = np.median(points[:: max(1, len(points) // MIDDLE_SAMPLES)], axis=0).astype(np.float64)
+            if k < len(present):
+                self._known.keep(present[k])
+                if area >= LEAST_PART:
+                    head = place if k in matched else None
+                    ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
+            elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
+                ids[k + 1] = self._known.meet(place, middle, area, timestamp, back, head_seen=k not in doubtful)
+        self._known.end_frame(timestamp)
+        return ids
+
+    def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
+        """Depth of each person at full resolution."""
+        coarse = np.rint(1000 * self._depth).astype(np.uint16)
+        refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * SURFACE_GAP, self._fine)
+        step = self._polisher.step
+        whole = flat[::step, ::step]
+        holes = None if surroundings.cut_out else hole_sizes(whole)
+        found = []
+        box = np.zeros(4, dtype=np.int64)
+        for number in np.unique(self._labels[self._labels > 0]):
+            if take_label(flat, self._fine, int(number), self._padded, box) == 0:
+                continue
+            depth = self._polisher.filtered(self._padded, box)
+            if depth.any():
+                found.append(Sighting(int(number), depth, unobserved_pixels(whole, depth, holes), self.camera))
+        return tuple(found)
+
+
+def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
+    """Whether nothing ever moved at a head's place (3,)."""
+    here = near_head(view, head) & view.foreground
+    return bool(np.count_nonzero(surroundings.resting & here) > NEVER_MOVED * np.count_nonzero(here))

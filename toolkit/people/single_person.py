@@ -1,0 +1,116 @@
+"""One person, cut out of every frame by the settings, as cleaned depth (Baak 2013, 5.3.1). The simplest people finder.
+
+Undistort, subtract the background or cut out the person, delete mixed pixels at contours, 3x3 median.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from toolkit.people.evidence import Evidence
+from toolkit.people.segmentation import Segmenter
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.visibility import hole_sizes, unobserved_pixels
+from toolkit.sensing.camera import DEFAULT_UP, Camera
+from toolkit.sensing.depth_filter import DepthFilter
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+
+ID = 1
+
+
+class LonePerson:
+    """Finds the one person whom the settings mean; every frame is a sighting, an empty one where the person is not.
+
+    Parameters
+    ----------
+    camera : of the raw frames, lens distortion included
+    background : uint16 (H, W), depth of the empty scene, millimetres, or None
+    settings : how to cut out and to clean
+    up_camera : (3,), the vertical in the camera frame
+
+    Attributes
+    ----------
+    camera : of the cleaned frames: without lens distortion, half as large if so set
+
+    Raises
+    ------
+    SegmentationError
+        The settings ask for a background and there is none.
+    """
+
+    evidence: Mapping[int, Evidence] = MappingProxyType({})
+
+    def __init__(
+        self,
+        camera: Camera,
+        background: np.ndarray | None = None,
+        settings: SensingSettings | None = None,
+        up_camera: np.ndarray | None = None,
+    ) -> None:
+        settings = settings or SensingSettings()
+        self._filter = DepthFilter(camera, settings)
+        self.camera = self._filter.camera
+        flat = None
+        if background is not None:
+            flat = self._filter.undistort(np.ascontiguousarray(background, dtype=np.uint16))
+        up = np.array(DEFAULT_UP) if up_camera is None else np.asarray(up_camera, dtype=np.float64)
+        self._segmenter = Segmenter(self._filter.flat_camera, flat, settings, up)
+
+    @classmethod
+    def of(cls, recording: Recording, settings: SensingSettings | None = None) -> LonePerson:
+        """A finder with the camera, background and vertical of `recording`."""
+        return cls(recording.camera, recording.background, settings, recording.up_camera)
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """See `PeopleFinder.find`; raises as `clean`."""
+        depth, whole_mm = self._cut(depth_mm)
+        holes = None if self._segmenter.cut_out else hole_sizes(whole_mm)
+        return (Sighting(ID, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
+
+    def afresh(self) -> None:
+        """See `PeopleFinder.afresh`."""
+
+    def clean(self, depth_mm: np.ndarray) -> np.ndarray:
+        """The person's depth in a frame.
+
+        Parameters
+        ----------
+        depth_mm : uint16 (H, W), millimetres along z, 0 = no measurement
+
+        Returns
+        -------
+        float32 (H', W') of `self.camera`, metres along z, 0 = nothing or not the person. A new array. All zero for a
+        frame without a person.
+
+        Raises
+        ------
+        RecordingError
+            The frame has another size or type.
+        SegmentationError
+            The person cannot be told from the scene, or there are several; the message names the option that helps.
+        """
+        return self._cut(depth_mm)[0]
+
+    def _cut(self, depth_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `clean`, and beside it all that was measured: uint16 (H', W') of `self.camera`, millimetres."""
+        flat = self._filter.checked(depth_mm)
+        step = self._filter.step
+        person, box = self._segmenter.person(flat)
+        if box is None:
+            return np.zeros(self.camera.shape, dtype=np.float32), flat[::step, ::step]
+        return self._filter.filtered(person, box), flat[::step, ::step]
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return self._segmenter.export_state()
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self._segmenter.restore_state(state)

@@ -1,0 +1,143 @@
+"""Where up is in a recording that does not say so: from the floor, else from walls and people.
+
+A camera mostly stands level, and people mostly stand. Without a floor, up is the direction that agrees best with walls
+(at right angles to it), with the axes of people (along it) and with the image's vertical, each as far as it can be
+trusted: the least eigenvector of a weighted sum. The image's vertical stays unless that is clearly another direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.kernels import linear
+from toolkit.people.floor import LARGEST_TILT, Floor, find_floor, find_known_floor
+from toolkit.people.stills import people_and_furniture
+from toolkit.people.structure import find_planes
+from toolkit.people.surroundings import first_look, tolerances
+from toolkit.people.view import Lens
+from toolkit.sensing.camera import DEFAULT_UP, Camera
+from toolkit.sensing.recording import Recording, Vertical
+from toolkit.sensing.sensing_settings import SensingSettings
+
+FLOOR_FRAMES = 4  # in which a floor is looked for; a person may hide it in one
+PEOPLE_FRAMES = 8  # a stride leans, several do not
+FIRST_SECONDS = 3.0
+CAMERA_HEIGHT = (0.3, 4.0)  # m above the floor: from a chair's seat to a ceiling
+AGREEING = np.deg2rad(3.0)  # between the floors of two frames
+WALL_TILT = np.deg2rad(25.0)  # by which a wall may lean in the image of a tilted camera
+TRUST = {"wall": np.deg2rad(2.0), "standing": np.deg2rad(8.0), "torso": np.deg2rad(15.0), "image": np.deg2rad(20.0)}
+CLEARLY = np.deg2rad(10.0)  # from the image's vertical: a lean of as much is everyday
+ELONGATED = 2.2  # length over width of a standing person with the arms down
+CHEST_DROP, CHEST_RADIUS = 0.45, 0.25  # m below a head's centre and around there
+
+
+def find_vertical(recording: Recording) -> Vertical:
+    """Where up is, from the background or the first seconds of a recording."""
+    early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
+    if recording.background is not None:
+        scenes = [recording.background]
+    else:
+        scenes = [recording.depth(i) for i in _spread(early, FLOOR_FRAMES)]
+    floor = agreed_floor(scenes, recording.camera)
+    if floor is not None:
+        return Vertical(floor.up_camera, "floor", floor.height)
+    frames = [recording.depth(i) for i in _spread(early, PEOPLE_FRAMES)]
+    return Vertical(assumed_up(frames, recording.camera), "assumed")
+
+
+def floor_height(recording: Recording) -> float | None:
+    """Metres of the camera above the floor, None where none is seen in the background or the first seconds."""
+    if recording.vertical.height is not None:
+        return recording.vertical.height
+    scenes = [recording.background]
+    if recording.background is None:
+        early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
+        scenes = [recording.depth(i) for i in _spread(early, FLOOR_FRAMES)]
+    floors = [find_known_floor(scene, recording.camera, recording.up_camera) for scene in scenes if scene is not None]
+    heights = [floor.height for floor in floors if floor is not None]
+    heights = [height for height in heights if CAMERA_HEIGHT[0] <= height <= CAMERA_HEIGHT[1]]
+    return float(np.median(heights)) if heights else None
+
+
+def _spread(end: int, count: int) -> list[int]:
+    return np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), count)).astype(np.int64)).tolist()
+
+
+def agreed_floor(scenes: Sequence[np.ndarray], camera: Camera) -> Floor | None:
+    """The floor that the first two of these frames (uint16 (H, W), millimetres) with any agree on; of a single frame
+    its own.
+    """
+    floors: list[Floor] = []
+    for scene in scenes:
+        floor = find_floor(scene, camera)
+        if floor is None or not CAMERA_HEIGHT[0] <= floor.height <= CAMERA_HEIGHT[1]:
+            continue
+        if len(scenes) == 1:
+            return floor
+        for other in floors:
+            if _angle(floor.up_camera, other.up_camera) <= AGREEING:
+                return other
+        floors.append(floor)
+    return None
+
+
+def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
+    """The direction that walls, people and the image's vertical agree on best: float64 (3,), camera frame.
+
+    `frames` uint16 (H, W), millimetres.
+    """
+    image_up = np.array(DEFAULT_UP)
+    # What is minimised: squared sines to people's axes and to the image's vertical, squared cosines to walls' normals.
+    doubt = -_outer(image_up, TRUST["image"])
+    lens = Lens(camera.undistorted(), image_up, SensingSettings())
+    for frame in frames:
+        depth = lens.coarse(frame)
+        for axis, trust, _ in people_axes(depth, lens):
+            doubt -= _outer(axis, TRUST[trust]) / len(frames)
+    if frames:
+        depth = lens.coarse(frames[0])
+        tolerance = tolerances(depth, lens)
+        for plane in find_planes(depth, lens.rays, tolerance):
+            if abs(_angle(plane.normal, image_up) - np.pi / 2) < WALL_TILT:
+                doubt += _outer(plane.normal, TRUST["wall"])
+    up = linear.principal_axes(doubt)[1][:, 0]
+    up = up * np.sign(linear.dot(up, image_up))
+    return up if CLEARLY < _angle(up, image_up) <= LARGEST_TILT else image_up
+
+
+def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
+    return np.asarray(direction[:, None] * direction[None, :] / deviation**2)
+
+
+def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str, np.ndarray]]:
+    """Directions in which the people of a coarse frame point upwards, how far to trust them, and the people's points
+    (N, 3): camera frame, metres.
+    """
+    surroundings = first_look(depth, lens)
+    view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
+    heads, _, labels = people_and_furniture(view, lens, cut_out=surroundings.cut_out)
+    axes = []
+    for k, head in enumerate(heads, start=1):
+        points = lens.from_level(view.points[labels == k].astype(np.float64))
+        _, covariance = linear.moments(points)
+        widths, directions = linear.principal_axes(covariance)
+        longest = directions[:, 2] * np.sign(linear.dot(directions[:, 2], np.array(DEFAULT_UP)))
+        if widths[2] >= ELONGATED**2 * widths[1]:
+            axes.append((longest, "standing", points))
+        else:
+            upwards = lens.from_level(head[None])[0] - _chest(points, head, lens)
+            axes.append((upwards / np.sqrt(linear.dot(upwards, upwards)), "torso", points))
+    return [person for person in axes if _angle(person[0], np.array(DEFAULT_UP)) <= LARGEST_TILT]
+
+
+def _chest(points: np.ndarray, head: np.ndarray, lens: Lens) -> np.ndarray:
+    """Middle of what lies below a head (3,), level frame, on its axis: float64 (3,), camera frame, as `points`."""
+    below = lens.to_level(points) - head
+    column = (np.hypot(below[:, 0], below[:, 2]) < CHEST_RADIUS) & (np.abs(below[:, 1] + CHEST_DROP) < CHEST_RADIUS)
+    return linear.moments(points[column] if column.any() else points)[0]
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.arccos(np.clip(linear.dot(a, b), -1.0, 1.0)))

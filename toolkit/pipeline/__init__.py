@@ -1,7 +1,0 @@
-"""A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
-
-from toolkit.pipeline.batch import track_recordings, unreadable
-from toolkit.pipeline.run import track_recording
-from toolkit.pipeline.trackers import TrackerRecipe
-
-__all__ = ["TrackerRecipe", "track_recording", "track_recordings", "unreadable"]

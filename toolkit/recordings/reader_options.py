@@ -1,0 +1,119 @@
+"""How to read a recording, where its files do not say so themselves."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.errors import UsageError
+from toolkit.sensing.conversion import unit_in_metres
+
+LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
+FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
+LARGEST_RATE = 1000.0  # frames a second: faster than any depth camera
+LARGEST_SIDE = 20_000  # pixels: larger than any image
+SETTINGS = {
+    "segment": "settings={'sensing.segment': ...}",
+    "subject": "settings={'sensing.subject': ...}",
+    "online": "settings={'passes': 1}",
+}
+"""What the command takes as options, though it does not say how a recording is read -> how Python says it."""
+
+
+@dataclass(frozen=True)
+class ReaderOptions:
+    """How to read a recording, where its files do not say so themselves.
+
+    Attributes
+    ----------
+    format : a name of `readers.READERS`, such as "npz", "ros", "mkv" or "png"; guessed from the path if None
+    mirrored : the source shows the scene as a mirror does; its images are flipped. None leaves it to the reader
+    radial : pixels hold the distance to the camera's centre instead of the depth along z
+    depth_unit : "mm", "m" or the metres of one unit, such as 0.0002; None is "mm", for clouds "m"
+    intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file that holds them
+    size : width and height in pixels, for raw files and for clouds without a pixel grid
+    frame_rate : frames per second of a source without timestamps; None is the format's own, or 30
+    up_camera : the vertical in the camera frame
+    background : path of a 16-bit PNG with the depth of the empty scene
+    skeleton : a reference skeleton's file, or the folder that holds it
+    axes : "camera" (x right, y down, z forward) or "graphics" (x right, y up, z backward), for clouds
+    rotate : degrees by which the images are turned clockwise, 0, 90, 180 or 270, for a camera that stands on its side
+    track : name of the depth topic of a file that holds several
+    """
+
+    format: str | None = None
+    mirrored: bool | None = None
+    radial: bool = False
+    depth_unit: str | float | None = None
+    intrinsics: str | tuple[float, ...] | None = None
+    size: tuple[int, int] | None = None
+    frame_rate: float | None = None
+    up_camera: tuple[float, float, float] | None = None
+    background: str | None = None
+    skeleton: str | None = None
+    axes: str = "camera"
+    rotate: int = 0
+    track: str | None = None
+
+    @classmethod
+    def from_mapping(cls, options: dict[str, Any]) -> ReaderOptions:
+        """Options by name; paths become text and lists tuples, so that they can be written as JSON and read back.
+
+        Raises
+        ------
+        UsageError
+            A name or a value is not one of those above.
+        """
+        names = [f.name for f in fields(cls)]
+        unknown = sorted(set(options) - set(names))
+        if unknown:
+            instead = f"give {SETTINGS[unknown[0]]}" if unknown[0] in SETTINGS else f"there are: {', '.join(names)}"
+            raise UsageError(f"unknown reader option {unknown[0]!r}; {instead}")
+        plain = {
+            k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
+        }
+        made = cls(**plain)
+        rate = made.frame_rate
+        if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= LARGEST_RATE):
+            raise UsageError(
+                f"--frame-rate {made.frame_rate} is not positive or above {LARGEST_RATE:g}; give frames a second"
+            )
+        if made.depth_unit is not None:
+            unit_in_metres(made.depth_unit)
+        if made.axes not in ("camera", "graphics"):
+            raise UsageError(f"--axes is {made.axes!r}; give camera or graphics")
+        if made.rotate not in (0, 90, 180, 270):
+            raise UsageError(f"--rotate is {made.rotate!r}; give 90, 180 or 270")
+        return made
+
+    def given(self) -> dict[str, Any]:
+        """The options that differ from their defaults."""
+        default = asdict(ReaderOptions())
+        return {k: v for k, v in asdict(self).items() if v != default[k]}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def _numbers(name: str, value: Any) -> Any:
+    """Numbers given as a list, an array or a text such as `320,240`; another text is a path."""
+    if value is None:
+        return None
+    parts = value.split(",") if isinstance(value, str) else value
+    try:
+        numbers = tuple(float(part) for part in parts)
+    except (TypeError, ValueError):
+        if name == "intrinsics" and isinstance(value, (str, Path)):
+            return str(value)
+        raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers") from None
+    if len(numbers) != LENGTHS[name] or not np.isfinite(numbers).all():
+        raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers")
+    if name == "size" and not all(0 < n <= LARGEST_SIDE and n == int(n) for n in numbers):
+        raise UsageError(f"--size is {value!r}; give width and height in pixels")
+    return tuple(int(n) for n in numbers) if name == "size" else numbers

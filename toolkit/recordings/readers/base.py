@@ -1,0 +1,297 @@
+"""What every reader decides the same way: frames in files, camera, times, vertical, background, unit."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.safe_open import read_file
+from toolkit.io.yaml_reader import read_json
+from toolkit.people.vertical import find_vertical
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import FrameSource, Recording
+
+LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
+"""Pixels of a camera's picture, and bytes of its file, at most."""
+GRAVITY, GRAVITY_TOLERANCE = 9.81, 1.0
+"""m/s^2, and how far a cheap accelerometer may be off."""
+
+
+def natural_key(path: Path) -> list[tuple[int, int | str]]:
+    """Sort key by which `frame_2` comes before `frame_10`."""
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", path.name) if part]
+
+
+def frame_times(count: int, options: ReaderOptions, rate: float = 30.0) -> np.ndarray:
+    """Float64 (count,), seconds, at the chosen frame rate, else at the format's own `rate`."""
+    return np.arange(count, dtype=np.float64) / (options.frame_rate or rate)
+
+
+class ArrayFrames(FrameSource):
+    """Raw frames of an array (T, H, W)."""
+
+    def __init__(self, depth: np.ndarray) -> None:
+        self._depth = depth
+
+    def __len__(self) -> int:
+        return len(self._depth)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return np.asarray(self._depth[i])
+
+
+class FileFrames(FrameSource):
+    """Frames that lie in a file each.
+
+    Parameters
+    ----------
+    files : of depth
+    read : reads one of them
+    color : images of the same view, one for each frame, or none
+    """
+
+    def __init__(self, files: Sequence[Path], read: Callable[[Path], np.ndarray], color: Sequence[Path] = ()) -> None:
+        self._files, self._read, self._color = files, read, color
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return self._read(self._files[i])
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour image of frame `i`, RGB, or None."""
+        if not self._color:
+            return None
+        import cv2
+
+        return np.ascontiguousarray(_read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
+
+
+@dataclass(frozen=True, eq=False)
+class FileFacts:
+    """What a file says of its recording; None where it says nothing.
+
+    Attributes
+    ----------
+    unit, mirrored : of the raw depth, as in `ReaderOptions`
+    timestamps : (T,), seconds; None = evenly, at the option's rate or 30 a second
+    background : raw depth of the empty scene
+    up : the vertical in the camera frame
+    joints, reference_joints, image_joints : as in `Recording`
+    """
+
+    unit: str | float = "mm"
+    mirrored: bool = False
+    timestamps: np.ndarray | None = None
+    background: np.ndarray | None = None
+    up: np.ndarray | None = None
+    joints: np.ndarray | None = None
+    reference_joints: np.ndarray | None = None
+    image_joints: np.ndarray | None = None
+
+
+def recording_of_source(
+    path: Path,
+    source: FrameSource,
+    camera: Camera,
+    options: ReaderOptions,
+    says: FileFacts | None = None,
+    *,
+    name: str | None = None,
+) -> Recording:
+    """A recording of what its file `says`, where the `options` do not say otherwise.
+
+    `source` and `camera` are its raw frames, and what they were taken with; `name` is that of the path if None.
+    """
+    says = says or FileFacts()
+    background = says.background if options.background is None else read_depth_png(Path(options.background))
+    return Recording(
+        name=path.stem if name is None else name,
+        path=path,
+        camera=camera,
+        timestamps=frame_times(len(source), options) if says.timestamps is None else says.timestamps,
+        source=source,
+        converter=DepthConverter(
+            says.unit if options.depth_unit is None else options.depth_unit,
+            options.radial,
+            says.mirrored if options.mirrored is None else options.mirrored,
+        ),
+        background=background,
+        joints=says.joints,
+        reference_joints=says.reference_joints,
+        image_joints=says.image_joints,
+        stored_up=says.up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
+        find_vertical=find_vertical,
+        options=options.given(),
+    )
+
+
+def chosen_camera(
+    options: ReaderOptions,
+    shape: tuple[int, ...],
+    path: Path,
+    stored: np.ndarray | tuple[float, ...] | None = None,
+    distortion: np.ndarray | None = None,
+) -> Camera:
+    """The camera from the option `intrinsics`, else from the stored values.
+
+    Raises
+    ------
+    RecordingError
+        Neither is there, or they are absurd.
+    """
+    size = (int(shape[0]), int(shape[1]))
+    if isinstance(options.intrinsics, str):
+        return _camera_from_json(Path(options.intrinsics), size)
+    intrinsics = options.intrinsics if options.intrinsics is not None else stored
+    if intrinsics is None:
+        raise RecordingError(f"{path} has no intrinsics; give --intrinsics fx,fy,cx,cy in pixels or a JSON file")
+    return Camera.from_intrinsics(np.asarray(intrinsics), size, distortion)
+
+
+@contextmanager
+def damaged(path: Path) -> Iterator[None]:
+    """Turn whatever reading the container raises (each library has its own family) into one sentence."""
+    try:
+        yield
+    except (RecordingError, UsageError):
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"{path} is truncated or damaged ({reason}); copy or record it again") from error
+
+
+def upright(accelerations: np.ndarray) -> np.ndarray | None:
+    """The vertical from accelerations (N, 3), m/s^2, in the camera frame: at rest an accelerometer measures upwards.
+
+    None where their median is not gravity: the camera was moved, or they are in another unit.
+    """
+    median = np.median(accelerations, axis=0)
+    length = math.hypot(*median)
+    return median / length if abs(length - GRAVITY) < GRAVITY_TOLERANCE else None
+
+
+def decoded(content: bytes | memoryview, flag: int) -> np.ndarray | None:
+    """A picture as OpenCV decodes it with `flag`; None where it is none, or would have more than `LARGEST_PICTURE`."""
+    import cv2
+    from PIL import Image
+
+    try:
+        width, height = Image.open(io.BytesIO(content)).size  # reads the head alone
+        return cv2.imdecode(np.frombuffer(content, np.uint8), flag) if width * height <= LARGEST_PICTURE else None
+    except Exception:  # of damaged pictures either library raises a dozen kinds
+        return None
+
+
+def _camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
+    """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix`
+    (row-major), or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`,
+    `coeffs` or `dist`.
+
+    `shape` is the (height, width) of the images; a size in the file that differs is an error.
+    """
+    top = read_json(path, RecordingError, "give a JSON file with fx, fy, cx, cy")
+    tables = [t for t in (top, *(top.values() if isinstance(top, dict) else ())) if isinstance(t, dict)]
+    for table in tables:
+        bent = next((table[k] for k in ("distortion", "coeffs", "dist") if table.get(k)), None)
+        try:
+            values = _intrinsics_of(table)
+            distortion = None if bent is None else np.asarray(bent, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"the intrinsics in {path} are no numbers ({error}); give fx, fy, cx, cy") from error
+        if values is None:
+            continue
+        size = (table.get("height", shape[0]), table.get("width", shape[1]))
+        if size != shape:
+            raise RecordingError(
+                f"{path} describes images of {size[1]}x{size[0]} pixels, these have {shape[1]}x{shape[0]}; "
+                "give the intrinsics of this size"
+            )
+        return Camera.from_intrinsics(np.asarray(values), shape, distortion)
+    raise RecordingError(f"{path} holds no intrinsics; expected fx, fy, cx, cy, K or intrinsic_matrix")
+
+
+def camera_beside(own: list[Path], around: Path, shape: tuple[int, int]) -> Camera | None:
+    """The camera of the first folder whose JSON files tell one: a recording's own ones, then the one around it.
+
+    Returns None where there is no file at all. JSON about something else around a recording is none of its business.
+
+    Raises
+    ------
+    RecordingError
+        Two files of one folder tell different cameras, or no file of the recording's own tells one.
+    """
+    problems: list[RecordingError] = []
+    for folder in [*own, around]:
+        found: dict[Path, Camera] = {}
+        for table in sorted(folder.glob("*.json")):
+            try:
+                found[table] = _camera_from_json(table, shape)
+            except RecordingError as error:
+                problems += [error] if folder in own else []
+        if len(set(found.values())) > 1:
+            named = " and ".join(str(table) for table in found)
+            raise RecordingError(f"{named} tell different cameras; give --intrinsics FILE for the right one")
+        if found:
+            return next(iter(found.values()))
+    if problems:
+        raise problems[0]
+    return None
+
+
+def _intrinsics_of(table: dict[str, Any]) -> list[float] | None:
+    for key, order in (("intrinsic_matrix", "F"), ("K", "C"), ("camera_matrix", "C")):
+        if key in table:
+            matrix = np.asarray(table[key], dtype=np.float64).ravel()
+            if matrix.size != 9:
+                return None
+            k = matrix.reshape(3, 3, order="F" if order == "F" and np.ndim(table[key]) == 1 else "C")
+            return [k[0, 0], k[1, 1], k[0, 2], k[1, 2]]
+    for names in (("fx", "fy", "cx", "cy"), ("fx", "fy", "ppx", "ppy")):
+        if all(n in table for n in names):
+            return [float(table[n]) for n in names]
+    return None
+
+
+def read_depth_png(path: Path) -> np.ndarray:
+    """A 16-bit PNG as uint16 (H, W); a larger one than any camera's is refused by its header.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, or it is not a single channel of 16 bits.
+    """
+    import cv2
+
+    image = _read_image(path, cv2.IMREAD_UNCHANGED)
+    if image.dtype != np.uint16 or image.ndim != 2:
+        what = f"{image.dtype} of shape {image.shape}"
+        raise RecordingError(f"{path} is {what}; depth is one channel of 16 bits: name the folder of the depth images")
+    return image
+
+
+def _read_image(path: Path, flags: int) -> np.ndarray:
+    """An image file as OpenCV reads it; raises RecordingError."""
+    try:
+        image = decoded(read_file(path, LARGEST_FILE), flags)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read as an image: {error.strerror or error}") from error
+    if image is None:
+        raise RecordingError(
+            f"{path} cannot be read as an image; it is truncated, of another format or larger than any camera's"
+        )
+    return image

@@ -1,0 +1,104 @@
+"""Allocation: which column of which class's template a frame of a track belongs to (thesis 6.4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.io.errors import RetrievalError
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.priors.limb_entries import ROWS_OF_LIMB
+from toolkit.retrieval.templates import QuantisedTemplate
+
+SLACK = 0.2
+"""Share of a segment at its end in which an alignment may end: labels are widened beyond the hit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Allocation:
+    """What each of T columns of a document was aligned with.
+
+    Attributes
+    ----------
+    label : int64 (T,), row of the class, -1 for none
+    column : int64 (T,), of the class's template
+    cost : float64 (T,), of the alignment, infinite for none
+    stretch : int64 (T,), number of the alignment, -1 for none
+    """
+
+    label: np.ndarray
+    column: np.ndarray
+    cost: np.ndarray
+    stretch: np.ndarray
+
+    @classmethod
+    def nothing(cls, length: int) -> Allocation:
+        """No column is aligned with anything."""
+        none = np.full(length, -1, dtype=np.int64)
+        return cls(none, none.copy(), np.full(length, np.inf), none.copy())
+
+    def at(self, rows: np.ndarray) -> Allocation:
+        """The same for some columns (N,), also repeatedly."""
+        return Allocation(*(getattr(self, name)[rows] for name in ("label", "column", "cost", "stretch")))
+
+
+def unknown_rows(hidden: Mapping[str, np.ndarray], length: int) -> np.ndarray:
+    """Features that look at a limb while it is hidden, as bits: uint64 (length,); `hidden` are bool (length,)."""
+    words = np.zeros(length, dtype=np.uint64)
+    for limb, flags in hidden.items():
+        words[flags] |= np.uint64(ROWS_OF_LIMB[limb])
+    return words
+
+
+def allocate(
+    features: FeatureMatrix,
+    segments: Sequence[Segment],
+    classes: Sequence[MotionClass],
+    unknown: np.ndarray | None = None,
+) -> Allocation:
+    """Align each labelled stretch of a document with its class's template; where stretches overlap the cheaper counts.
+
+    Parameters
+    ----------
+    features : of the document, at 30 Hz
+    segments : labelled stretches
+    classes : all classes
+    unknown : uint64 (L,), see `unknown_rows`
+
+    Raises
+    ------
+    RetrievalError
+        A segment has a label of no class.
+    """
+    labels = [motion_class.label for motion_class in classes]
+    words = features.words
+    unknown = np.zeros(len(words), dtype=np.uint64) if unknown is None else unknown
+    found = Allocation.nothing(len(words))
+    for stretch, segment in enumerate(segments):
+        if segment.label not in labels:
+            known = ", ".join(labels)
+            raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it or learn it")
+        row = labels.index(segment.label)
+        first, stop = (int(np.clip(end, 0, len(words))) for end in segment.frames(features.frame_rate))
+        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop])
+        here = np.arange(first, first + len(columns))
+        better = (columns >= 0) & (cost < found.cost[here])
+        at = here[better]
+        found.label[at], found.column[at] = row, columns[better]
+        found.cost[at], found.stretch[at] = cost, stretch
+    return found
+
+
+def _best_end(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
+    """The cheapest alignment that ends within the last part of a stretch: its cost and columns (L,)."""
+    least = max(1, len(words) - int(SLACK * len(words)))
+    best, columns = np.inf, np.full(len(words), -1, dtype=np.int64)
+    for stop in range(least, len(words) + 1):
+        cost, found = template.trace(words[:stop], unknown[:stop])
+        if cost < best:
+            best, columns = cost, np.concatenate([found, np.full(len(words) - stop, -1, dtype=np.int64)])
+    return best, columns

@@ -1,0 +1,51 @@
+"""The four limbs: where their angles stand in a pose, which joints tell whether they are seen, which features look."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.retrieval.features.relational import FEATURES, Feature
+
+LIMBS: tuple[str, ...] = ("left_arm", "right_arm", "left_leg", "right_leg")
+_CHAINS = {"arm": ("clavicle", "shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
+_OUTER = {"arm": ("elbow", "wrist", "hand"), "leg": ("knee", "ankle", "foot")}
+
+
+def _entries(limb: str) -> np.ndarray:
+    side, part = limb.split("_")
+    wanted = tuple(f"{side}_{joint}_r" for joint in _CHAINS[part])
+    return np.array([i for i, name in enumerate(skeleton.POSE_NAMES) if name.startswith(wanted)], dtype=np.int64)
+
+
+def _outer(limb: str) -> np.ndarray:
+    side, part = limb.split("_")
+    return np.array([skeleton.REPORTED.index(f"{side}_{joint}") for joint in _OUTER[part]], dtype=np.int64)
+
+
+ENTRIES: dict[str, np.ndarray] = {limb: _entries(limb) for limb in LIMBS}
+"""Where the angles of each limb stand in a pose, int64."""
+OUTER: dict[str, np.ndarray] = {limb: _outer(limb) for limb in LIMBS}
+"""The three outer joints of each limb, rows of `skeleton.REPORTED`."""
+
+_LIMB_OF = {
+    f"{limb.split('_')[0]}_{joint}": limb
+    for limb in LIMBS
+    for joint in (("elbow", "wrist", "fingers") if limb.endswith("arm") else ("knee", "ankle", "toes"))
+}
+"""Limb of each of the named joints of features that lie on one."""
+
+
+def _limbs_of(feature: Feature) -> tuple[str, ...]:
+    """The limbs that a feature measures; none of the trunk's, nor of one that measures all four."""
+    found = {_LIMB_OF[point] for point in feature.points if point in _LIMB_OF}
+    return () if len(found) == len(LIMBS) else tuple(limb for limb in LIMBS if limb in found)
+
+
+LIMBS_OF_FEATURE: tuple[tuple[str, ...], ...] = tuple(map(_limbs_of, FEATURES))
+"""For each feature the limbs that it looks at; none for those of the trunk and of the whole body."""
+
+ROWS_OF_LIMB: dict[str, int] = {
+    limb: sum(1 << row for row, limbs in enumerate(LIMBS_OF_FEATURE) if limb in limbs) for limb in LIMBS
+}
+"""For each limb the features that look at it, as bits of a column word."""

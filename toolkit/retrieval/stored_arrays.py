@@ -1,0 +1,79 @@
+"""What the files of retrieval have in common: an NPZ file of arrays, and a header that says of what features."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from toolkit.io.archives import Column, check_columns, load_archive, save_archive
+from toolkit.io.errors import RetrievalError
+from toolkit.io.typed_values import TypedReader
+from toolkit.io.yaml_reader import parse_json
+from toolkit.retrieval.features.relational import feature_fingerprint
+
+Header = TypeVar("Header")
+
+
+@dataclass(frozen=True)
+class StoredKind:
+    """A kind of file.
+
+    Attributes
+    ----------
+    name : in messages, with its article
+    version : files of others are refused
+    remedy : what to do about a file that cannot be read
+    columns : the arrays that every file of the kind holds
+    """
+
+    name: str
+    version: int
+    remedy: str
+    columns: Mapping[str, Column]
+
+    def save(
+        self, path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, compressed: bool = True
+    ) -> None:
+        """Write a file, whole or not at all, with the version of its kind and the fingerprint of the features."""
+        text = json.dumps({"version": self.version, "features": feature_fingerprint(), **header})
+        save_archive(path, {"header": np.array(text), **arrays}, compressed=compressed)
+
+    def load(self, path: str | Path, header: type[Header]) -> tuple[Header, dict[str, np.ndarray]]:
+        """Read what `save` wrote: the header as a dataclass, and all arrays.
+
+        Raises
+        ------
+        RetrievalError
+            The file is missing, of another kind or version, damaged, made with other features, or one of its arrays has
+            another type or shape than the kind's.
+        """
+        arrays = load_archive(path, RetrievalError, self.remedy)
+        missing = sorted(({"header"} | self.columns.keys()) - arrays.keys())
+        if missing:
+            raise RetrievalError(f"{path} is not {self.name}, it has no {missing[0]}; {self.remedy}")
+        where = f"the header of {path}"
+        reader = TypedReader(RetrievalError, self.remedy, loose=True, source=where)
+        text = parse_json(str(arrays["header"]), where, RetrievalError, self.remedy)
+        made = reader.read(text, _Made, "")
+        if made.version != self.version:
+            raise RetrievalError(f"{path} is {self.name} of version {made.version}, not {self.version}; {self.remedy}")
+        if made.features != feature_fingerprint():
+            raise RetrievalError(
+                f"{path} was made with other features ({made.features}, here {feature_fingerprint()}); {self.remedy}"
+            )
+        known = reader.read(text, header, "")
+        check_columns(arrays, self.columns, RetrievalError, str(path), self.remedy)
+        return known, arrays
+
+
+@dataclass(frozen=True)
+class _Made:
+    """What every header says."""
+
+    version: int
+    features: str

@@ -1,0 +1,163 @@
+"""From files to files: motions into an index, clips into learned queries, queries into results."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.io.display_names import shown
+from toolkit.io.errors import RetrievalError, UsageError
+from toolkit.io.files import save_json, save_text
+from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.features.grades import BLOCK
+from toolkit.retrieval.features.motion import Motion
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.search.example import SearchExample, search_example
+from toolkit.retrieval.search.find import HitRanges, Match, find
+from toolkit.retrieval.workflow.motions import find_motions, load_motion
+
+DOUBT = 0.8
+"""What a motion model holds for likelier than one in five is a result of a search."""
+
+
+def cut_example(clip: str | Path, start: float = 0.0, end: float | None = None) -> FeatureMatrix:
+    """Features of a stretch of a clip, `start` to `end` in seconds; None is the clip's end.
+
+    Raises
+    ------
+    UsageError
+        The stretch lies outside the clip.
+    """
+    features = relational_features(load_motion(clip))
+    end = features.duration if end is None else end
+    if not 0.0 <= start < end or end > features.duration + 0.5 / FEATURE_RATE:
+        raise UsageError(
+            f"{start:g} to {end:g} s is no stretch of {features.name!r}, which lasts {features.duration:.2f} s; "
+            "give a start and a later end inside it"
+        )
+    return features.sliced(round(start * FEATURE_RATE), round(end * FEATURE_RATE))
+
+
+def stretches(matches: Sequence[Match], mocap: Sequence[str | Path]) -> list[Motion]:
+    """The motions that matches name, cut out of the files that were indexed.
+
+    Raises
+    ------
+    RetrievalError
+        A document is not among the files.
+    """
+    files = {file.stem: file for file in find_motions(mocap)}
+    found = []
+    for match in matches:
+        if match.document not in files:
+            raise RetrievalError(f"there is no motion {match.document!r} in the folders given; name those indexed")
+        motion = load_motion(files[match.document])
+        start, stop = (round(seconds * motion.frame_rate) for seconds in (match.start, match.end))
+        found.append(motion.sliced(min(start, len(motion) - 1), max(stop, start + 1)))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class SearchReport:
+    """What a query found.
+
+    Attributes
+    ----------
+    label : of the query
+    matches : the results, cheapest first; hits of keyframes cost 0
+    share : part of all frames that hits of keyframes hold; None of results that are ranked by their costs
+    """
+
+    label: str
+    matches: tuple[Match, ...]
+    share: float | None = None
+
+
+def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list[SearchReport]:
+    """Where keyframes match: one report for each label, hits of alternative queries joined where they meet."""
+    reports = []
+    for label in dict.fromkeys(query.label for query in queries):
+        found = HitRanges.union([find(index, query) for query in queries if query.label == label])
+        ranges = zip(found.documents, found.starts, found.stops, strict=True)
+        matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in ranges)
+        reports.append(SearchReport(label, matches, found.frames / index.frames))
+    return reports
+
+
+def by_example(
+    index: KeyframeIndex, example: FeatureMatrix, limit: int = 20, threshold: float = np.inf
+) -> SearchReport:
+    """The `limit` stretches of the index most like an example (`search.example`); nothing is left out beforehand.
+
+    Raises
+    ------
+    RetrievalError
+        The example is too short or too long, or longer than any document allows.
+    """
+    matches = search_example(index, SearchExample.of(example), limit, threshold)
+    return SearchReport(example.name, tuple(matches))
+
+
+def by_class(
+    index: KeyframeIndex, model: MotionModel, labels: Sequence[str] | None = None, doubt: float = DOUBT
+) -> list[SearchReport]:
+    """Where a motion model sees its classes, the likeliest first: one report per class, costs being doubts.
+
+    Parameters
+    ----------
+    index : what to search
+    model : examples and judges
+    labels : of these classes only; all by default
+    doubt : 1 minus the smallest probability of a result; `MotionModel.annotate` says only what it is sure of, a search
+        leaves the choice to a person who looks
+
+    Raises
+    ------
+    RetrievalError
+        A label that the model does not know.
+    """
+    unknown = sorted(set(labels or ()) - set(model.labels))
+    if unknown:
+        raise RetrievalError(f"the model knows no class {unknown[0]!r}; it knows {', '.join(model.labels)}")
+    reports = []
+    for label, judge in zip(model.labels, model.judges, strict=True):
+        if labels and label not in labels:
+            continue
+        places = model.examples.propose_in(label, *index.coarse)
+        doubts = 1.0 - judge.probability(places.described)
+        lengths = np.diff(index.document_starts)
+        stops = np.minimum(BLOCK * (places.lasts + 1), lengths[places.documents])
+        matches = [
+            Match(
+                index.names[places.documents[k]], BLOCK * int(places.firsts[k]) / FEATURE_RATE,
+                int(stops[k]) / FEATURE_RATE, float(doubts[k]),
+            )
+            for k in np.argsort(doubts, kind="stable")
+            if doubts[k] <= doubt
+        ]  # fmt: skip
+        reports.append(SearchReport(label, tuple(matches)))
+    return reports
+
+
+def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:
+    """Write results as CSV (label, document, start, end, cost; seconds) or, by the suffix, as JSON."""
+    rows = [{"label": report.label, **asdict(match)} for report in reports for match in report.matches]
+    if Path(path).suffix.lower() == ".json":
+        save_json(path, rows)
+        return
+    if Path(path).suffix.lower() != ".csv":
+        raise UsageError(f"results cannot be written as {Path(path).name!r}; give a name that ends in .csv or .json")
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, ["label", "document", "start", "end", "cost"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(
+        {key: f"{v:.4f}" if isinstance(v, float) else shown(v, "table") for key, v in row.items()} for row in rows
+    )
+    save_text(path, stream.getvalue())

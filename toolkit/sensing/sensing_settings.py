@@ -1,0 +1,94 @@
+"""Settings of how depth is segmented and cleaned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import constant
+
+MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
+MOST_EMPTY_FRAMES = 1000
+CONTOURS = {"keep": 0, "mixed": 3, "delete": 8}
+"""Neighbours (of 8) at its depth that a pixel needs in order to stay, by the setting `contour`."""
+
+
+@dataclass(frozen=True)
+class SegmentationMode:
+    """The setting `segment`, taken apart: a name and its numbers."""
+
+    name: str
+    numbers: tuple[float, ...] = ()
+
+    @classmethod
+    def parse(cls, text: str) -> SegmentationMode:
+        """Read `name` or `name:number[,number]`.
+
+        Raises
+        ------
+        SettingsError
+            It is none of `MODES`.
+        """
+        name, _, tail = text.partition(":")
+        counts = {"auto": 0, "segmented": 0, "background": 0, "person": 0, "empty-frames": 1, "range": 2, "seed": 2}
+        try:
+            numbers = tuple(float(part) for part in tail.split(",")) if tail else ()
+        except ValueError:
+            numbers = (float("nan"),)
+        if counts.get(name) != len(numbers) or not all(np.isfinite(n) and n >= 0 for n in numbers):
+            raise SettingsError(f"--segment is {text!r}; give one of: {MODES}")
+        if name == "range" and numbers[0] >= numbers[1]:
+            raise SettingsError(f"--segment {text!r} is no range; give metres, the nearer first")
+        if name == "empty-frames" and not (1 <= numbers[0] <= MOST_EMPTY_FRAMES and numbers[0] == int(numbers[0])):
+            raise SettingsError(f"--segment {text!r} needs a number of frames from 1 to {MOST_EMPTY_FRAMES}")
+        return cls(name, numbers)
+
+
+@dataclass(frozen=True)
+class SensingSettings:
+    """How depth is cleaned.
+
+    Attributes
+    ----------
+    segment : "auto" (a background if there is one, else already segmented frames), "segmented", "background",
+        "empty-frames:N" (background learnt from the first N frames), "range:NEAR,FAR" (metres), "person" (the one
+        person-sized thing in the room), "seed:U,V" (the thing at this pixel of the first frame)
+    subject : who is meant where there are several people: "only" (two are an error), "largest" or "nearest"
+    near, far : metres; depth outside is not used. A Kinect starts at 0.4 m, and no person beyond 8 m has enough pixels
+    background_margin : metres that a pixel must lie before the background, on top of the quantisation of both; a ToF
+        camera's noise is 1 to 2 cm, and a sole is 4 cm above the floor
+    contour : "mixed" deletes pixels that fewer than 3 of their 8 neighbours support, "delete" every pixel at an edge as
+        the paper does, "keep" none. On simulated time-of-flight images "delete" leaves 61 % of a person, for a forearm
+        is 3 to 4 pixels wide at 176x144; "mixed" leaves 91 %, with 0.1 % beside the body against 2.7 % of "keep"
+    contour_tolerance : metres within which a neighbour supports a pixel, on top of the quantisation; the side of a
+        forearm falls off by 2 cm a pixel at 3 m
+    quantisation : metres at 1 m; grows with the square of the distance. A Kinect v1 has 2.5 cm at 3 m (Baak 2013,
+        5.3.1)
+    median : take the 3x3 median
+    half_resolution : keep every second pixel of every second row
+    """
+
+    segment: str = "auto"
+    subject: str = "only"
+    near: float = 0.3
+    far: float = 8.0
+    background_margin: float = 0.03
+    contour: str = "mixed"
+    contour_tolerance: float = constant(0.03)
+    quantisation: float = 0.0028
+    median: bool = True
+    half_resolution: bool = False
+
+    def __post_init__(self) -> None:
+        SegmentationMode.parse(self.segment)
+        if self.contour not in CONTOURS:
+            raise SettingsError(f"contour {self.contour!r} is none of: {', '.join(CONTOURS)}")
+        if self.subject not in ("only", "largest", "nearest"):
+            raise SettingsError(f"--subject is {self.subject!r}; give one of: only, largest, nearest")
+        if not 0 <= self.near < self.far <= 65.0:
+            raise SettingsError(f"near {self.near} and far {self.far} are no range; give metres, near first, up to 65")
+        for name in ("background_margin", "contour_tolerance", "quantisation"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise SettingsError(f"{name} {getattr(self, name)} is out of range; give metres between 0 and 1")

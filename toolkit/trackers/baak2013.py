@@ -1,0 +1,77 @@
+"""The tracker of Baak 2013 as it is printed: what the hybrid tracker adds to its frame step is left out.
+
+The constants stand in `configs/baak2013.yaml`; here is what no constant switches.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.tracking.follower import Follower
+from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.search.database_lookup import Query
+from toolkit.tracking.search.extrema_query import ExtremaQuery
+
+
+class PublishedObservation(Observation):
+    """Every extremum may be a limb (5.4.2), also one where the border of the image cuts the person."""
+
+    @cached_property
+    def cut(self) -> np.ndarray:
+        """None of the extrema: bool (n,)."""
+        return np.zeros(len(self.extrema.nodes), dtype=np.bool_)
+
+
+class PublishedObserver(Observer):
+    """Makes `PublishedObservation`s."""
+
+    @property
+    def kind(self) -> type[Observation]:
+        """See `Observer.kind`."""
+        return PublishedObservation
+
+
+class PublishedQuery(ExtremaQuery):
+    """Extrema are normalised about the centre of the surface itself (5.3.4)."""
+
+    def centre(self, observation: Observation, size: float) -> np.ndarray:
+        """See `ExtremaQuery.centre`."""
+        return observation.centre
+
+
+class PublishedFollower(Follower):
+    """No person is expected where they were last seen."""
+
+    held = 0.0
+
+
+class Baak2013Tracker(HybridTracker):
+    """Baak 2013, 5.4: two hypotheses, fused late; the winner is the pose, also of limbs that nothing shows."""
+
+    kind = PublishedFollower
+    occluded_limbs = None
+
+    def queries(self) -> list[Query]:
+        """The lookup by the first five extrema (5.4.3), unless the settings leave it out."""
+        wanted = "extrema" in self.settings.hypotheses
+        return [PublishedQuery(self._poses, self.settings.lookup)] if wanted else []
+
+    @property
+    def observer(self) -> Observer:
+        """See `HybridTracker.observer`."""
+        return PublishedObserver(**vars(super().observer))
+
+
+register(
+    "baak2013",
+    Registration(
+        HybridSettings,
+        needs_database=True,
+        build=lambda settings, database, path: Baak2013Tracker(database, settings, database_path=path),
+    ),
+)

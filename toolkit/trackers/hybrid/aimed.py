@@ -1,0 +1,64 @@
+"""Arms brought to where the cloud ends, by inverse kinematics (Lopez-Mendez 2011, 2.2)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.fitting.arms import SIDES, Arm, ArmSettings, entries_of
+from toolkit.fitting.objective import Comparison, Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.scene import Scene
+from toolkit.kernels.fit import aiming
+from toolkit.trackers.lopez2011.initial import sides_of
+from toolkit.trackers.lopez2011.upper import UpperBodies, aimed_all_round
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.arm_search import LimbExchange
+from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
+
+SOURCE = "head_hands"
+"""What a pose with other arms is called."""
+CANDIDATES = 8
+"""Geodesic extrema in the order found: head and both hands are among them in 96 % of frames from the waist up."""
+SWIVELS = 12
+"""Swivel samples of an arm whose hand is at a candidate: 30 degrees apart."""
+AIM = aiming.Aim(0.05, 0.0, -8.0)
+"""A hand may be 20 cm beside its candidate: the fit does the rest."""
+
+
+class AimedArms:
+    """Each arm of a pose at the extrema of its own side, at many swivels, held against the frame as balls, fitted and
+    refined; what decides is that of `ArmSearch`.
+
+    Parameters
+    ----------
+    objective, refiner : compare what is found with the frame, and refine
+    settings : see `ArmSettings`
+    bodies : whose arms are aimed
+    """
+
+    def __init__(self, objective: Objective, refiner: Refiner, settings: ArmSettings, bodies: UpperBodies) -> None:
+        self._settings, self._sigma, self._bodies = settings, refiner.settings.sigma, bodies
+        self._exchange = LimbExchange(objective, refiner, settings)
+
+    def of(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
+        """A hypothesis with arms that leave less unexplained; the same one if there are none."""
+        pose, compared, scene = scored.hypothesis.pose, scored.comparison, observation.scene
+        candidates = sides_of(observation.free_extrema[:CANDIDATES], pose)
+        for side, own in zip(SIDES, candidates, strict=True):
+            proposed = self._proposed(side, scored.body, pose, compared, own, scene)
+            pose, compared = self._exchange.best(scored.body, pose, compared, proposed, scene)
+        if pose is scored.hypothesis.pose:
+            return scored
+        return ScoredHypothesis.of(Hypothesis(SOURCE, pose, compared), scored.body, compared, anew=True)
+
+    def _proposed(
+        self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray, scene: Scene
+    ) -> list[np.ndarray]:
+        """`pose` (P,) with one arm at candidates that leaves less unexplained; the best first."""
+        rig = self._bodies.of(body).arms[SIDES.index(side)]
+        poses, _ = aimed_all_round(pose, rig, candidates, SWIVELS, AIM)
+        if len(poses) == 0:
+            return []
+        arm = Arm(side, body, np.ascontiguousarray(poses[:, entries_of(side)]))
+        return arm.propose(pose, compared, scene, self._settings, self._sigma, self._settings.refined)

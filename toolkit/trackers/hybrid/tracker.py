@@ -1,0 +1,183 @@
+"""The hybrid tracker: local optimisation and database lookup, fused late (Baak 2013, 5.4)."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+
+from toolkit.body.body import Body
+from toolkit.database.database import PoseDatabase
+from toolkit.fitting.arms import ArmPoses
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.priors import GaussianPrior, PoseTerm
+from toolkit.fitting.refiner import Refiner
+from toolkit.people.hypothesis import PersonJudge
+from toolkit.trackers.hybrid.aimed import AimedArms
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
+from toolkit.trackers.hybrid.initial_pose import InitialPoseVerifier
+from toolkit.trackers.lopez2011.head_hands import HeadHandSearch
+from toolkit.trackers.lopez2011.upper import upper_bodies
+from toolkit.trackers.qammaz.swarm_search import SwarmSearch
+from toolkit.tracking.guide import Guide, NoGuide
+from toolkit.tracking.observation import Observer
+from toolkit.tracking.occluded_limbs import OccludedLimbs
+from toolkit.tracking.person import PREDICTED
+from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.search.arm_search import ArmSearch
+from toolkit.tracking.search.database_lookup import DatabaseLookup, LookupBudget, Query
+from toolkit.tracking.search.extrema_query import ExtremaQuery
+from toolkit.tracking.search.local_search import LocalSearch
+from toolkit.tracking.search.regressed_query import RegressedJointsQuery
+from toolkit.tracking.search.search_protocol import Search
+from toolkit.tracking.searching import SearchingTracker
+from toolkit.tracking.tracker_protocol import Wanted
+
+STILL_RESTARTS = 10
+"""`restarts` in a recording of one frame: more, or more in a recording of many, are no better."""
+
+
+class HybridTracker(SearchingTracker):
+    """Baak 2013, 5.4, with regressed joints, arms of the database, a pose prior and a learnt shape; see `Tracker`.
+
+    Parameters
+    ----------
+    database : poses to look up, with or without a joint regressor
+    settings : see `HybridSettings`
+    body : the person's own body, if it is known; otherwise it is learnt from the recording
+    database_path : where the database came from, for `run.json`
+    guide : what is known of the frames besides their depth
+    """
+
+    def __init__(
+        self,
+        database: PoseDatabase,
+        settings: HybridSettings | None = None,
+        *,
+        body: Body | None = None,
+        database_path: str = "",
+        guide: Guide | None = None,
+    ) -> None:
+        self.guide = guide or NoGuide()
+        self.settings = settings or HybridSettings()
+        super().__init__(self.settings, body)
+        self.database = database_path
+        self._poses = database
+        self._regressor = database.regressor if "joints" in self.settings.hypotheses else None
+
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """See `Tracker.stage_names`."""
+        return ("prepare", "landmarks", "local", "arms", "lookup", *self._more, "select")
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """See `Tracker.source_names`."""
+        return ("local", "extrema", "joints", "arms", *self._more, PREDICTED)
+
+    @property
+    def _more(self) -> tuple[str, ...]:
+        """Searches that not every hybrid tracker has: head and hands, and the swarm."""
+        head_hands = ("head_hands",) if "head_hands" in self.settings.hypotheses else ()
+        return (*head_hands, *self._swarm)
+
+    @property
+    def passes(self) -> int:
+        """See `LooksBack.passes`."""
+        return self.settings.passes
+
+    @property
+    def joints_wanted(self) -> Wanted:
+        """See `Tracker.joints_wanted`: the swarm starts from them, and in every frame they are evidence."""
+        return "offered" if self._swarm else "none"
+
+    @property
+    def judge(self) -> PersonJudge | None:
+        """See `JudgesPeople.judge`: the regressor."""
+        return self._regressor
+
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """The searches of the settings, in the order in which they are asked."""
+        settings, asked = self.settings, self.settings.hypotheses
+        members: list[Search] = []
+        if "local" in asked:
+            members.append(LocalSearch(refiner, settings.momentum))
+        queries = self.queries()
+        # Without the local hypothesis every frame has to ask.
+        period = settings.lookup_period if "local" in asked else 1
+        if self._arms is not None:
+            members.append(ArmSearch(self._arms, objective, refiner, settings.arms, period if queries else 1))
+        budget = LookupBudget(settings.candidates, settings.restarts, settings.promising, period)
+        members.append(DatabaseLookup(queries, objective, refiner, budget))
+        if "head_hands" in asked:
+            members.append(HeadHandSearch(settings.head_hands, objective, refiner, upper_bodies(objective.placer)))
+        if self._swarm:
+            parts = settings.search, settings.swarm, settings.discrepancy
+            members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
+        return tuple(members)
+
+    def of_still(self) -> HybridTracker:
+        """See `SearchingTracker.of_still`: more poses of the database are refined."""
+        other = copy(self)
+        other.settings = replace(self.settings, restarts=max(self.settings.restarts, STILL_RESTARTS))
+        return other
+
+    def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
+        """See `SearchingTracker.verifier`."""
+        if "head_hands" not in self.settings.hypotheses:
+            return None
+        arms = AimedArms(objective, refiner, self.settings.arms, upper_bodies(objective.placer))
+        return InitialPoseVerifier(objective, refiner, arms)
+
+    def queries(self) -> list[Query]:
+        """The ways of the settings to ask the database for whole poses."""
+        queries: list[Query] = []
+        if "extrema" in self.settings.hypotheses:
+            queries.append(ExtremaQuery(self._poses, self.settings.lookup))
+        if self._regressor is not None:
+            queries.append(self._votes)
+        return queries
+
+    @property
+    def observer(self) -> Observer:
+        """How this tracker looks at sightings."""
+        s = self.settings
+        return Observer(
+            s.landmarks, s.extrema, s.fitting.cloud_samples, self._regressor, s.vote_samples,
+            self.guide, s.vote_pull, body=s.body, told_joints=bool(self._swarm),
+        )  # fmt: skip
+
+    @cached_property
+    def priors(self) -> tuple[PoseTerm, ...]:
+        """See `SearchingTracker`: the database's own poses are likely."""
+        weight = self.settings.fitting.prior_weight
+        return (GaussianPrior.of_poses(self._poses.poses, weight),) if weight > 0.0 else ()
+
+    @cached_property
+    def occluded_limbs(self) -> OccludedLimbs | None:
+        """See `SearchingTracker`; databases from before there were pose priors have none."""
+        return None if self._poses.prior is None else OccludedLimbs(self._poses.prior)
+
+    @property
+    def _swarm(self) -> tuple[str, ...]:
+        """The name of the swarm's stage and source, if it is asked."""
+        return ("swarm",) if "swarm" in self.settings.hypotheses else ()
+
+    @cached_property
+    def _votes(self) -> RegressedJointsQuery:
+        return RegressedJointsQuery(self._poses, self.settings.vote_pull)
+
+    @cached_property
+    def _arms(self) -> ArmPoses | None:
+        wanted = {"local", "arms"} <= set(self.settings.hypotheses)
+        return ArmPoses(self._poses.poses, self._first_body, self.settings.arms.count) if wanted else None
+
+
+register(
+    "hybrid",
+    Registration(
+        HybridSettings,
+        needs_database=True,
+        build=lambda settings, database, path: HybridTracker(database, settings, database_path=path),
+    ),
+)

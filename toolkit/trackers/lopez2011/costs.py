@@ -1,0 +1,199 @@
+"""What a pose of an upper body costs against a frame (Lopez-Mendez 2011, 2.1, Eq. 3)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.fitting.arms import SIDES
+from toolkit.fitting.terms import SOFT
+from toolkit.io.errors import SettingsError
+from toolkit.kernels import linear
+from toolkit.kernels.fit import particles as kernel
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import marked
+from toolkit.trackers.lopez2011.upper import UpperBody
+
+CAP = 0.10
+"""Metres, the largest difference of depths that counts (`d_max`): a limb's width."""
+DEPTH, SILHOUETTE = 40.0, 20.0
+"""Costs of a mean squared difference of depths in units of the cap (`lambda_1`), and of silhouettes that nowhere agree
+(`lambda_2`): half of what a missed depth costs."""
+OVERLAP = 10.0
+"""Cost of squared overlaps in units of the balls' radii (`lambda_3`)."""
+TRUNK_MARGIN = 0.22
+"""Metres around the trunk's joints within which it is weighed, at their depth: half a shoulder more."""
+ARM_MARGIN = 0.15
+"""Metres around an arm's joints and its candidates: the box must hold the proposed hands."""
+TRUNK_JOINTS: np.ndarray = np.array(
+    [skeleton.REPORTED.index(n) for n in ("spine", "neck", "head", "left_shoulder", "right_shoulder")]
+)
+"""Rows of the reported joints around which the trunk is weighed."""
+
+
+class ParticleImage(NamedTuple):
+    """A frame at one resolution: seen float32 (h, w), as `Scene.seen`, and intrinsics float64 (4,)."""
+
+    seen: np.ndarray
+    intrinsics: np.ndarray
+
+    @classmethod
+    def of(
+        cls, depth: np.ndarray, unobserved: np.ndarray | None, camera: Camera, columns: int, setting: str
+    ) -> ParticleImage:
+        """Every n-th pixel of a depth image (H, W), metres, so that at least about `columns` are left.
+
+        Raises
+        ------
+        SettingsError
+            The image is narrower than `columns`, which the setting of this name asks for.
+        """
+        if columns > camera.width:
+            raise SettingsError(f"{setting} is {columns}, finer than the image, which has {camera.width} columns")
+        step = max(1, camera.width // columns)
+        seen = (depth if unobserved is None else marked(depth, unobserved, np.nan))[::step, ::step]
+        return cls(
+            np.ascontiguousarray(seen, dtype=np.float32), np.array(camera.subsampled(step).intrinsics, dtype=np.float64)
+        )
+
+    def whole(self) -> kernel.Tile:
+        """All of the image."""
+        height, width = self.seen.shape
+        return self._within(np.array([0, height, 0, width]))
+
+    def tile(self, points: np.ndarray, margin: float) -> kernel.Tile:
+        """The part of the image within `margin` metres of points (N, 3), camera frame; empty where it is outside."""
+        fx, fy, cx, cy = self.intrinsics
+        height, width = self.seen.shape
+        ahead = points[points[:, 2] > kernel.NEAREST]
+        window = np.zeros(4, dtype=np.int64)
+        if len(ahead):
+            z = ahead[:, 2]
+            u, v = fx * ahead[:, 0] / z + cx, fy * ahead[:, 1] / z + cy
+            rows, columns = fy * margin / z, fx * margin / z
+            ends = np.array([(v - rows).min(), (v + rows).max() + 1, (u - columns).min(), (u + columns).max() + 1])
+            window = np.clip(ends, 0, [height, height, width, width]).astype(np.int64)
+        return self._within(window)
+
+    def _within(self, window: np.ndarray) -> kernel.Tile:
+        """The part of the image from row `window[0]` to `window[1]`, and column `window[2]` to `window[3]`."""
+        part = self.seen[window[0] : window[1], window[2] : window[3]]
+        pixels = max(int(np.count_nonzero(part > 0)), 1)
+        return kernel.Tile(self.seen, self.intrinsics, window, pixels, CAP, DEPTH, SILHOUETTE)
+
+
+class ParticleFrame(NamedTuple):
+    """A frame as the filter sees it.
+
+    Attributes
+    ----------
+    coarse, fine : the images that trunks and arms are weighed in
+    candidates : float64 (M, 3), metres, level frame, where hands may be
+    """
+
+    coarse: ParticleImage
+    fine: ParticleImage
+    candidates: np.ndarray
+
+
+def likelihood(costs: np.ndarray) -> np.ndarray:
+    """Weights (N,), which sum to 1, of particles by their costs (N,) (Eq. 3); a constant in all costs changes none."""
+    weights = np.exp(-(costs - costs.min()))
+    return weights / weights.sum()
+
+
+def costs_of_whole(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
+    """What each of `poses` (N, P) costs (N,) over the whole image: for poses that are far apart."""
+    return _drawn(upper, poses, frame.coarse.whole())
+
+
+def costs_of_both_arms(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
+    """What each of `poses` (N, P), which share a trunk, costs (N,) over the whole image."""
+    return _over_one_trunk(upper, poses, frame.fine.whole())
+
+
+def mean_cost(upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float:
+    """Mean cost of a pose (P,) over the three layers (the last term of Eq. 7)."""
+    trunk = costs_of_trunks(upper, pose[None], pose, frame)
+    arms = [
+        _over_one_trunk(upper, pose[None], frame.fine.tile(_arm_joints(upper, side, pose), ARM_MARGIN))
+        for side in range(2)
+    ]
+    return float(trunk[0] + arms[0][0] + arms[1][0]) / 3.0
+
+
+def costs_of_trunks(upper: UpperBody, poses: np.ndarray, before: np.ndarray, frame: ParticleFrame) -> np.ndarray:
+    """What the trunk of each of `poses` (N, P) costs (N,) around that of the pose `before` (P,)."""
+    return _drawn(upper, poses, frame.coarse.tile(_joints(upper, before, TRUNK_JOINTS), TRUNK_MARGIN))
+
+
+def trunk_pictures(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
+    """The trunks of `poses` (K, P) as drawn into the fine image, (K, h, w), metres."""
+    return _trunk_pictures(upper, poses, frame.fine.whole())
+
+
+def costs_near_arm(
+    upper: UpperBody, poses: np.ndarray, side: int, pose: np.ndarray, frame: ParticleFrame
+) -> np.ndarray:
+    """What each of `poses` (N, P), which share a trunk, costs (N,) around one arm of a `pose` (P,)."""
+    return _over_one_trunk(upper, poses, _around(upper, side, pose, frame))
+
+
+def costs_of_arm(
+    upper: UpperBody, poses: np.ndarray, side: int, before: np.ndarray, frame: ParticleFrame, base_of: np.ndarray,
+    pictures: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """What each of `poses` (N, P) costs (N,) around one arm, laid over the `pictures` (K, h, w) of its trunk."""
+    return _overlaid(upper, poses, _around(upper, side, before, frame), base_of, pictures)
+
+
+def _around(upper: UpperBody, side: int, pose: np.ndarray, frame: ParticleFrame) -> kernel.Tile:
+    """The part of the fine image around one arm and the candidates within its reach."""
+    joints, arm = _arm_joints(upper, side, pose), upper.arms[side]
+    candidates = linear.rotated(frame.candidates, upper.whole.from_level.T)
+    lengths = linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand]))
+    near = linear.lengths(candidates - joints[0]) < lengths.sum() + ARM_MARGIN
+    return frame.fine.tile(np.concatenate([joints, candidates[near]]), ARM_MARGIN)
+
+
+def _drawn(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
+    """Costs (N,) of `poses` (N, P) as meshes, arms and all."""
+    costs = np.empty(len(poses))
+    kernel.trunk_costs(poses, upper.whole, tile, costs)
+    return costs
+
+
+def _trunk_pictures(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
+    pictures = np.empty((len(poses), *tile.seen.shape))
+    kernel.draw_bases(poses, upper.trunk, tile, pictures)
+    return pictures
+
+
+def _over_one_trunk(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
+    picture = _trunk_pictures(upper, poses[:1], tile)
+    return _overlaid(upper, poses, tile, np.zeros(len(poses), dtype=np.int64), picture)
+
+
+def _overlaid(
+    upper: UpperBody, poses: np.ndarray, tile: kernel.Tile, base_of: np.ndarray, pictures: np.ndarray
+) -> np.ndarray:
+    """Costs (N,) of the arms of `poses` (N, P) as balls over the `pictures` (K, h, w) of their trunks."""
+    balls = np.empty((len(poses), len(upper.trunk.radii), 3))
+    kernel.place_balls(poses, upper.trunk, balls)
+    rows = np.concatenate(upper.of_arm)
+    costs, overlap = np.empty(len(poses)), np.empty(len(poses))
+    arms = np.ascontiguousarray(balls[:, rows])
+    kernel.overlay_costs(arms, upper.trunk.radii[rows], base_of, pictures, tile, costs)
+    kernel.overlap_costs(balls, upper.trunk.radii, upper.apart, SOFT, overlap)
+    return costs + OVERLAP * overlap
+
+
+def _joints(upper: UpperBody, pose: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    return linear.rotated(upper.body.joint_positions(pose)[rows], upper.whole.from_level.T)
+
+
+def _arm_joints(upper: UpperBody, side: int, pose: np.ndarray) -> np.ndarray:
+    names = [f"{SIDES[side]}_{name}" for name in ("shoulder", "elbow", "wrist", "hand")]
+    return _joints(upper, pose, np.array([skeleton.REPORTED.index(name) for name in names]))

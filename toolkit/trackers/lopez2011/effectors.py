@@ -1,0 +1,178 @@
+"""Candidates for head and hands of a person seen from the waist up (Lopez-Mendez 2011, 2.2 and 3)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import constant
+from toolkit.kernels.cloud import component_tree, geodesic
+from toolkit.landmarks.cuts import on_cuts
+from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
+from toolkit.landmarks.graph import Graph, Workspace, grid_graph
+from toolkit.landmarks.landmark_settings import LandmarkSettings
+from toolkit.sensing.cloud import Cloud
+
+COLUMN = 0.15
+"""Metres to either side of the source within which a head stands above it."""
+
+SMALLEST_AREA = 0.004
+"""Square metres: summits of less surface are noise: half a fist."""
+GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8, source_drop=0.10)
+"""Neighbours of the graph lie within 0.1 m: with bridges hardly anything changes from 0.05 to 0.12. Pieces within 0.5 m
+are joined: forearms that point at the camera are not measured, and hands float; of 160x120 pixels a hand at 2 m has 30.
+The source lies 0.1 m below the centre of mass ("lowered")."""
+PRONG = 0.25
+"""Metres along a path at which its direction is taken: beyond the source's own neighbourhood, before the shoulder."""
+
+
+@dataclass(frozen=True)
+class EffectorSettings:
+    """How head and hands are looked for.
+
+    Attributes
+    ----------
+    count : candidates per frame: the paper takes 3; head and both hands are oftener among the first 6
+    tree : whether the candidates are the summits of the geodesic map's component tree with the largest dynamics,
+        instead of its first extrema, of which they are no better
+    narrowest, widest : degrees between neighbouring prongs of the fork; the paper's cosines of all three pairs hardly
+        ever hold
+    """
+
+    count: int = constant(6)
+    tree: bool = False
+    narrowest: float = constant(20.0)
+    widest: float = constant(75.0)
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise SettingsError(f"effectors.count is {self.count}; ask for at least 1 candidate")
+        if not 0 <= self.narrowest < self.widest <= 180:
+            raise SettingsError(
+                f"effectors.narrowest and widest are {self.narrowest} and {self.widest}; give rising degrees up to 180"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Effectors:
+    """Unlabelled candidates for head and hands, the most prominent first.
+
+    Attributes
+    ----------
+    points : float64 (n, 3), metres, frame of the cloud
+    source : float64 (3,), metres, where the geodesic map begins
+    summit : float64 (3,), metres, the highest point of the cloud above the source: the crown, unless a hand is there
+    paths : for each candidate the points of its shortest path, float64 (k, 3), metres, from the source on
+    """
+
+    points: np.ndarray
+    source: np.ndarray
+    summit: np.ndarray
+    paths: tuple[np.ndarray, ...]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+@dataclass(frozen=True)
+class Fork:
+    """Which candidate is what; left and right are the subject's."""
+
+    head: int
+    left_hand: int
+    right_hand: int
+
+
+def find_effectors(
+    cloud: Cloud,
+    settings: EffectorSettings | None = None,
+    unobserved: np.ndarray | None = None,
+    workspace: Workspace | None = None,
+) -> Effectors:
+    """Candidates in an organised cloud of one person; extrema at cuts are left out, summits are not.
+
+    Parameters
+    ----------
+    cloud : level frame
+    settings : how many, and of what kind
+    unobserved : bool (H, W), pixels that say nothing about the person, or None
+    workspace : kept from frame to frame, it saves the allocations
+
+    Raises
+    ------
+    SegmentationError
+        The cloud is empty.
+    """
+    settings = settings or EffectorSettings()
+    workspace = workspace or Workspace()
+    graph = grid_graph(cloud, GRAPH, workspace)
+    middle = cloud.points.mean(axis=0, dtype=np.float64)
+    source = source_node(graph, cloud.points, middle, GRAPH)
+    # As many more are found as there may be cuts.
+    extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
+    nodes = extrema.nodes
+    nodes = _summits(cloud, graph, extrema) if settings.tree else nodes[~on_cuts(cloud, nodes, unobserved)]
+    nodes = nodes[: settings.count]
+    paths = tuple(_path(graph, extrema, int(node), cloud.points) for node in nodes)
+    start = cloud.points[source].astype(np.float64)
+    return Effectors(cloud.points[nodes].astype(np.float64), start, _summit(cloud.points, start), paths)
+
+
+def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """The highest of `points` (N, 3) in a column around the source (3,)."""
+    column = np.flatnonzero(np.abs(points[:, 0] - source[0]) < COLUMN)
+    return points[column[np.argmax(points[column, 1])]].astype(np.float64)
+
+
+def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
+    """Nodes of the geodesic map's summits by falling dynamics, of at least `SMALLEST_AREA`."""
+    count = len(graph)
+    distances = extrema.from_source
+    reached = np.flatnonzero(distances != geodesic.UNREACHED)
+    order = reached[np.argsort(-distances[reached], kind="stable")]
+    parents = np.empty(count, dtype=np.int64)
+    component_tree.max_tree(distances, order, graph.neighbours, graph.more, parents)
+    nodes, dynamics, areas = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count)
+    depth = cloud.depth.reshape(-1)[cloud.pixels].astype(np.float64)
+    sizes = depth**2 / (cloud.camera.fx * cloud.camera.fy)
+    found = component_tree.summits(distances, order, parents, sizes, nodes, dynamics, areas)
+    large = np.flatnonzero(areas[:found] >= SMALLEST_AREA)
+    return nodes[large[np.argsort(-dynamics[large], kind="stable")]]
+
+
+def _path(graph: Graph, extrema: Extrema, node: int, points: np.ndarray) -> np.ndarray:
+    out = np.empty(len(graph), dtype=np.int64)
+    count = geodesic.path_to_source(graph.neighbours, graph.lengths, graph.more, extrema.from_source, node, out)
+    return points[out[:count][::-1]].astype(np.float64)
+
+
+def direction(path: np.ndarray) -> float:
+    """Radians from upwards towards the image's right in which a path (k, 3) leaves the source, level frame.
+
+    Taken where it is `PRONG` metres long, or at its end.
+    """
+    lengths = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)))])
+    at = min(int(np.searchsorted(lengths, PRONG)), len(path) - 1)
+    return math.atan2(path[at, 0] - path[0, 0], path[at, 1] - path[0, 1])
+
+
+def find_fork(effectors: Effectors, settings: EffectorSettings | None = None) -> Fork | None:
+    """Head and hands by the fork of their paths: the head between the hands (Lopez-Mendez 2011, 3); None without one.
+
+    The person faces the camera. Of several forks the one of the most prominent candidates is taken. The paper asks that
+    the cosines of all three pairs of prongs lie in [0.5, 0.9], which a fork with prongs at 45 degrees does not meet;
+    here it is neighbouring prongs whose angle is limited.
+    """
+    settings = settings or EffectorSettings()
+    angles = [direction(path) for path in effectors.paths]
+    low, high = math.radians(settings.narrowest), math.radians(settings.widest)
+    triples = combinations(range(len(angles)), 3)
+    for triple in sorted(triples, key=lambda rows: (sum(rows), rows)):
+        right, head, left = sorted(triple, key=lambda row: angles[row])
+        if all(low <= gap <= high for gap in (angles[head] - angles[right], angles[left] - angles[head])):
+            return Fork(head, left, right)
+    return None

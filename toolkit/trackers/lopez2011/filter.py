@@ -1,0 +1,116 @@
+"""The hierarchical particle filter of an upper body, with geodesic-driven proposals (Lopez-Mendez 2011, 2).
+
+Three layers: trunk with head, then one arm given the trunk, then the other arm given all the rest. In every layer the
+particles are moved, weighed by the likelihood of Eq. 3 and resampled. Arms are moved by diffusion or, as Eq. 6 has it,
+by inverse kinematics to a candidate for a hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.kernels.fit.particles import systematic
+from toolkit.trackers.lopez2011.costs import (
+    ParticleFrame,
+    costs_of_arm,
+    costs_of_trunks,
+    likelihood,
+    mean_cost,
+    trunk_pictures,
+)
+from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.proposals import UpperProposals
+from toolkit.trackers.lopez2011.upper import UpperBody
+
+BASES = 16
+"""Different trunks that are kept after the first layer: more are seldom left."""
+SHARPNESS = 3.0
+"""How many times a cost counts in the weights: a mean over pixels is small against what a wrong arm costs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Filtered:
+    """A frame filtered.
+
+    Attributes
+    ----------
+    particles : float64 (N, P), of equal weight, for the next frame
+    estimate : float64 (P,), the particle that both arms' layers together explain best (MAP): the last layer alone would
+        leave the first arm to chance
+    cost : mean over the three layers of what the estimate costs there
+    """
+
+    particles: np.ndarray
+    estimate: np.ndarray
+    cost: float
+
+
+def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Resampled particles, int64 (N,), by their costs (N,): `SHARPNESS` times these are the negative log weights."""
+    chosen = np.empty(len(costs), dtype=np.int64)
+    systematic(likelihood(SHARPNESS * costs), rng.random(), chosen)
+    return chosen
+
+
+class UpperFilter:
+    """Filters the poses of an upper body from frame to frame.
+
+    Parameters
+    ----------
+    settings : see `ParticleSettings`
+
+    Attributes
+    ----------
+    proposals : where they are moved
+    """
+
+    def __init__(self, settings: ParticleSettings) -> None:
+        self.settings = settings
+        self.proposals = UpperProposals(settings)
+
+    def first_arm(self, turn: int) -> int:
+        """The arm that comes before the other in the frame of number `turn`: 0 left, 1 right."""
+        return turn % 2 if self.settings.alternate else 1
+
+    def trunk(
+        self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
+        rng: np.random.Generator,
+    ) -> np.ndarray:  # fmt: skip
+        """First layer: `particles` (N, P) with their trunks moved, weighed and resampled.
+
+        `before` (P,) is the last estimate, `dt` the seconds since then.
+        """
+        poses = particles.copy()
+        self.proposals.move_trunk(poses, dt, rng)
+        costs = costs_of_trunks(upper, poses, before, frame)
+        return poses[resampled(costs, rng)]
+
+    def arms(
+        self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
+        first: int, rng: np.random.Generator,
+    ) -> Filtered:  # fmt: skip
+        """Second and third layer: the arm `first` (0 left, 1 right), then the other, of `particles` (N, P)."""
+        poses = particles.copy()
+        bases, base_of = self._bases(poses)
+        poses = bases[base_of]
+        pictures = trunk_pictures(upper, bases, frame)
+        estimate, both = poses[0], np.zeros(len(poses))
+        for side in (first, 1 - first):
+            self.proposals.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
+            costs = costs_of_arm(upper, poses, side, before, frame, base_of, pictures)
+            both = both + costs
+            estimate = poses[int(both.argmin())]
+            chosen = resampled(costs, rng)
+            poses, base_of, both = poses[chosen], base_of[chosen], both[chosen]
+        return Filtered(poses, estimate, mean_cost(upper, estimate, frame))
+
+    def _bases(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The most frequent of the resampled `poses` (N, P), and for each pose the base that stands for it."""
+        distinct, member = np.unique(poses, axis=0, return_inverse=True)
+        member = member.reshape(-1)
+        often = np.argsort(-np.bincount(member), kind="stable")[:BASES]
+        place = np.zeros(len(distinct), dtype=np.int64)
+        place[often] = np.arange(len(often))
+        return distinct[often], place[member]

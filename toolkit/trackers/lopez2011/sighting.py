@@ -1,0 +1,124 @@
+"""A sighting as the particle filter needs it: cloud, candidates and images of an upper body."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.scene import Scene
+from toolkit.landmarks.graph import Workspace
+from toolkit.people.detection import find_heads
+from toolkit.people.sighting import Sighting
+from toolkit.people.view import Lens
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage
+from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_effectors
+from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+
+TOP = 0.12
+"""Metres from the middle of a head to its crown."""
+TRUNK_SHARE = 75
+"""Percentile of the distances of the upper points that is the trunk's distance; hands are before it."""
+BEFORE = 0.2
+"""Metres before the trunk from which on low points are a lap's: the trunk's own thickness."""
+
+
+class Limits(NamedTuple):
+    """What of a sighting is not the upper body's, metres; see `ParticleTrackerSettings`."""
+
+    reach: float
+    lap: float
+
+
+class UpperSighting:
+    """What is seen of an upper body.
+
+    Attributes
+    ----------
+    cloud : level frame
+    coarse, fine : the images that trunks and arms are weighed in
+    unobserved : bool (h, w), pixels of the cloud that say nothing about the upper body, or None
+    points : measured pixels of the person in the whole sighting
+    """
+
+    def __init__(self, cloud: Cloud, unobserved: np.ndarray | None, points: int, settings: ParticleSettings) -> None:
+        self.cloud, self.unobserved, self.points = cloud, unobserved, points
+        self.coarse, self.fine = (
+            ParticleImage.of(cloud.depth, unobserved, cloud.camera, columns, f"particles.{name}")
+            for name, columns in (("trunk_columns", settings.trunk_columns), ("arm_columns", settings.arm_columns))
+        )
+
+    def effectors(self, settings: EffectorSettings, workspace: Workspace) -> Effectors:
+        """Candidates for head and hands."""
+        return find_effectors(self.cloud, settings, self.unobserved, workspace)
+
+    def frame(self, effectors: Effectors) -> ParticleFrame:
+        """For the filter."""
+        return ParticleFrame(self.coarse, self.fine, effectors.points)
+
+    def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
+        """For the local optimisation."""
+        return Scene(self.cloud, effectors.points, settings.cloud_samples, unobserved=self.unobserved)
+
+
+class UpperViewer:
+    """Looks at sightings before one camera, at a lower resolution and where upper bodies reach.
+
+    Parameters
+    ----------
+    camera : of the sightings
+    level_rotation : R_level_camera, float64 (3, 3)
+    settings : resolutions
+    limits : beyond which nothing is looked at
+    """
+
+    def __init__(self, camera: Camera, level_rotation: np.ndarray, settings: ParticleSettings, limits: Limits) -> None:
+        self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
+        self._step = max(1, camera.width // settings.arm_columns)
+        self._camera = camera.subsampled(self._step)
+        self._lens = Lens(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
+
+    def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
+        """What is seen of an upper body; `crown` is how high its head reaches, metres, level frame.
+
+        Without it, the highest head in the image counts; where there is none, everything is looked at.
+        """
+        step = self._step
+        depth = sighting.depth[::step, ::step]
+        unobserved = None if sighting.unobserved is None else sighting.unobserved[::step, ::step]
+        cloud = Cloud.from_depth(depth, self._camera, self._level_rotation)
+        points = len(cloud) * step * step
+        if self._limits.reach > 0 and crown is None:
+            crown = self._crown(depth)
+        if self._limits.reach > 0 and crown is not None and len(cloud):
+            below = cloud.pixels[self._beyond(cloud.points, crown)]
+            if len(below):
+                unobserved = np.zeros(depth.shape, dtype=np.bool_) if unobserved is None else unobserved.copy()
+                depth = depth.copy()
+                unobserved.reshape(-1)[below], depth.reshape(-1)[below] = True, 0.0
+                cloud = Cloud.from_depth(depth, self._camera, self._level_rotation)
+        return UpperSighting(cloud, unobserved, points, self._settings)
+
+    def _beyond(self, points: np.ndarray, crown: float) -> np.ndarray:
+        """Which of `points` (N, 3), level frame, are no part of an upper body: bool (N,).
+
+        They lie too far below its crown, or low and before its trunk: a lap, knees, a desk that stayed in the cut-out.
+        """
+        depths = crown - points[:, 1]
+        beyond = depths > self._limits.reach
+        low = depths > self._limits.lap
+        if self._limits.lap > 0 and not low.all():
+            away = np.hypot(points[:, 0], points[:, 2])
+            beyond |= low & (away < np.percentile(away[~low], TRUNK_SHARE) - BEFORE)
+        return beyond
+
+    def _crown(self, depth: np.ndarray) -> float | None:
+        """How high the highest head in a depth image (h, w) reaches, metres, level frame."""
+        seen = depth > 0
+        view = self._lens.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
+        heads = find_heads(view, self._lens, cut_out=True)
+        return float(heads[0].place[1]) + TOP if heads else None

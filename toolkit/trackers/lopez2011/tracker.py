@@ -1,0 +1,317 @@
+"""The tracker of Lopez-Mendez 2011: people seen from the waist up, by a hierarchical particle filter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.objective import Comparison, Objective
+from toolkit.fitting.placed import Placer
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.scene import Scene
+from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import constant
+from toolkit.landmarks.graph import Workspace
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.trackers.lopez2011.costs import ParticleFrame, mean_cost
+from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_fork
+from toolkit.trackers.lopez2011.filter import UpperFilter
+from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose
+from toolkit.trackers.lopez2011.sighting import Limits, UpperSighting, UpperViewer
+from toolkit.trackers.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
+from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.person import PREDICTED, FollowedPerson
+from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracking.tracker_protocol import Wanted
+from toolkit.tracking.tracking_settings import check_seed
+from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
+
+PARTICLES, DETECTED = "particles", "detected"
+LEG_ENTRIES: np.ndarray = np.array(
+    [i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in skeleton.LEGS]
+)
+"""Where the angles of the legs stand in a pose."""
+
+
+@dataclass(frozen=True)
+class ParticleTrackerSettings:
+    """Settings of the particle filter's tracker.
+
+    Attributes
+    ----------
+    tracker : the name under which this tracker is registered
+    seed : of everything random
+    refined : whether the filtered pose and the one before, both refined by local optimisation, compete; the paper
+        has no such step
+    reach : metres below the crown beyond which nothing is looked at: laps and what people sit on are not drawn, and
+        pull trunk and arms down. People cut off at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
+    lap : metres below the crown beyond which nothing is looked at that lies before the trunk: thighs and knees of
+        a person who sits, higher than their hips, and desks. Elbows hang 0.6 m down; 0 = no such limit
+    measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
+        average body
+    smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
+    lost_cost : of an estimate above which a frame counts as lost, of 60 for a body that explains nothing; a right one
+        whose size is wrong costs 20 to 30. A first pose is taken whose log-probability by Eq. 7 is above its negative
+    patience : seconds of lost frames in a row after which a first pose is looked for again: some frames of bad luck are
+        not a loss
+    """
+
+    tracker: Literal["particles"] = "particles"
+    seed: int = 0
+    refined: bool = True
+    reach: float = 0.9
+    lap: float = 0.6
+    measured_seconds: float = 1.5
+    smallest_person: int = 300
+    lost_cost: float = 38.0
+    patience: float = 0.15
+    sensing: SensingSettings = field(default_factory=SensingSettings)
+    effectors: EffectorSettings = field(default_factory=EffectorSettings)
+    particles: ParticleSettings = field(default_factory=ParticleSettings)
+    initial: InitialSettings = constant(InitialSettings())
+    fitting: FittingSettings = constant(FittingSettings())
+
+    @property
+    def limits(self) -> Limits:
+        """Beyond which nothing is looked at."""
+        return Limits(self.reach, self.lap)
+
+    def __post_init__(self) -> None:
+        check_seed(self.seed)
+        for name in ("reach", "lap", "measured_seconds", "smallest_person"):
+            if getattr(self, name) < 0:
+                raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")
+        if not self.patience > 0 or not self.lost_cost > 0:
+            raise SettingsError(f"patience and lost_cost are {self.patience} and {self.lost_cost}; give more than 0")
+
+
+class ParticleFollower(FollowedPerson):
+    """Follows one person's upper body; see `PersonFollower`.
+
+    Attributes
+    ----------
+    state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
+    filtering : the three layers
+    """
+
+    def __init__(
+        self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray, state: PersonState
+    ) -> None:
+        small = camera.subsampled(max(1, camera.width // settings.particles.arm_columns))
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
+        self._bodies = UpperBodies(level_rotation)
+        self.filtering = UpperFilter(settings.particles)
+        placer = Placer(state.body, small, level_rotation)
+        super().__init__(state, placer, level_rotation, ParticleTracker.source_names)
+        self.settings = settings
+        self._objective = Objective(placer, settings.fitting)
+        self._refiner = Refiner(placer, settings.fitting)
+        self._workspace = Workspace()
+
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        """See `PersonFollower.step`: the three layers of the filter, or a first pose by the fork."""
+        seen = None if sighting is None else self._viewer.look(sighting, self._crown())
+        clock.record("prepare")
+        if seen is None or seen.points < max(self.settings.smallest_person, 1):
+            self.state = replace(self.state, previous=None, timestamp=timestamp)
+            return replace(self.predicted_row(EMPTY), stage_ms=clock.milliseconds)
+        effectors = seen.effectors(self.settings.effectors, self._workspace)
+        clock.record("detect")
+        state, rng = self.state, self.rng()
+        if state.previous is None:
+            found = self._first(effectors, seen.frame(effectors), rng)
+            source = DETECTED
+        else:
+            found = self._next(seen.frame(effectors), timestamp, rng, clock)
+            source = PARTICLES
+        self.state = state = replace(self.state, generator=self.after(rng), turn=state.turn + 1)
+        if found is None:
+            clock.record("detect")
+            self.state = replace(state, timestamp=timestamp)
+            return replace(self.predicted_row(LOST), stage_ms=clock.milliseconds)
+        pose, particles, cost = found
+        scene = seen.scene(effectors, self.settings.fitting)
+        if self.settings.refined:
+            pose = self._refined(pose, scene)
+            particles[0] = pose
+            cost = mean_cost(self._bodies.of(state.body), pose, seen.frame(effectors))
+        row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
+        clock.record("refine")
+        return replace(row, stage_ms=clock.milliseconds)
+
+    def _crown(self) -> float | None:
+        """How high the head of who is followed reaches, metres, level frame."""
+        if self.state.previous is None:
+            return None
+        tips = self.state.body.end_effector_positions(self.state.previous.pose)
+        return float(tips[skeleton.END_EFFECTORS.index("head"), 1])
+
+    def _first(
+        self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """Pose, particles and cost by the fork, if there is one or need not be, and Eq. 7 accepts them: its threshold
+        is that of a pose that is lost, from whose cost it takes what crown and hands are missed by.
+        """
+        fork = find_fork(effectors, self.settings.effectors)
+        upper = self._bodies.of(self.state.body)
+        first = initial_pose(upper, self.filtering, effectors, fork, frame, self.settings.initial, rng)
+        if first is None or first.score <= -self.settings.lost_cost:
+            return None
+        return first.pose, first.particles, mean_cost(upper, first.pose, frame)
+
+    def _next(
+        self, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Pose, particles and cost by the three layers; arms take turns in coming first."""
+        state, upper = self.state, self._bodies.of(self.state.body)
+        assert state.previous is not None and state.timestamp is not None
+        dt, before = timestamp - state.timestamp, state.previous.pose
+        particles = self.filtering.trunk(upper, state.memory[PARTICLES]["poses"], before, frame, dt, rng)
+        clock.record("trunk")
+        first = self.filtering.first_arm(state.turn)
+        filtered = self.filtering.arms(upper, particles, before, frame, dt, first, rng)
+        clock.record("arms")
+        return filtered.estimate, filtered.particles, filtered.cost
+
+    def _refined(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
+        """Of the filtered pose and the one before, both refined, the one that leaves less of the frame unexplained."""
+        body, previous = self.state.body, self.state.previous
+        best, least = pose, np.inf
+        for start in (pose,) if previous is None else (previous.pose, pose):
+            refined = self._refiner.refine(body, start, scene)
+            refined[LEG_ENTRIES] = 0.0
+            gaps = self._compared(refined, scene).sample_gaps
+            unexplained = float(gaps.mean()) if len(gaps) else 0.0
+            if unexplained < least:
+                best, least = refined, unexplained
+        return best
+
+    def _compared(self, pose: np.ndarray, scene: Scene) -> Comparison:
+        return self._objective.compare(self.state.body, pose, scene)
+
+    def _commit(
+        self, pose: np.ndarray, particles: np.ndarray, cost: float, compared: Comparison, source: str, timestamp: float
+    ) -> FrameResult:
+        """Remember the pose and report it."""
+        state, settings = self.state, self.settings
+        tracked = cost < settings.lost_cost
+        lost = 0.0 if tracked else state.lost + state.elapsed(timestamp)
+        given_up = lost >= settings.patience
+        self.state = replace(
+            state,
+            previous=None if given_up else Previous.of_pose(state.body, pose),
+            pose=pose,
+            timestamp=timestamp,
+            lost=0.0 if given_up else lost,
+            memory={PARTICLES: {"poses": particles}},
+        )
+        confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
+        confidence[UNSEEN] = 0.0
+        observed = np.ones(len(confidence), dtype=np.bool_)
+        observed[UNSEEN] = False
+        joints = state.body.joint_positions(pose)
+        return self.row(pose, joints, confidence, observed, TRACKED if tracked else LOST, source)
+
+
+class MeasuredBody:
+    """A `BodyLearner` that measures shoulders and arms; see `sizing`.
+
+    Parameters
+    ----------
+    settings : see `ParticleTrackerSettings`
+    camera, level_rotation : see `Tracker.learner`
+    """
+
+    found = False
+
+    def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
+        self._settings = settings
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
+        self._seen: list[UpperSighting] = []
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        """See `BodyLearner.observe`."""
+        seen = self._viewer.look(sighting)
+        if seen.points >= max(self._settings.smallest_person, 1):
+            self._seen.append(seen)
+
+    def predicted(self) -> PredictedBody:
+        """No person is followed meanwhile."""
+        raise NotImplementedError("a body that is only measured is nowhere")
+
+    @property
+    def body(self) -> Body | None:
+        """See `BodyLearner.body`: by shoulder breadth and arm length, wherever the fork is seen."""
+        settings, workspace = self._settings.effectors, Workspace()
+        breadths: list[float] = []
+        arms: list[float] = []
+        for seen in self._seen:
+            breadth = shoulder_breadth(seen.cloud)
+            breadths += [] if breadth is None else [breadth]
+            effectors = seen.effectors(settings, workspace)
+            fork = find_fork(effectors, settings)
+            if fork is not None:
+                lengths = [arm_length(effectors.paths[row]) for row in (fork.left_hand, fork.right_hand)]
+                arms += [length for length in lengths if length is not None]
+        return sized_body(breadths, arms)
+
+
+class ParticleTracker:
+    """Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see `Tracker`.
+
+    Legs are not looked for: they hang straight down, with confidence 0.
+
+    Parameters
+    ----------
+    settings : see `ParticleTrackerSettings`
+    body : the person's own body, if it is known; otherwise its size is measured
+    """
+
+    stage_names = ("prepare", "detect", "trunk", "arms", "refine")
+    source_names = (PARTICLES, DETECTED, PREDICTED)
+    database = ""
+    joints_wanted: Wanted = "none"
+
+    def __init__(self, settings: ParticleTrackerSettings | None = None, *, body: Body | None = None) -> None:
+        self.settings = settings or ParticleTrackerSettings()
+        self._known_body = body
+
+    @property
+    def learning_seconds(self) -> float:
+        """See `Tracker.learning_seconds`."""
+        return self.settings.measured_seconds if self._known_body is None else 0.0
+
+    def know(self, body: Body) -> None:
+        """See `TakesBody.know`."""
+        self._known_body = body
+
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> MeasuredBody:
+        """See `Tracker.learner`."""
+        return MeasuredBody(self.settings, camera, level_rotation)
+
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> ParticleFollower:
+        """See `Tracker.follower`."""
+        known = body or self._known_body
+        state = PersonState.begin(known or load_body("neutral"), sized=known is not None, seed=self.settings.seed)
+        return ParticleFollower(self.settings, camera, level_rotation, state)
+
+
+register(
+    "particles",
+    Registration(
+        ParticleTrackerSettings,
+        needs_database=False,
+        build=lambda settings, database, path: ParticleTracker(settings),
+    ),
+)

@@ -1,0 +1,154 @@
+"""The upper body of a person as the particle filter draws it and moves it: trunk, head and two arms, no legs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.fitting.arms import SIDES, joints_of
+from toolkit.fitting.placed import Placer, balls_of
+from toolkit.kernels.fit.aiming import Aim, ArmRig, aim_arms
+from toolkit.kernels.fit.particles import Rig
+from toolkit.kernels.fit.swivel import ArmBones
+
+TRUNK = ("root", "lumbar", "thorax", "cervical", "left_clavicle", "right_clavicle")
+"""Joints whose skin is trunk and head."""
+HAND = 0.85
+"""Share of the way from the wrist to the fingertip at which an extremum of the cloud lies: at tip or knuckles."""
+UNSEEN: np.ndarray = np.array(
+    [i for i, name in enumerate(skeleton.REPORTED) if any(part in name for part in ("hip", "knee", "ankle", "foot"))]
+)
+"""Rows of the reported joints that belong to the legs."""
+
+
+@dataclass(frozen=True, eq=False)
+class UpperBody:
+    """One body without its legs, before cameras that share a level frame.
+
+    Attributes
+    ----------
+    body : whose
+    whole, trunk : what is drawn: with arms, and without
+    arms : left and right
+    of_arm : for each arm, rows of the rig's balls
+    apart : pairs of balls (K, 2) that a pose can bring together
+    """
+
+    body: Body
+    whole: Rig
+    trunk: Rig
+    arms: tuple[ArmRig, ArmRig]
+    of_arm: tuple[np.ndarray, np.ndarray]
+    apart: np.ndarray
+
+
+class UpperBodies:
+    """Upper bodies before one camera, each made once.
+
+    Parameters
+    ----------
+    level_rotation : R_level_camera, float64 (3, 3)
+    """
+
+    def __init__(self, level_rotation: np.ndarray) -> None:
+        self._from_level = np.ascontiguousarray(level_rotation.T, dtype=np.float64)
+        self.of = lru_cache(maxsize=8)(self._of)
+
+    def _of(self, body: Body) -> UpperBody:
+        """The upper body of `body`."""
+        legs = {skeleton.JOINT_NAMES.index(name) for name in skeleton.LEGS}
+        trunk = {skeleton.JOINT_NAMES.index(name) for name in TRUNK}
+        upper = set(range(len(skeleton.JOINT_NAMES))) - legs
+        whole = _rig_of(body, upper, self._from_level)
+        balls = balls_of(body)
+        rows = np.flatnonzero(~np.isin(balls.joint, sorted(legs)))
+        place = np.full(len(balls.joint), -1)
+        place[rows] = np.arange(len(rows))
+        apart = place[balls.apart]
+        of_arm = tuple(np.flatnonzero(np.isin(whole.ball_joint, joints_of(side)[1:])) for side in SIDES)
+        left, right = (arm_of(side, body) for side in SIDES)
+        return UpperBody(
+            body=body,
+            whole=whole,
+            trunk=_rig_of(body, trunk, self._from_level),
+            arms=(left, right),
+            of_arm=(of_arm[0], of_arm[1]),
+            apart=apart[(apart >= 0).all(axis=1)],
+        )
+
+
+def _rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
+    """The drawn part of a body, skinned mostly to `joints`; the balls are those of the whole upper body."""
+    drawn = np.isin(body.part, sorted(joints))
+    faces = body.faces[drawn[body.faces].all(axis=1)]
+    used, compact = np.unique(faces, return_inverse=True)
+    balls = balls_of(body)
+    upper = ~np.isin(balls.joint, [skeleton.JOINT_NAMES.index(name) for name in skeleton.LEGS])
+    return Rig(
+        parents=skeleton.PARENTS,
+        rest=body.joints,
+        dof_joint=skeleton.DOF_JOINT,
+        dof_axis=skeleton.DOF_AXIS,
+        vertices=np.ascontiguousarray(body.vertices[used]),
+        skin_joints=np.ascontiguousarray(body.skin_joints[used]),
+        skin_weights=np.ascontiguousarray(body.skin_weights[used]),
+        faces=compact.reshape(faces.shape).astype(np.int64),
+        ball_joint=balls.joint[upper],
+        ball_offset=np.ascontiguousarray(balls.offset[upper]),
+        radii=balls.radius[upper],
+        from_level=from_level,
+    )
+
+
+def arm_of(side: str, body: Body) -> ArmRig:
+    """One arm of a body as inverse kinematics needs it."""
+    _, clavicle, shoulder, elbow, wrist = joints_of(side)
+    shoulder_entry = skeleton.POSE_NAMES.index(f"{side}_shoulder_rx")
+    elbow_entry = skeleton.POSE_NAMES.index(f"{side}_elbow_ry")
+    tip = body.vertices[body.end_effectors[skeleton.END_EFFECTORS.index(f"{side}_hand")]]
+    limits = skeleton.POSE_LIMITS
+    return ArmRig(
+        parents=skeleton.PARENTS,
+        rest=body.joints,
+        dof_joint=skeleton.DOF_JOINT,
+        dof_axis=skeleton.DOF_AXIS,
+        clavicle=clavicle,
+        shoulder=shoulder,
+        elbow=elbow,
+        wrist=wrist,
+        shoulder_entry=shoulder_entry,
+        elbow_entry=elbow_entry,
+        bones=ArmBones(
+            body.joints[elbow] - body.joints[shoulder],
+            np.ascontiguousarray(limits[shoulder_entry : shoulder_entry + 3]),
+            np.ascontiguousarray(limits[elbow_entry]),
+        ),
+        fore=body.joints[wrist] - body.joints[elbow],
+        hand=HAND * (tip - body.joints[wrist]),
+    )
+
+
+@lru_cache(maxsize=4)
+def upper_bodies(placer: Placer) -> UpperBodies:
+    """The upper bodies before the camera of a placer, the same for all who ask."""
+    return UpperBodies(placer.from_level.T)
+
+
+def aimed_all_round(
+    pose: np.ndarray, arm: ArmRig, targets: np.ndarray, swivels: int, aim: Aim
+) -> tuple[np.ndarray, np.ndarray]:
+    """One arm of a pose (P,) at each of `targets` (n, 3) with so many swivels all round, as far as its joints allow.
+
+    Returns float64 (N, P) and int64 (N,): the poses, and the row of the target that each reaches.
+    """
+    rows = np.repeat(np.arange(len(targets)), swivels)
+    around = np.tile(np.linspace(-np.pi, np.pi, swivels, endpoint=False), len(targets))
+    poses, scores = np.repeat(pose[None], len(rows), axis=0), np.empty(len(rows))
+    aim_arms(poses, arm, np.ones(len(rows), dtype=np.bool_), targets[rows], around, aim, scores)
+    reached = np.isfinite(scores)
+    return poses[reached], rows[reached]

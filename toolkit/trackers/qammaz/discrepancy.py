@@ -1,0 +1,256 @@
+"""What separates many poses of a body from one frame: its depth image, and joints seen in it (Qammaz, 2.3)."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.rotations import quaternions as quat
+from toolkit.fitting.placed import balls_of
+from toolkit.fitting.terms import CARRIERS
+from toolkit.io.errors import SettingsError
+from toolkit.kernels.fit import swarm as kernel
+
+WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
+"""Of joints that detectors find badly or well (Qammaz, 2.3.2); 1 for the others."""
+JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
+FIGURES = ("balls", "mesh")
+MARGIN = 1.25
+"""Size of the small image's box against that of the silhouette: an arm that is not where it is thought to be has to
+cost something."""
+
+
+@dataclass(frozen=True)
+class DiscrepancySettings:
+    """Constants of the objective (Qammaz, 2.3).
+
+    Attributes
+    ----------
+    figure : what is drawn: 40 "balls", or the body's "mesh". Balls cost a fifth of the mesh, and the local optimisation
+        has the mesh
+    width, height : pixels of the small image that is compared: a limb has two across
+    clamp : metres, the most that a pixel costs, T of Eq. 3: the paper's
+    depth : weight of the mean distance of pixels. All is in metres, so that a mean pixel counts as a mean joint
+    joints_2d : weight of the mean distance of joints in the image, at the person's distance; detectors are 2 to 3 cm
+        off where the pose is right
+    joints_3d : weight of the mean distance of joints in space; hidden ones are lifted to what hides them
+    published : Eq. 3 to 6 as they are printed: joints count by w_i alone, not by the detector's confidence; in space
+        they lie on the skin, not half a limb behind it; and N_P is what is near the previous solution, however little
+    fewest : joints that have to be seen, otherwise none counts: fewer say less than they can spoil
+    """
+
+    figure: str = "balls"
+    width: int = 30
+    height: int = 40
+    clamp: float = 0.3
+    depth: float = 1.0
+    joints_2d: float = 0.5
+    joints_3d: float = 0.2
+    published: bool = False
+    fewest: int = 6
+
+    def __post_init__(self) -> None:
+        if self.figure not in FIGURES:
+            raise SettingsError(f"discrepancy.figure is {self.figure!r}; it can be: {', '.join(FIGURES)}")
+        if min(self.width, self.height) < 2 or self.fewest < 1:
+            raise SettingsError(
+                f"the small image of {self.width}x{self.height} pixels has at least 2x2, and fewest ({self.fewest}) is "
+                "at least 1"
+            )
+        if not self.clamp > 0.0:
+            raise SettingsError(f"discrepancy.clamp is {self.clamp}; give the most that a pixel costs, in metres")
+        if min(self.depth, self.joints_2d, self.joints_3d) < 0.0 or not self.depth + self.joints_2d + self.joints_3d:
+            raise SettingsError(
+                f"the weights depth {self.depth}, joints_2d {self.joints_2d} and joints_3d {self.joints_3d} are at "
+                "least 0, and not all of them"
+            )
+
+
+class SeenJoints(NamedTuple):
+    """The reported joints as they were seen in a frame.
+
+    Attributes
+    ----------
+    slopes : float64 (20, 2), x/z and y/z of the rays through them
+    points : float64 (20, 3), camera frame, metres, NaN where nothing is known of the distance
+    confidence : float64 (20,), in [0, 1]; 0 where a joint was not seen
+    """
+
+    slopes: np.ndarray
+    points: np.ndarray
+    confidence: np.ndarray
+
+
+class SmallImage(NamedTuple):
+    """A person's depth and what is around them, in few pixels.
+
+    Attributes
+    ----------
+    depth : float64 (h, w), metres; 0 where something farther or nothing is, NaN where nothing is known
+    intrinsics : float64 (4,), of its pixels, which need not be square
+    distance : metres, the median of the person's depth
+    """
+
+    depth: np.ndarray
+    intrinsics: np.ndarray
+    distance: float
+
+    @property
+    def person(self) -> int:
+        """How many pixels the person has."""
+        return int(np.count_nonzero(self.depth > 0.0))
+
+
+def small_image(
+    depth: np.ndarray, unobserved: np.ndarray | None, intrinsics: np.ndarray, shape: tuple[int, int]
+) -> SmallImage:
+    """The box around a person's `depth` (H, W), metres, 0 elsewhere, widened by `MARGIN`, in `shape` pixels (h, w).
+
+    Each pixel takes the value of the nearest one of the image, so that no depth is mixed with another's; what is
+    `unobserved` (H, W) or outside the image is not known.
+    """
+    person = depth > 0.0
+    axes, intrinsics = [], np.array(intrinsics, dtype=np.float64)
+    for axis, count in ((0, shape[0]), (1, shape[1])):
+        there = np.flatnonzero(person.any(axis=1 - axis))
+        low, high = float(there[0]) - 0.5, float(there[-1]) + 0.5
+        step = MARGIN * (high - low) / count
+        start = 0.5 * (low + high) - 0.5 * MARGIN * (high - low) + 0.5 * step
+        axes.append(np.rint(start + step * np.arange(count)).astype(np.int64))
+        row = 1 - axis  # of the focal length; u is the second axis of the image
+        intrinsics[row] /= step
+        intrinsics[2 + row] = (intrinsics[2 + row] - start) / step
+    rows, columns = axes
+    inside = ((rows >= 0) & (rows < depth.shape[0]))[:, None] & (columns >= 0) & (columns < depth.shape[1])
+    place = np.ix_(np.clip(rows, 0, depth.shape[0] - 1), np.clip(columns, 0, depth.shape[1] - 1))
+    known = inside if unobserved is None else inside & ~unobserved[place]
+    small = np.where(known, depth[place].astype(np.float64), np.nan)
+    return SmallImage(small, intrinsics, float(np.median(depth[person])))
+
+
+@lru_cache(maxsize=32)
+def figure_of(body: Body, kind: str) -> kernel.Figure:
+    """The body as it is drawn, `kind` out of `FIGURES`."""
+    balls = balls_of(body)
+    drawn = slice(None) if kind == "balls" else slice(0)
+    faces = body.faces.astype(np.int64) if kind == "mesh" else np.empty((0, 3), dtype=np.int64)
+    return kernel.Figure(
+        skeleton.PARENTS, skeleton.DOF_JOINT, skeleton.DOF_AXIS, body.joints,
+        balls.joint[drawn], balls.offset[drawn], balls.radius[drawn],
+        body.vertices, body.skin_joints, body.skin_weights, faces,
+    )  # fmt: skip
+
+
+def _targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:
+    """The joints of a body that were seen, with their weights; none where fewer were seen than are needed."""
+    carriers = np.array([carrier for carrier, _ in CARRIERS])
+    confidence = np.zeros(len(carriers)) if seen is None else np.where(carriers >= 0, seen.confidence, 0.0)
+    rows = np.flatnonzero(confidence > 0.0)
+    if seen is None or len(rows) < settings.fewest:
+        rows = rows[:0]
+    offset = np.zeros((len(rows), 3))
+    for k, row in enumerate(rows):
+        joint, site = CARRIERS[row]
+        if site >= 0:
+            offset[k] = body.sites[site] - body.joints[joint]
+    weights = JOINT_WEIGHTS[rows] if settings.published else (JOINT_WEIGHTS * confidence)[rows]
+    slopes, points = (np.zeros((0, 2)), np.zeros((0, 3))) if seen is None else (seen.slopes[rows], seen.points[rows])
+    lifted = np.where(np.isfinite(points).all(axis=1), weights, 0.0)
+    total = max(weights.sum(), 1e-9)  # W of Eq. 4 and of Eq. 5
+    return kernel.Targets(
+        carriers[rows], offset, np.ascontiguousarray(slopes, dtype=np.float64), distance,
+        np.nan_to_num(np.asarray(points, dtype=np.float64)),
+        settings.joints_2d * weights / total,
+        settings.joints_3d * lifted / total,
+    )  # fmt: skip
+
+
+class Discrepancy:
+    """E of Qammaz, Eq. 2, for one body and one frame: what many positions cost.
+
+    A position is a pose whose root is turned relative to that of `around` (`kernels/fit/swarm.py`).
+
+    Parameters
+    ----------
+    body : of all positions
+    image : the frame
+    seen : the joints seen in it, or None
+    level_rotation : R_level_camera, float64 (3, 3)
+    around : float64 (P,), pose in the level frame whose root orientation is the reference
+    previous : whether `around` is the previous solution, from which N_P is counted
+    settings : weights and what is drawn
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        image: SmallImage,
+        seen: SeenJoints | None,
+        level_rotation: np.ndarray,
+        around: np.ndarray,
+        settings: DiscrepancySettings,
+        *,
+        previous: bool = False,
+    ) -> None:
+        self.settings = settings
+        self._figure = figure_of(body, settings.figure)
+        self._targets = _targets_of(body, seen, image.distance, settings)
+        from_level = np.ascontiguousarray(level_rotation.T, dtype=np.float64)
+        self._root = quat.exponential(around[skeleton.ROOT_ROTATION])
+        turn = quat.matrices(self._root)
+        reference = (from_level[:, :, None] * turn[None, :, :]).sum(axis=1)
+        self._view = kernel.View(
+            from_level, reference, image.intrinsics, image.depth, settings.clamp, settings.depth / max(image.person, 1)
+        )
+        self._buffers = kernel.buffers_for(self._figure, image.depth.shape)
+        if previous:
+            # At least half of the person, so that a lost solution does not drown the joints; the paper has no floor.
+            floor = 1.0 if settings.published else max(0.5 * image.person, 1.0)
+            near = max(self._explained(self.position_of(around)), floor)
+            self._view = self._view._replace(weight=settings.depth / near)
+
+    @property
+    def guided(self) -> bool:
+        """Whether enough joints were seen to count."""
+        return len(self._targets.joint) > 0
+
+    def position_of(self, poses: np.ndarray) -> np.ndarray:
+        """Poses (..., P) as positions: their roots turned relative to the reference."""
+        positions = np.array(poses, dtype=np.float64)
+        turn = quat.multiply(quat.conjugate(self._root), quat.exponential(positions[..., skeleton.ROOT_ROTATION]))
+        positions[..., skeleton.ROOT_ROTATION] = quat.logarithm(turn)
+        return positions
+
+    def pose_of(self, position: np.ndarray) -> np.ndarray:
+        """A position (P,) as a pose, level frame."""
+        pose = np.array(position, dtype=np.float64)
+        turn = quat.multiply(self._root, quat.exponential(pose[skeleton.ROOT_ROTATION]))
+        pose[skeleton.ROOT_ROTATION] = quat.logarithm(turn)
+        return pose
+
+    def joints_alone(self) -> Discrepancy:
+        """The same without the image."""
+        alone = copy(self)
+        alone._view = self._view._replace(weight=0.0)
+        return alone
+
+    def __call__(self, positions: np.ndarray) -> np.ndarray:
+        """What `positions` (N, P) cost, metres: float64 (N,)."""
+        out = np.empty(len(positions))
+        kernel.discrepancies(positions, self._figure, self._view, self._targets, self._buffers, out)
+        return out
+
+    def _explained(self, position: np.ndarray) -> int:
+        """N_P: the person's pixels within the clamp of the figure in `position` (Qammaz, 2.3.1)."""
+        buffers = self._buffers
+        kernel.place(position, self._figure, self._view, buffers)
+        kernel.draw(self._figure, self._view, buffers)
+        drawn = np.divide(1.0, buffers.inverse, out=np.zeros_like(buffers.inverse), where=buffers.inverse > 0.0)
+        depth = self._view.depth
+        return int(np.count_nonzero((drawn > 0.0) & (depth > 0.0) & (np.abs(depth - drawn) < self.settings.clamp)))

@@ -1,0 +1,295 @@
+"""The swarm's hypothesis: what explains depth image and joints best around the previous pose, or anywhere (Qammaz)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.fitting.objective import Comparison, Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.terms import JointTerm
+from toolkit.io.errors import SettingsError
+from toolkit.kernels import linear
+from toolkit.trackers.qammaz.discrepancy import Discrepancy, DiscrepancySettings, SeenJoints, SmallImage, small_image
+from toolkit.trackers.qammaz.observed_pixels import exchanged, first_poses, gap, looks_exchanged, seen_joints
+from toolkit.trackers.qammaz.swarm import SwarmSettings, minimise
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
+from toolkit.tracking.state import PersonState
+
+ANGLES = np.arange(6, skeleton.POSE_SIZE)
+"""Entries of a pose that perturbations change."""
+BELIEVED = 0.35
+"""Seconds of exchanged sides after which a fresh start lets the frame decide."""
+REST = 0.3
+"""Seconds after a fresh start that found nothing better in which none is tried: what misleads it lasts longer."""
+
+TILT = 0.8
+"""Radians, how far the root may be turned about each axis where there is no previous pose: shoulders and hips say how
+the trunk stands, as well as they are lifted."""
+COPIES, SPREAD = 7, 0.05
+"""Of the best of a swarm on the joints alone so many begin the next one, so many radians and metres apart."""
+PULL, PULL_SIGMA = 20.0, 0.1
+"""Weight of a sure joint against one correspondence: as much as the vertices around it; and metres at which a joint
+loses its pull, so that one that is hidden, and lifted to what hides it, pulls nothing."""
+TRUST = 0.5
+"""Metres that a metre from the joints counts where a pose is judged: the frame counts twice as much."""
+
+
+@dataclass(frozen=True)
+class SwarmSearchSettings:
+    """The search window of a swarm, and the refinement of its result.
+
+    Attributes
+    ----------
+    window : radians, how far each angle, and the root's orientation about each axis, may be from the previous pose:
+        more than any joint turns in a 30th of a second
+    reach : metres, how far the root may be from its previous place in each direction
+    tries : times that the person is looked for afresh each way round, before a last swarm around the best: a third
+        more first frames are right than after one
+    history : previous poses that are particles too; the paper's
+    joints_first : a swarm on the joints alone, which costs a fifth, shows the swarm on everything where to begin
+    frozen : joints of `skeleton.JOINT_NAMES` that stay as in the T-pose; none, for people move them all
+    limits : other limits of single angles, by `skeleton.POSE_NAMES`, radians; None keeps those of the skeleton
+    pulled, refined : iterations of the local optimisation with and without the pull of the joints, 0 and 0 for none:
+        joints are coarse, and the depth has the last word
+    disagreement : metres, mean distance from the joints above which everything is looked for afresh, 0 for never:
+        twice what lifted joints are off where the pose is right
+    sides : metres by which a body has to be nearer that is looked for with left and right of the joints exchanged:
+        detectors that see no faces take a twentieth of the backs for fronts. None takes the joints as they are given,
+        and E of Eq. 2 alone chooses, as in the paper
+    """
+
+    window: float = 0.7
+    reach: float = 0.3
+    tries: int = 3
+    history: int = 5
+    joints_first: bool = True
+    frozen: tuple[str, ...] = ()
+    limits: dict[str, tuple[float, float]] | None = None
+    pulled: int = 2
+    refined: int = 4
+    disagreement: float = 0.08
+    sides: float | None = 0.015
+
+    def __post_init__(self) -> None:
+        if min(self.window, self.reach) <= 0.0:
+            raise SettingsError(f"window {self.window} and reach {self.reach} are what is searched; give more than 0")
+        if min(self.history, self.pulled, self.refined, self.disagreement) < 0:
+            raise SettingsError("history, pulled, refined and disagreement are at least 0")
+        if self.tries < 1:
+            raise SettingsError(f"tries is {self.tries}; without a previous pose, look for the person at least once")
+        if unknown := [name for name in self.frozen if name not in skeleton.JOINT_NAMES[1:]]:
+            raise SettingsError(f"frozen {unknown} are no joints; there are: {', '.join(skeleton.JOINT_NAMES[1:])}")
+        for name, (low, high) in (self.limits or {}).items():
+            if name not in skeleton.POSE_NAMES[6:] or not low <= high:
+                raise SettingsError(
+                    f"limits of {name!r} are {low} to {high}; name an angle of the pose such as "
+                    f"{skeleton.POSE_NAMES[6]}, its lower limit first"
+                )
+
+    def pose_limits(self) -> np.ndarray:
+        """Lowest and highest value of every entry, float64 (P, 2), those of the root infinite."""
+        limits = skeleton.POSE_LIMITS.copy()
+        for name, (low, high) in (self.limits or {}).items():
+            limits[skeleton.POSE_NAMES.index(name)] = low, high
+        for joint in self.frozen:
+            limits[3 + np.flatnonzero(skeleton.DOF_JOINT == skeleton.JOINT_NAMES.index(joint))] = 0.0
+        return limits
+
+
+class SwarmSearch:
+    """Looks for the pose with a swarm, around the previous one or, without one, from where the joints say.
+
+    Parameters
+    ----------
+    objective, refiner : compare what it finds with the frame, and refine it
+    first_only : it speaks only where there is no previous pose and joints were seen
+    """
+
+    name = "swarm"
+
+    def __init__(
+        self,
+        settings: SwarmSearchSettings,
+        swarm: SwarmSettings,
+        discrepancy: DiscrepancySettings,
+        objective: Objective,
+        refiner: Refiner,
+        *,
+        first_only: bool = False,
+    ) -> None:
+        self._first_only = first_only
+        self._settings, self._swarm, self._discrepancy = settings, swarm, discrepancy
+        self._objective, self._refiner = objective, refiner
+        self._limits = settings.pose_limits()
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
+    ) -> Proposal:
+        """See `Search.propose`."""
+        if self._first_only and (state.previous is not None or observation.joints is None):
+            return NOTHING
+        frame, doubts = self._frame(observation, state)
+        if state.previous is None:
+            found, _ = self.afresh(frame, state.body, rng)
+            return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _memory(found.pose[None], 0.0, 0.0))
+        poses = self._history(state)
+        kept, asked = poses[: self._settings.history], doubts > BELIEVED
+        rest = max(_remembered(state, "rest") - observation.elapsed, 0.0)
+        rivals = [] if best is None else [_Found(best.hypothesis.pose, best.comparison)]
+        found = self._follow(frame, state.body, poses, rivals, rng)
+        nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
+        if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
+            afresh, judged = self.afresh(frame, state.body, rng)
+            if judged < self._judged(frame, state.body, nearest):
+                hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, improves=best)
+                return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
+            rest = REST
+        memory = _memory(kept, 0.0 if asked else doubts, rest)
+        return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), memory)
+
+    def _frame(self, observation: Observation, state: PersonState) -> tuple[_Frame, float]:
+        """The frame, and for how many seconds sides have been seen the wrong way round."""
+        s, cloud, doubts = self._discrepancy, observation.cloud, 0.0
+        seen = seen_joints(observation, on_skin=s.published)
+        if seen is not None and state.previous is not None and self._settings.sides is not None:
+            doubts = _remembered(state, "doubts")
+            wrong = looks_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
+            doubts = doubts + observation.elapsed if wrong else 0.0
+            if wrong:
+                seen = exchanged(seen)
+        image = small_image(cloud.depth, observation.unobserved, cloud.camera.intrinsics, (s.height, s.width))
+        return _Frame(observation, seen, image), doubts
+
+    def _history(self, state: PersonState) -> np.ndarray:
+        """The previous pose and those before it, (1 + K, P), the last first."""
+        assert state.previous is not None
+        before = state.memory.get(self.name, {}).get("poses", np.empty((0, skeleton.POSE_SIZE)))
+        return np.concatenate([state.previous.pose[None], before])[: 1 + self._settings.history]
+
+    def _follow(
+        self, frame: _Frame, body: Body, poses: np.ndarray, rivals: list[_Found], rng: np.random.Generator
+    ) -> _Found:
+        """The best pose in the window around the first of `poses` (K, P); rivals are particles too."""
+        s = self._settings
+        costs = frame.discrepancy(body, poses[0], self._discrepancy, previous=True)
+        starts = costs.position_of(np.concatenate([poses[:1], *(rival.pose[None] for rival in rivals), poses[1:]]))
+        half = np.full(skeleton.POSE_SIZE, s.window)
+        half[skeleton.ROOT_POSITION] = s.reach
+        limits = self._window(starts[0], half)
+        return self._finished(frame, body, costs, self._searched(costs, starts, limits, rng))
+
+    def afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
+        """The best pose within all limits, whichever way the person may face, and how it is judged, metres.
+
+        A detector may have taken left for right. Turned round, a body lies farther from the frame, and that decides,
+        unless joints are taken as they are given.
+        """
+        best = self._anywhere(frame, body, rng)
+        least, other = self._judged(frame, body, best), frame.exchanged()
+        if other is not None and self._settings.sides is not None:
+            found = self._anywhere(other, body, rng)
+            judged = self._judged(other, body, found) + self._settings.sides
+            if judged < least:
+                best, least = found, judged
+        return best, least
+
+    def _anywhere(self, frame: _Frame, body: Body, rng: np.random.Generator) -> _Found:
+        """The best pose within all limits for joints whose sides are known; then the best around that."""
+        found = []
+        s = self._settings
+        half = np.full(skeleton.POSE_SIZE, np.inf)
+        half[skeleton.ROOT_POSITION], half[skeleton.ROOT_ROTATION] = s.reach, TILT
+        for start in first_poses(frame.observation, frame.seen):
+            costs = frame.discrepancy(body, start, self._discrepancy)
+            starts = costs.position_of(np.clip(start, *self._limits.T)[None])
+            limits = self._window(starts[0], half)
+            for _ in range(s.tries):
+                found.append(self._finished(frame, body, costs, self._searched(costs, starts, limits, rng)))
+        best = min(found, key=lambda rival: self._judged(frame, body, rival))
+        again = self._follow(frame, body, best.pose[None], [], rng)
+        return min([best, again], key=lambda rival: self._judged(frame, body, rival))
+
+    def _window(self, position: np.ndarray, half: np.ndarray) -> np.ndarray:
+        """Limits (P, 2) of the positions within `half` of one, and within those of the joints."""
+        low, high = self._limits.T
+        middle = np.clip(position, low, high)
+        return np.stack([np.maximum(middle - half, low), np.minimum(middle + half, high)], axis=1)
+
+    def _searched(
+        self, costs: Discrepancy, starts: np.ndarray, limits: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """The best position (P,) that the swarm finds from `starts` (K, P) on."""
+        s = self._settings
+        if s.joints_first and costs.guided:
+            alone = minimise(costs.joints_alone(), starts, limits, self._swarm, rng, perturbed=ANGLES).position
+            copies = alone + SPREAD * rng.standard_normal((COPIES, len(alone)))
+            starts = np.concatenate([starts, alone[None], copies])
+        return minimise(costs, starts, limits, self._swarm, rng, perturbed=ANGLES).position
+
+    def _finished(self, frame: _Frame, body: Body, costs: Discrepancy, position: np.ndarray) -> _Found:
+        """A position as a pose, refined and compared with the frame."""
+        s, scene, pose = self._settings, frame.observation.scene, costs.pose_of(position)
+        if s.pulled and frame.seen is not None and costs.guided:
+            weights = np.where(np.isfinite(frame.seen.points[:, 0]), PULL * frame.seen.confidence, 0.0)
+            term = JointTerm(np.nan_to_num(frame.seen.points), weights, PULL_SIGMA)
+            pose = self._refiner.refine(body, pose, scene, terms=[term], iterations=s.pulled)
+        if s.refined:
+            pose = self._refiner.refine(body, pose, scene, iterations=s.refined)
+        return _Found(pose, self._objective.compare(body, pose, scene))
+
+    def _disagrees(self, frame: _Frame, body: Body, found: _Found) -> bool:
+        limit = self._settings.disagreement
+        return limit > 0.0 and frame.gap(body, found.pose) > limit
+
+    def _judged(self, frame: _Frame, body: Body, found: _Found) -> float:
+        """How far a pose is from the frame, its joints included, metres; E of Eq. 2 where joints are taken as given."""
+        if self._settings.sides is None:
+            costs = frame.discrepancy(body, found.pose, self._discrepancy)
+            return float(costs(costs.position_of(found.pose[None]))[0])
+        return found.comparison.distance + TRUST * frame.gap(body, found.pose)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A pose (P,), level frame, and how far it is from the frame."""
+
+    pose: np.ndarray
+    comparison: Comparison
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A frame as the swarm sees it."""
+
+    observation: Observation
+    seen: SeenJoints | None
+    image: SmallImage
+
+    def exchanged(self) -> _Frame | None:
+        """The same with left and right of the joints the other way round; None without joints."""
+        return None if self.seen is None else replace(self, seen=exchanged(self.seen))
+
+    def discrepancy(
+        self, body: Body, around: np.ndarray, settings: DiscrepancySettings, *, previous: bool = False
+    ) -> Discrepancy:
+        """What poses around one (P,) cost."""
+        rotation = self.observation.cloud.rotation
+        return Discrepancy(body, self.image, self.seen, rotation, around, settings, previous=previous)
+
+    def gap(self, body: Body, pose: np.ndarray) -> float:
+        """Weighted mean distance of the body's joints in a pose from where they were seen in space, metres."""
+        return gap(self.seen, linear.rotated(body.joint_positions(pose), self.observation.cloud.rotation))
+
+
+def _memory(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
+    """What is remembered: poses (K, P); seconds of exchanged sides, and until a fresh start is tried again."""
+    return {"poses": poses, "doubts": np.array([doubts]), "rest": np.array([rest])}
+
+
+def _remembered(state: PersonState, name: str) -> float:
+    return float(state.memory.get(SwarmSearch.name, {}).get(name, np.zeros(1))[0])

@@ -1,0 +1,207 @@
+"""The people before one camera: a fold over the frames of a stream, `frame -> sightings -> a row for each person`.
+
+A person's shape is learnt from the first seconds, which are kept and then tracked again with the learnt body, so that
+bone lengths do not change within a track. Rows of these seconds therefore come late, and all at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state, numbered
+from toolkit.io.errors import RecordingError, TrackError
+from toolkit.people.joint_masks import JointSource, NoJoints
+from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.stream import Frame
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.sightings import Kept, SightingFile
+from toolkit.tracking.state import State
+from toolkit.tracking.tracker_protocol import BodyLearner, PersonFollower, Tracker
+from toolkit.tracks import FrameResult
+
+
+class Row(NamedTuple):
+    """One row of one person's track."""
+
+    person: int
+    frame: int
+    timestamp: float
+    result: FrameResult
+
+
+@dataclass
+class Waiting:
+    """Kept sightings of a person whose body is not learnt yet; the learner exists once enough was seen."""
+
+    frames: list[tuple[Kept | None, float, float]] = field(default_factory=list)
+    seen_since: int | None = None
+    learner: BodyLearner | None = None
+
+
+class Predictions(Mapping[int, PredictedBody]):
+    """The predicted bodies of the followed people; each is placed when it is first read."""
+
+    def __init__(self, known: Mapping[int, PersonFollower | BodyLearner]) -> None:
+        self._known = known
+
+    def __getitem__(self, person: int) -> PredictedBody:
+        return self._known[person].predicted()
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+
+class Crowd:
+    """Follows the people of one stream.
+
+    Parameters
+    ----------
+    tracker : makes a follower for each person
+    finder : tells the people of a frame apart
+    up_camera : (3,), the vertical in the camera frame
+    joints : tells the joints of the people in the image; None for no joints
+    floor : y of the floor, metres, level frame, None where it is not known
+
+    Attributes
+    ----------
+    frames : how many were taken in
+    timestamps : theirs, seconds
+    sightings : keeps what is seen of all people, for a second pass; None where there is none
+    """
+
+    def __init__(
+        self,
+        tracker: Tracker,
+        finder: PeopleFinder,
+        up_camera: np.ndarray,
+        joints: JointSource | None = None,
+        floor: float | None = None,
+    ) -> None:
+        self._floor = floor
+        self.sightings: SightingFile | None = None
+        self.tracker, self.finder, self.joints = tracker, finder, joints or NoJoints()
+        self.level_rotation = level_rotation(up_camera)
+        self.frames = 0
+        self.timestamps: list[float] = []
+        self._followers: dict[int, PersonFollower] = {}
+        self._waiting: dict[int, Waiting] = {}
+
+    @property
+    def settled(self) -> bool:
+        """Whether no body is being learnt, so that the state is small and all rows are out."""
+        return not self._waiting
+
+    @property
+    def bodies(self) -> dict[int, Body]:
+        """Predicted bodies of the followed people."""
+        return {person: follower.body for person, follower in self._followers.items()}
+
+    def step(self, frame: Frame) -> list[Row]:
+        """Take in the next frame; the rows that are known now, which may be none or those of several frames."""
+        start = perf_counter()
+        found = self.finder.find(frame.depth_mm, frame.timestamp, self._predictions())
+        sightings = {s.id: s for s in self.joints.add(frame, found)}
+        if self.sightings is not None:
+            self.sightings.append(self.frames, sightings.values())
+        known = self._followers.keys() | self._waiting.keys()
+        prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
+        for person in sorted(sightings.keys() - known):
+            self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self.timestamps])
+        self._check(frame)
+        self.timestamps.append(frame.timestamp)
+        self.frames += 1
+        rows: list[Row] = []
+        for person in sorted(self._followers.keys() | self._waiting.keys()):
+            sighting = sightings.get(person)
+            if person in self._followers:
+                rows.append(self._row(person, sighting, self.frames - 1, frame.timestamp, prepare_ms))
+            elif self._wait(self._waiting[person], sighting, frame.timestamp, prepare_ms):
+                rows += self._learnt(person)
+        return rows
+
+    def finish(self) -> list[Row]:
+        """The rows of those who were seen for too short a time, once the last frame has been taken in."""
+        return [row for person in sorted(self._waiting) for row in self._learnt(person)]
+
+    def export_state(self) -> State:
+        """All that the next step depends on besides the frame; only while `settled`."""
+        return {
+            "frames": self.frames,
+            "timestamps": np.array(self.timestamps),
+            "finder": self.finder.export_state(),
+            "joints": self.joints.export_state(),
+            "people": {str(person): follower.export_state() for person, follower in self._followers.items()},
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `export_state` gave.
+
+        Raises
+        ------
+        TrackError
+            It is the state of another recording, of other settings, or of nothing that there could be.
+        """
+        columns = {"frames": Column("iu", (), 0), "timestamps": Column("f", ("frames",))}
+        check_state(state, columns, ("finder", "joints", "people"), "crowd")
+        if len(state["timestamps"]) != state["frames"]:
+            raise TrackError(f"the state of the crowd counts {state['frames']} frames and has other times; {HINT}")
+        self.frames, self.timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
+        self.finder.restore_state(state["finder"])
+        self.joints.restore_state(state["joints"])
+        self._followers = {}
+        for person, kept in numbered(state["people"], "crowd").items():
+            follower = self.tracker.follower(self.finder.camera, self.level_rotation)
+            follower.restore_state(kept)
+            self._followers[person] = follower
+
+    def _predictions(self) -> Predictions:
+        learners = {person: waiting.learner for person, waiting in self._waiting.items()}
+        found = {person: learner for person, learner in learners.items() if learner is not None and learner.found}
+        return Predictions({**self._followers, **found})
+
+    def _check(self, frame: Frame) -> None:
+        if self.timestamps and not frame.timestamp > self.timestamps[-1]:
+            raise RecordingError(
+                f"frame {self.frames} is of {frame.timestamp:.3f} s, and the one before it of "
+                f"{self.timestamps[-1]:.3f} s; frames have to come in order"
+            )
+
+    def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:
+        """Keep a sighting for later; whether there are enough now."""
+        waiting.frames.append((None if sighting is None else Kept.of(sighting), timestamp, prepare_ms))
+        if waiting.seen_since is None and sighting is not None:
+            if np.count_nonzero(sighting.depth) >= self.tracker.settings.smallest_person:
+                waiting.seen_since = len(waiting.frames) - 1
+                if self.tracker.learning_seconds:
+                    waiting.learner = self.tracker.learner(self.finder.camera, self.level_rotation, self._floor)
+        if waiting.learner is not None and sighting is not None:
+            waiting.learner.observe(sighting, timestamp)
+        if waiting.seen_since is None:
+            return False
+        return timestamp - waiting.frames[waiting.seen_since][1] >= self.tracker.learning_seconds
+
+    def _learnt(self, person: int) -> list[Row]:
+        """Track the frames kept of a person with the body that was learnt."""
+        waiting, camera = self._waiting.pop(person), self.finder.camera
+        body = None if waiting.learner is None else waiting.learner.body
+        self._followers[person] = self.tracker.follower(camera, self.level_rotation, body)
+        return [
+            self._row(person, None if kept is None else kept.sighting(), frame, moment, prepare_ms)
+            for frame, (kept, moment, prepare_ms) in enumerate(waiting.frames)
+        ]
+
+    def _row(self, person: int, sighting: Sighting | None, frame: int, timestamp: float, prepare_ms: float) -> Row:
+        clock = StageClock(self.tracker.stage_names)
+        clock.charge(self.tracker.stage_names[0], prepare_ms)
+        return Row(person, frame, timestamp, self._followers[person].step(sighting, timestamp, clock))

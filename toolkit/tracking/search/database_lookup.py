@@ -1,0 +1,139 @@
+"""The database hypothesis: poses retrieved by one query or several, the nearest of them refined (Baak 2013, 5.4.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.database import canonical
+from toolkit.database.database import PoseDatabase
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.terms import JointTerm
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
+from toolkit.tracking.state import PersonState, Previous
+
+PULLED_ITERATIONS = 2
+"""Iterations in which a query's pull acts; the depth image has the last word."""
+FIRST_ROUNDS = 2
+"""Times the usual iterations that a pose is refined where there is no previous one."""
+
+
+class Query(Protocol):
+    """One way to ask the database for whole poses.
+
+    Attributes
+    ----------
+    source : what its answers are called
+    """
+
+    source: str
+
+    def poses(self, observation: Observation, previous: Previous | None, body: Body, count: int) -> np.ndarray:
+        """The best poses first, at most `count`: float64 (C, P), level frame."""
+        ...
+
+    def pull(self, observation: Observation) -> JointTerm | None:
+        """What an answer is first drawn to while it is refined, or None."""
+        ...
+
+
+@dataclass(frozen=True)
+class LookupBudget:
+    """How much a lookup does.
+
+    Attributes
+    ----------
+    candidates : retrieved poses per query that are compared before one of them is refined
+    restarts : poses per query refined where there is no previous pose
+    promising : the nearest retrieved pose is refined if its distance is at most this times that of the best rival
+    period : while all is well one query is asked in every so manieth frame
+    """
+
+    candidates: int
+    restarts: int
+    promising: float
+    period: int
+
+
+def is_asked(state: PersonState, period: int) -> bool:
+    """Whether the database is asked for whole poses: after a loss, else in one of `period` frames."""
+    return bool(state.lost) or (state.turn + 1) % period == 0
+
+
+class DatabaseLookup:
+    """Asks every query after a loss or on a first frame, and one after the other in turn while all is well.
+
+    Parameters
+    ----------
+    queries : ways to ask the database
+    objective, refiner : compare the answers with the frame, and refine
+    """
+
+    name = "lookup"
+
+    def __init__(self, queries: Sequence[Query], objective: Objective, refiner: Refiner, budget: LookupBudget) -> None:
+        self._queries, self._budget = tuple(queries), budget
+        self._objective, self._refiner = objective, refiner
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
+    ) -> Proposal:
+        """See `Search.propose`."""
+        if state.previous is None:
+            firsts = (self._first(query, observation, state.body) for query in self._queries)
+            return Proposal(tuple(first for first in firsts if first is not None))
+        bound = np.inf if best is None else self._budget.promising * best.comparison.distance
+        nearest, chosen, found = bound, None, None
+        for query in self._asked(state):
+            for pose in query.poses(observation, state.previous, state.body, self._budget.candidates):
+                distance = self._objective.compare(state.body, pose, observation.scene, nearest).distance
+                if distance < nearest:
+                    nearest, chosen, found = distance, query, pose
+        if chosen is None or found is None:
+            return NOTHING
+        return Proposal((Hypothesis(chosen.source, self._refined(chosen, found, observation, state.body)),))
+
+    def _asked(self, state: PersonState) -> tuple[Query, ...]:
+        """The queries of this frame: one or none in turn while all is well, else all."""
+        if state.lost or not self._queries:
+            return self._queries
+        if not is_asked(state, self._budget.period):
+            return ()
+        return (self._queries[(state.turn + 1) // self._budget.period % len(self._queries)],)
+
+    def _first(self, query: Query, observation: Observation, body: Body) -> Hypothesis | None:
+        """The answer of a query that is nearest to the frame once refined; None if it has none."""
+        best: Hypothesis | None = None
+        nearest = np.inf
+        for pose in query.poses(observation, None, body, self._budget.restarts):
+            refined = self._refined(query, pose, observation, body, FIRST_ROUNDS)
+            compared = self._objective.compare(body, refined, observation.scene)
+            if compared.distance < nearest:
+                nearest, best = compared.distance, Hypothesis(query.source, refined, compared)
+        return best
+
+    def _refined(
+        self, query: Query, pose: np.ndarray, observation: Observation, body: Body, rounds: int = 1
+    ) -> np.ndarray:
+        """A retrieved pose refined, first drawn to what its query saw."""
+        scene, iterations = observation.scene, rounds * self._refiner.settings.iterations
+        pull = query.pull(observation)
+        if pull is not None:
+            pose = self._refiner.refine(body, pose, scene, terms=[pull], iterations=rounds * PULLED_ITERATIONS)
+            iterations -= PULLED_ITERATIONS
+        return self._refiner.refine(body, pose, scene, iterations=max(iterations, 1))
+
+
+def placed_poses(
+    database: PoseDatabase, rows: np.ndarray, origins: np.ndarray, centre: np.ndarray, yaw: float, size: float
+) -> np.ndarray:
+    """Database poses with their origins, for a body `size` times as large, at a centre and facing."""
+    scaled = np.array(origins, dtype=np.float64)
+    scaled[:, :3] *= size
+    return canonical.place(database.poses[rows].astype(np.float64), scaled, centre, yaw)

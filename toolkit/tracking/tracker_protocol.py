@@ -1,0 +1,241 @@
+"""What every tracker offers; the pipeline knows no more than this."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.state import State
+from toolkit.tracks import FrameResult
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from toolkit.fitting.priors import PoseTerm
+    from toolkit.tracking.passes import BothWays, Plan
+    from toolkit.tracking.planning import Planner
+    from toolkit.tracking.sightings import PersonSightings
+    from toolkit.tracking.trajectory_choice import WayFile
+
+Wanted = Literal["none", "offered", "welcome", "required"]
+
+
+class TrackerSettings(Protocol):
+    """A frozen dataclass of settings.
+
+    Attributes
+    ----------
+    tracker : name under which the tracker is registered
+    seed : of everything random
+    sensing : how depth is segmented and cleaned
+    smallest_person : measured points below which a frame counts as empty
+    """
+
+    @property
+    def tracker(self) -> str:
+        """See above."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """See above."""
+        ...
+
+    @property
+    def sensing(self) -> SensingSettings:
+        """See above."""
+        ...
+
+    @property
+    def smallest_person(self) -> int:
+        """See above."""
+        ...
+
+
+class PersonFollower(Protocol):
+    """Follows one person, frame by frame, without being given any pose."""
+
+    @property
+    def body(self) -> Body:
+        """The body as fitted so far, with its shape and scale."""
+        ...
+
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        """Find the person in the next frame, at `timestamp` seconds; None without a sighting."""
+        ...
+
+    def predicted(self) -> PredictedBody:
+        """Where the person is expected in the next frame."""
+        ...
+
+    def export_state(self) -> State:
+        """All that the next step depends on besides the sighting: plain arrays, numbers and text."""
+        ...
+
+    def restore_state(self, state: State) -> None:
+        """Go on from what `export_state` of a follower of the same tracker gave."""
+        ...
+
+
+class BodyLearner(Protocol):
+    """Learns one person's own body, from sighting to sighting.
+
+    Attributes
+    ----------
+    found : whether it knows where the person is, so that it can be asked for `predicted`
+    body : as learnt so far; None before the first sighting
+    """
+
+    @property
+    def found(self) -> bool:
+        """See above."""
+        ...
+
+    @property
+    def body(self) -> Body | None:
+        """See above."""
+        ...
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        """Take in the next sighting, at `timestamp` seconds."""
+        ...
+
+    def predicted(self) -> PredictedBody:
+        """Where the person is expected in the next frame."""
+        ...
+
+
+@runtime_checkable
+class TakesBody(Protocol):
+    """A tracker that takes the person's own body."""
+
+    def know(self, body: Body) -> None:
+        """Take a body for that of all people who are tracked from now on; none is learnt."""
+        ...
+
+
+class Tracker(Protocol):
+    """A way to track, with its settings: makes the followers of the people before a camera.
+
+    Attributes
+    ----------
+    settings : what it was made with, written beside its results
+    database : path of the pose database it uses, empty for none
+    stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
+    source_names : of the hypotheses that can win, indexed by `FrameResult.source`
+    learning_seconds : how long a person is seen before a body is learnt and the first row is written; 0 = no body is
+    joints_wanted : what it does with joints in the image: "none" has no use for them, "offered" uses those that the
+        recording or the user brings, "welcome" also has them detected where that can be done, "required" is nothing
+        without them unless the user says so
+    """
+
+    database: str
+
+    @property
+    def settings(self) -> TrackerSettings:
+        """See above."""
+        ...
+
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """See above."""
+        ...
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """See above."""
+        ...
+
+    @property
+    def learning_seconds(self) -> float:
+        """See above."""
+        ...
+
+    @property
+    def joints_wanted(self) -> Wanted:
+        """See above."""
+        ...
+
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> BodyLearner:
+        """Learns one person's own body; only asked where `learning_seconds` is not 0.
+
+        `floor` is its y, metres, level frame, where it is known.
+        """
+        ...
+
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
+        """A follower of one person, with the body of a `learner` if there is one."""
+        ...
+
+
+@runtime_checkable
+class JudgesPeople(Protocol):
+    """A tracker that can tell people from furniture.
+
+    Attributes
+    ----------
+    judge : says how likely pixels are of a person; None cannot tell
+    """
+
+    @property
+    def judge(self) -> PersonJudge | None:
+        """See above."""
+        ...
+
+
+def judge_of(tracker: Tracker) -> PersonJudge | None:
+    """The tracker's classifier of people and furniture, None if it has none."""
+    return tracker.judge if isinstance(tracker, JudgesPeople) else None
+
+
+@runtime_checkable
+class LooksBack(Tracker, Protocol):
+    """A tracker that can follow the people of a recording a second time, from their surest frames outwards.
+
+    Attributes
+    ----------
+    passes : 1 or 2, how often it wants to
+    priors : terms in the pose vector, which say how likely a pose is before a frame is looked at
+    """
+
+    @property
+    def passes(self) -> int:
+        """See above."""
+        ...
+
+    @property
+    def priors(self) -> Sequence[PoseTerm]:
+        """See above."""
+        ...
+
+    def planner(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        floor: float | None = None,
+        walked: np.ndarray | None = None,
+    ) -> Planner:
+        """Learns the body of the person whose sightings these are, and says where to begin; see `Planner`."""
+        ...
+
+    def both_ways(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        way: WayFile,
+        plan: Plan,
+        first_pass: np.ndarray | None = None,
+    ) -> BothWays:
+        """Follows that person; see `BothWays`."""
+        ...

@@ -1,0 +1,165 @@
+"""Ways through the frames of one person: their rows on disk, and of two ways the one that explains a stretch.
+
+A way is a row of the track for each frame, found by following the person forwards or backwards from one frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.io.checkpoint import HINT
+from toolkit.io.errors import OutputError, TrackError
+from toolkit.io.safe_open import open_file
+from toolkit.tracks import FrameResult
+from toolkit.tracks.track_writer import check_rows, row_type
+
+APART = 1.0
+"""Cost of a switch between two ways per metre that they are apart: ten frames in which the better way is 3 cm nearer to
+what was measured outweigh a jump of 30 cm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One frame of a way.
+
+    Attributes
+    ----------
+    result : row of the track
+    cost : metres, how far the pose is from the frame
+    continues : the pose goes on from the one in the frame followed before
+    """
+
+    result: FrameResult
+    cost: float
+    continues: bool = True
+
+
+class WayFile:
+    """The steps of one way on disk, in any order of the frames.
+
+    Parameters
+    ----------
+    path : made if it is missing
+    stages : how many stages each row has times of
+    sources : how many sources a row can name
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    TrackError
+        What is there holds what no tracker writes.
+    """
+
+    def __init__(self, path: Path, stages: int, sources: int) -> None:
+        self._type = np.dtype([("row", row_type(stages)), ("cost", "<f8"), ("continues", "?"), ("known", "?")])
+        self._path = path
+        try:
+            open_file(path, "a+b", inside=True).close()
+            self._file = open_file(path, "r+b", inside=True, buffering=0)
+            steps = self._file.read()
+        except OSError as error:
+            raise OutputError(f"cannot write {path}: {error.strerror or error}; free some space") from error
+        self._sources = sources
+        self._check(np.frombuffer(steps, dtype=self._type, count=len(steps) // self._type.itemsize))
+
+    def _check(self, steps: np.ndarray) -> None:
+        """Raise TrackError for a row that no tracker writes: a file may be damaged or foreign."""
+        check_rows(steps["row"][steps["known"]], self._sources, str(self._path))
+
+    def packed(self, step: Step) -> np.ndarray:
+        """A step as uint8 (N,), as it lies on disk."""
+        record = np.zeros((), dtype=self._type)
+        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
+            record["row"][name] = getattr(step.result, name)
+        record["cost"], record["continues"], record["known"] = step.cost, step.continues, True
+        return np.frombuffer(record.tobytes(), dtype=np.uint8)
+
+    def unpacked(self, packed: np.ndarray) -> Step:
+        """From `packed`."""
+        record = np.frombuffer(packed.tobytes(), dtype=self._type)[0]
+        row = record["row"]
+        result = FrameResult(
+            pose=row["pose"].copy(),
+            joints=row["joints"].copy(),
+            confidence=row["confidence"].copy(),
+            state=int(row["state"]),
+            source=int(row["source"]),
+            stage_ms=row["stage_ms"].copy(),
+            observed=row["observed"].copy(),
+        )
+        return Step(result, float(record["cost"]), bool(record["continues"]))
+
+    def __setitem__(self, frame: int, step: Step) -> None:
+        try:
+            self._file.seek(frame * self._type.itemsize)
+            self._file.write(self.packed(step).tobytes())
+        except OSError as error:
+            raise OutputError(
+                f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
+            ) from error
+
+    def put_back(self, frame: int, packed: np.ndarray) -> None:
+        """Set a frame's step, as `packed` gave it before the run was stopped; raises TrackError for anything else."""
+        step = np.asarray(packed)
+        if step.dtype != np.uint8 or step.shape != (self._type.itemsize,):
+            raise TrackError(f"{self._path} cannot take step {frame}; {HINT}")
+        self._check(np.frombuffer(step.tobytes(), dtype=self._type))
+        self[frame] = self.unpacked(step)
+
+    def get(self, frame: int) -> Step | None:
+        """The step of a frame; None where the way does not lead through it."""
+        self._file.seek(frame * self._type.itemsize)
+        data = self._file.read(self._type.itemsize)
+        if len(data) < self._type.itemsize or not np.frombuffer(data, dtype=self._type)[0]["known"]:
+            return None
+        return self.unpacked(np.frombuffer(data, dtype=np.uint8))
+
+    def __getitem__(self, frame: int) -> Step:
+        step = self.get(frame)
+        if step is None:
+            raise TrackError(f"{self._path} lacks frame {frame}; {HINT}")
+        return step
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+def apart(one: FrameResult, other: FrameResult) -> float:
+    """Mean distance of two rows' joints, metres."""
+    return float(np.linalg.norm(one.joints - other.joints, axis=1).mean())
+
+
+def better_parts(
+    first: np.ndarray, second: np.ndarray, gaps: np.ndarray, ends: tuple[bool, bool] = (False, False)
+) -> np.ndarray:
+    """Where to go the second of two ways: the cheapest path through both (dynamic programming, Viterbi 1967).
+
+    Parameters
+    ----------
+    first, second : float64 (T,), metres, what each frame costs on either way
+    gaps : float64 (T,), metres, how far the ways are apart in each frame; a switch at a frame costs `APART` times as
+        much
+    ends : whether nothing comes before the first frame and after the last one; otherwise it is the first way
+
+    Returns
+    -------
+    bool (T,)
+    """
+    costs = np.stack([first, second], axis=1)
+    best, came = np.array([0.0, 0.0 if ends[0] else np.inf]), np.zeros((len(costs), 2), dtype=np.int64)
+    for t, cost in enumerate(costs):
+        switched = best[::-1] + APART * gaps[t]
+        came[t] = np.where(switched < best, [1, 0], [0, 1])
+        best = np.minimum(best, switched) + cost
+    if not ends[1]:
+        best[1] += APART * gaps[-1]
+    way, chosen = int(np.argmin(best)), np.zeros(len(costs), dtype=np.bool_)
+    for t in range(len(costs) - 1, -1, -1):
+        chosen[t] = way == 1
+        way = int(came[t, way])
+    return chosen

@@ -1,0 +1,221 @@
+"""A track written row by row: what has been appended survives the death of the process.
+
+While a run lasts its rows stand in `track.partial`: one line of JSON that names the columns' meanings, then one binary
+record of fixed size per frame, so that a killed process loses at most the record it was writing.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.io.archives import check_columns
+from toolkit.io.errors import OutputError, TrackError, UsageError
+from toolkit.io.files import atomic_path
+from toolkit.io.safe_open import open_file
+from toolkit.tracks.track import AGAIN, PARTIAL_FILE, FrameResult, Track, columns, row_columns
+
+
+def row_type(stages: int) -> np.dtype:
+    """One row of a track with times of so many stages, as it lies on disk."""
+    types = dict(
+        joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4",
+        observed="?",
+    )  # fmt: skip
+    return np.dtype([(name, types[name], tail) for name, tail in columns(skeleton.POSE_SIZE, stages).items()])
+
+
+def check_rows(rows: np.ndarray, sources: int, where: str) -> None:
+    """Raise TrackError where rows of `row_type`, from a file called `where`, hold what no tracker writes."""
+    wanted = row_columns(skeleton.POSE_SIZE, rows["stage_ms"].shape[1], sources)
+    check_columns({name: rows[name] for name in wanted}, wanted, TrackError, where, AGAIN)
+
+
+class TrackWriter:
+    """Writes a track row by row; what has been appended survives the death of the process.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    stage_names, source_names : the tracker's
+    resume : continue the rows of an unfinished track in this folder, if there is one
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set.
+    TrackError
+        The unfinished track was written by a tracker with other stages, sources or pose entries, or by none.
+    OutputError
+        The folder cannot be written.
+    """
+
+    def __init__(
+        self, run: str | Path, stage_names: tuple[str, ...], source_names: tuple[str, ...], *, resume: bool = False
+    ) -> None:
+        self.run = Path(run)
+        self.stage_names, self.source_names = stage_names, source_names
+        self._path = self.run / PARTIAL_FILE
+        self._record = row_type(len(stage_names))
+        names = {
+            "columns": list(self._record.names or ()),
+            "joint_names": skeleton.REPORTED,
+            "pose_names": skeleton.POSE_NAMES,
+            "stage_names": stage_names,
+            "source_names": source_names,
+        }
+        self._header = json.dumps(names).encode() + b"\n"
+        self.rows = 0
+        try:
+            self.run.mkdir(parents=True, exist_ok=True)
+            if self._path.exists() and self._path.stat().st_size > 0:
+                self._stream = self._reopen(resume)
+            else:
+                self._stream = self._begin()
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"cannot write {self._path}: {reason}; choose a folder that can be written") from error
+
+    def _begin(self) -> BinaryIO:
+        self._stream = open_file(self._path, "w+b", inside=True, buffering=0)
+        self._write(self._header)
+        return self._stream
+
+    def _reopen(self, resume: bool) -> BinaryIO:
+        size = self._path.stat().st_size - len(self._header)
+        rows = max(0, size) // self._record.itemsize
+        if not resume and rows:
+            raise UsageError(
+                f"{self.run} holds an unfinished track of {rows} frames; "
+                f"add --resume to continue it, or remove {self._path}"
+            )
+        stream = open_file(self._path, "r+b", inside=True, buffering=0)
+        if stream.readline(len(self._header)) != self._header:
+            if not rows:  # it was begun and nothing was found yet: so it is begun again
+                stream.close()
+                return self._begin()
+            stream.close()
+            raise TrackError(f"{self._path} was begun by another tracker or version; remove it and track again")
+        self._stream = stream
+        self.cut(rows)
+        check_rows(self.past(), len(self.source_names), str(self._path))
+        return stream
+
+    def _write(self, data: bytes) -> None:
+        if self._stream.write(data) != len(data):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def _bytes(self, result: FrameResult, timestamp: float) -> bytes:
+        row = np.zeros((), dtype=self._record)
+        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
+            row[name] = getattr(result, name)
+        row["timestamps"] = timestamp
+        return row.tobytes()
+
+    def cut(self, rows: int) -> None:
+        """Keep only the first `rows` rows and go on from there.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be cut.
+        """
+        end = len(self._header) + rows * self._record.itemsize
+        try:
+            self._stream.truncate(end)
+            self._stream.seek(end)
+        except OSError as error:
+            raise OutputError(f"cannot write {self._path}: {error.strerror or error}; free some space") from error
+        self.rows = rows
+
+    def append(self, result: FrameResult, timestamp: float) -> None:
+        """Add the next frame's row.
+
+        Raises
+        ------
+        OutputError
+            The row cannot be written, for example because the disk is full; the rows before it stay.
+        """
+        try:
+            self._write(self._bytes(result, timestamp))
+        except OSError as error:
+            raise OutputError(
+                f"cannot write frame {self.rows} to {self._path}: {error.strerror or error}; "
+                "free some space and continue with --resume"
+            ) from error
+        self.rows += 1
+
+    def keep(self) -> None:
+        """Wait until the rows so far would outlast a loss of power.
+
+        Raises
+        ------
+        OutputError
+            The disk does not take them.
+        """
+        try:
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise OutputError(
+                f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
+            ) from error
+
+    def replace(self, rows: Iterable[tuple[FrameResult, float]]) -> None:
+        """Put other rows, with their timestamps, in place of those so far: all of them or, where that fails, none.
+
+        Raises
+        ------
+        OutputError
+            The rows cannot be written.
+        """
+        with atomic_path(self._path) as beside:
+            with beside.open("wb") as stream:
+                stream.write(self._header)
+                count = 0
+                for result, timestamp in rows:
+                    stream.write(self._bytes(result, timestamp))
+                    count += 1
+        self._stream.close()
+        self._stream = self._path.open("r+b", buffering=0)
+        self.cut(count)
+
+    def past(self) -> np.ndarray:
+        """The rows so far, as records with the track's columns."""
+        if not self.rows:
+            return np.empty(0, dtype=self._record)
+        return np.memmap(self._path, dtype=self._record, mode="r", offset=len(self._header), shape=(self.rows,))
+
+    def finish(self, *, complete: bool = True, contacts: Callable[[Track], np.ndarray] | None = None) -> Path:
+        """Put `track.npz` in place by one rename and return its path.
+
+        With `complete=False` (an interrupted run) the partial file stays until `forget`, so that the run can still be
+        resumed. `contacts` says which feet carry (T, 2), which is known of a whole track only.
+        """
+        rows = self.past()
+        found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
+        track = Track(**found, source_names=self.source_names, stage_names=self.stage_names)
+        if contacts is not None:
+            track = replace(track, contact=contacts(track))
+        path = track.save(self.run)
+        self._stream.close()
+        if complete:
+            self.forget()
+        return path
+
+    def forget(self) -> None:
+        """Remove the partial file of a finished track."""
+        self._path.unlink(missing_ok=True)
+
+    def abandon(self) -> None:
+        """Let go of the partial file, which stays unless it holds no row."""
+        self._stream.close()
+        if self.rows == 0:
+            self._path.unlink(missing_ok=True)
