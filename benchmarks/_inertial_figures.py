@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.body.rotations import quaternions as quat
 from toolkit.evaluation.orientations import THRESHOLDS
-from toolkit.inertial.calibrate import Take
+from toolkit.inertial.calibrate import CalibrationSequence
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.files import save_bytes
@@ -61,7 +61,9 @@ def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     _save(figure, path)
 
 
-def signals_of(take: Take, calibration: Calibration, limb: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+def signals_of(
+    take: CalibrationSequence, calibration: Calibration, limb: str
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Rates of turn, rad/s, and accelerations, m/s2, in the limb's frame: the sensor's and the track's, (T, 3) each.
 
     The track's are differences of its frames; the sensor's, NaN where it measured nothing, are brought into the limb's

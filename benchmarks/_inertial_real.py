@@ -23,7 +23,7 @@ from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import track_recording
 from toolkit.database.database import PoseDatabase
 from toolkit.datasets.folder import data_folder
-from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, better_clock, calibrate
 from toolkit.inertial.distance import distances, worlds_of
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import SensorStream
@@ -65,7 +65,7 @@ class ClipFigures:
     axis: float
 
 
-def takes_of(runs: Path, sensors: Path, people: Sequence[str]) -> list[Take]:
+def takes_of(runs: Path, sensors: Path, people: Sequence[str]) -> list[CalibrationSequence]:
     """Every clip with its sensor and clock, by name."""
     takes = []
     for run in sorted(runs.iterdir()):
@@ -74,11 +74,11 @@ def takes_of(runs: Path, sensors: Path, people: Sequence[str]) -> list[Take]:
             continue
         measured = read_sensors([sensors / f"{clip}_inertial.mat"]).sensors
         motion = TrackedMotion.load(run)
-        takes.append(Take(motion, measured, synchronise(motion, measured, SYNC, check=False)))
+        takes.append(CalibrationSequence(motion, measured, synchronise(motion, measured, SYNC, check=False)))
     return takes
 
 
-def figures_of_clip(take: Take, others: Sequence[Take]) -> ClipFigures:
+def figures_of_clip(take: CalibrationSequence, others: Sequence[CalibrationSequence]) -> ClipFigures:
     """Figures of a clip with the mounting of the person's other clips."""
     (stream,) = take.sensors
     limb, across = stream.name, other_side(stream.name)

@@ -23,7 +23,7 @@ from toolkit.motion.contact import foot_contacts
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.person import SimulatedPerson
-from toolkit.simulation.simulate import Shot, prepare, simulate_scene
+from toolkit.simulation.simulate import CaptureSettings, prepare, simulate_scene
 from toolkit.tracks import TRACK_FILE, TRACKED
 from toolkit.tracks.runs import Person, load_persons
 
@@ -85,7 +85,7 @@ def tracked_run(recording: Path, run: Path, database: Path) -> Person:
     return load_persons(run)[0]
 
 
-def tracked_shot(performer: SimulatedPerson, shot: Shot, run: Path, database: Path) -> Tracked:
+def tracked_shot(performer: SimulatedPerson, shot: CaptureSettings, run: Path, database: Path) -> Tracked:
     """A person who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
     recording = run.with_name(f"{run.name}.npz")
     run.parent.mkdir(parents=True, exist_ok=True)
@@ -105,7 +105,7 @@ def tracked(take: Take, work: Path, database: Path) -> Tracked:
     """A made take, in `work`."""
     body = subject_body(take.body, seed=take.seed)
     performer = SimulatedPerson(PoseClip(take.name, _poses(take, body), RATE, take.name), body=body, yaw=take.yaw)
-    shot = Shot(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)
+    shot = CaptureSettings(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)
     return tracked_shot(performer, shot, work / take.name, database)
 
 

@@ -35,7 +35,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.people.image_joints.pose_model import Crop, PoseModel
 from toolkit.people.image_joints.shaded import ENLARGED, shaded
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.cloud import Cloud
@@ -70,7 +70,7 @@ def stages(row: str, recording: Recording, frames: int) -> dict[str, Any]:
 
 def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Recording) -> float:
     """Microseconds for one pose: placed, skinned, drawn and compared."""
-    finder = LonePerson.of(recording)
+    finder = SinglePersonSegmenter.of(recording)
     (sighting,) = finder.find(recording.depth(0), 0.0, {})
     cloud = Cloud.from_depth(sighting.depth, sighting.camera, np.diag((1.0, -1.0, -1.0)))
     settings = DiscrepancySettings(figure=figure, width=size[0], height=size[1])
@@ -85,7 +85,7 @@ def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Rec
 
 def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]:
     """Milliseconds of shading a frame, and of finding the points in it."""
-    finder = LonePerson.of(recording)
+    finder = SinglePersonSegmenter.of(recording)
     model, spent = PoseModel.load(), []
     for i in range(min(frames, len(recording))):
         (sighting,) = finder.find(recording.depth(i), float(recording.timestamps[i]), {})

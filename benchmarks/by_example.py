@@ -43,7 +43,7 @@ from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_e
 from benchmarks._record import pin_to_one_processor, save_figures
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
-from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble, excerpt
+from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
@@ -90,7 +90,7 @@ class Corpus:
 
 
 def corpus_of(
-    examples: Sequence[Example], filler: Sequence[Motion], seed: int, *, decoys: bool, joins: Joins
+    examples: Sequence[Example], filler: Sequence[Motion], seed: int, *, decoys: bool, joins: TransitionSettings
 ) -> Corpus:
     """Documents that hold every clip once, with filler and perhaps mirror images of one-sided classes between."""
     rng = np.random.default_rng(seed)

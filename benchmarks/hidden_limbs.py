@@ -27,7 +27,7 @@ from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
-from toolkit.retrieval.priors.expectation import Told, expect, fill
+from toolkit.retrieval.priors.expectation import GapContext, expect, fill
 from toolkit.retrieval.priors.gap_trajectories import flags_of
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
@@ -54,7 +54,7 @@ def examples_of(person: str, most: int) -> dict[str, list[Example]]:
     return found
 
 
-def told_of(clips: Sequence[Example], label: str, classes: Sequence[MotionClass], limb: str, gap: Gap) -> Told:
+def told_of(clips: Sequence[Example], label: str, classes: Sequence[MotionClass], limb: str, gap: Gap) -> GapContext:
     """Clips one after the other, all of one class, with a gap."""
     poses = np.concatenate([clip.poses for clip in clips])
     features = FeatureMatrix("clips", np.concatenate([clip.features.values for clip in clips], axis=1))
@@ -63,7 +63,7 @@ def told_of(clips: Sequence[Example], label: str, classes: Sequence[MotionClass]
     ends = np.cumsum([0, *(len(clip.poses) for clip in clips)]) / FEATURE_RATE
     segments = [Segment(float(a), float(b), label) for a, b in zip(ends[:-1], ends[1:], strict=True)]
     allocation = allocate(features, segments, classes, unknown_rows(hidden, len(features)))
-    return Told(poses, np.arange(len(poses)) / FEATURE_RATE, hidden, allocation, classes)
+    return GapContext(poses, np.arange(len(poses)) / FEATURE_RATE, hidden, allocation, classes)
 
 
 def error_of(poses: np.ndarray, limb: str, angles: np.ndarray) -> float:
@@ -137,7 +137,7 @@ def seconds_of(clips: Sequence[Example], classes: Sequence[MotionClass]) -> floa
         features = relational_features(from_poses(poses, BODY, FEATURE_RATE, "track"))
         segments, hidden = Annotator(classes).annotate(features).segments, flags_of(gaps, FRAMES)
         allocation = allocate(features, segments, classes, unknown_rows(hidden, FRAMES))
-        told = Told(poses, np.arange(FRAMES) / FEATURE_RATE, hidden, allocation, classes)
+        told = GapContext(poses, np.arange(FRAMES) / FEATURE_RATE, hidden, allocation, classes)
         for gap in gaps:
             fill(told, gap)
 

@@ -47,7 +47,7 @@ from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.orientations import RunCheck, frame_scores
-from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
 from toolkit.inertial.calibration import GOOD, Calibration, Mounting, TakeClock
 from toolkit.inertial.distance import distances, errors_of
 from toolkit.inertial.sensor_limbs import TrackedMotion
@@ -143,7 +143,7 @@ def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, An
         simulated = simulate_sensors(body, poses, RATE, PAIR, THREE_DEGREES, seed)
         motion = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name="clip")
         for wrong in (False, True):
-            take = Take(wrong_stretch(motion, rng) if wrong else motion, simulated.sensors, Clock(0.0))
+            take = CalibrationSequence(wrong_stretch(motion, rng) if wrong else motion, simulated.sensors, Clock(0.0))
             for method in ("robust", "thesis"):
                 found = calibrate([take], CalibrationSettings(method=method, refine_clock=False, refuse=False))
                 worlds = found.takes["clip"].worlds
@@ -171,7 +171,7 @@ def clock_errors(motions: Sequence[tuple[TrackedMotion, Any]]) -> dict[str, Any]
         truth = simulated.offset + 0.5 * motion.times[-1] * (simulated.rate - 1.0)
         try:
             clock = synchronise(motion, simulated.sensors, SyncSettings())
-            take = Take(motion, simulated.sensors, clock)
+            take = CalibrationSequence(motion, simulated.sensors, clock)
             refined = calibrate([take]).takes[motion.name].offset
             both.append((1000 * abs(clock.offset - truth), 1000 * abs(refined - truth)))
         except InertialError as error:
@@ -227,7 +227,7 @@ def error_figures(
         motion = TrackedMotion.of_poses(body, poses, track.timestamps, track.state == 0, "take")
         true = TrackedMotion.of_poses(body, truth, track.timestamps, name="truth")
         clock = synchronise(motion, simulated.sensors, SyncSettings(), check=False)
-        take = Take(motion, simulated.sensors, clock)
+        take = CalibrationSequence(motion, simulated.sensors, clock)
         found = calibrate([take], CalibrationSettings(method=method, refuse=False))
         take = replace(take, clock=clock_of(found.takes["take"], clock))
         for curve in distances(found, take):

@@ -43,7 +43,7 @@ from toolkit.people.image_joints.joint_formats import COCO_18, POSE_MODEL, repor
 from toolkit.people.image_joints.pose_model import PoseModel
 from toolkit.people.joint_masks import on_cut_out
 from toolkit.people.sighting import Sighting
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
@@ -77,7 +77,7 @@ def detections(
     recording: Recording, model: PoseModel, source: str, truth: np.ndarray
 ) -> Iterator[tuple[Sighting, np.ndarray]]:
     """Sightings in which joints were detected, and the true joints (20, 3) of that frame."""
-    finder = LonePerson.of(recording)
+    finder = SinglePersonSegmenter.of(recording)
     detect = DetectedJoints(model, recording.camera, in_color=source == "colour")
     for i, frame in enumerate(recording.stream(color=detect.needs_color)):
         (seen,) = detect.add(frame, finder.find(frame.depth_mm, frame.timestamp, {}))

@@ -41,7 +41,7 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.simulation.interiors.room import KINDS as ROOM_KINDS
 from toolkit.simulation.person import SimulatedPerson
-from toolkit.simulation.simulate import Shot, prepare
+from toolkit.simulation.simulate import CaptureSettings, prepare
 
 KINDS = ("full", "waist_up", "seated", "hidden", "tilted", "child")
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
@@ -224,7 +224,7 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
     tilt = float(np.degrees(np.arctan2(height - 0.9, distance)) + rng.normal(0.0, 5.0))
     room = f"{rng.choice(list(ROOM_KINDS))}:{rng.integers(10_000, 1 << 30)}"
     sensor, seed = ("kinect", "tof")[int(rng.random() < 0.3)], int(rng.integers(1 << 30))
-    shot = Shot(
+    shot = CaptureSettings(
         sensor=sensor, distance=distance, height=height, tilt=tilt, room=room, seconds=1 / 30, seed=seed
     )  # fmt: skip
     people = []

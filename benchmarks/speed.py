@@ -8,8 +8,8 @@
   is filled up with its own poses, moved by two degrees per angle. Runs too short for a 99.9th percentile (1,000 frames)
   are written to a file of their own, ending in `_part`.
 - `crowd DATABASE [--people 1,2,3,6]`: simulated people of about 6,000 pixels each move side by side before one wide
-  camera, already cut out; the image is the same however many there are. A frame is all that `Crowd.step` does, with a
-  known body. The excess is the time over N times that of one person. The people of all counts take their frames in
+  camera, already cut out; the image is the same for every count. A frame is one `MultiPersonTracker.step` with a known
+  body. The excess is the time over N times that of one person. The people of all counts take their frames in
   turn, so that what else the machine does falls on all alike.
 - `passes DATABASE [--frames 60,180]`: `depthmocap track` as it is typed, in two passes and in one (`--online`), of one
   person of about 6,000 pixels who is cut out, and of six in a furnished room before a Kinect of 640x480 pixels. A frame
@@ -55,10 +55,10 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.sensors import KinectV1
-from toolkit.simulation.simulate import Shot, simulate_scene
+from toolkit.simulation.simulate import CaptureSettings, simulate_scene
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
-from toolkit.tracking.multi_person import Crowd
+from toolkit.tracking.multi_person import MultiPersonTracker
 from toolkit.tracks.runs import person_runs
 
 JITTER = np.radians(2.0)
@@ -269,7 +269,9 @@ def row_of_people(people: int, most: int, frames: int) -> np.ndarray:
     return depth
 
 
-def frame_times(crowds: Sequence[Crowd], recordings: Sequence[Recording], counts: Sequence[int]) -> np.ndarray:
+def frame_times(
+    crowds: Sequence[MultiPersonTracker], recordings: Sequence[Recording], counts: Sequence[int]
+) -> np.ndarray:
     """Milliseconds (C, T) of the frames in which all crowds follow as many people as they should, taken in turn."""
     times = []
     for frames in zip(*(recording.stream() for recording in recordings), strict=True):
@@ -296,7 +298,9 @@ def by_number(
         recordings.append(open_recording(path))
     tracker = HybridTracker(database, settings_of("hybrid", parse_overrides(options.set)), body=load_body("neutral"))
     times = frame_times(
-        [Crowd(tracker, find_people(recording), recording.up_camera) for recording in recordings], recordings, counts
+        [MultiPersonTracker(tracker, find_people(recording), recording.up_camera) for recording in recordings],
+        recordings,
+        counts,
     )
     median = np.median(times, axis=1)
     rows = {
@@ -346,7 +350,9 @@ def six_in_a_room(path: Path, frames: int) -> None:
         body = subject_body("neutral", seed=k)
         poses = suite.cut(suite.motion_of(f"bundled_{motion}", body, seed=k).poses, 0.0, frames, frames)
         people.append(SimulatedPerson(PoseClip(motion, suite.in_place(poses), suite.RATE, ""), body, place))
-    shot = Shot(sensor=LargeKinect(), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53")
+    shot = CaptureSettings(
+        sensor=LargeKinect(), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53"
+    )
     simulate_scene(people, path, shot)
 
 

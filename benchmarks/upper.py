@@ -43,7 +43,7 @@ from toolkit.io.html import png_of
 from toolkit.landmarks.graph import Workspace
 from toolkit.output.rendering.film import contact_sheet, save_png
 from toolkit.output.rendering.overlay import color_depth, draw_points, draw_skeleton
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
@@ -302,7 +302,7 @@ KINDS: dict[str, EffectorSettings] = {
 def count_found(recording: Recording, stride: int) -> dict[str, np.ndarray]:
     """For each kind the number of frames, of those with all three found, of forks and of forks that are right."""
     found = {kind: np.zeros(4, dtype=np.int64) for kind in KINDS}
-    finder = LonePerson.of(recording)
+    finder = SinglePersonSegmenter.of(recording)
     rotation, workspace = level_rotation(recording.up_camera), Workspace()
     for i in range(0, len(recording), stride):
         depth = recording.depth(i)

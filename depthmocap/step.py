@@ -20,7 +20,7 @@ from toolkit.recordings.opening import recording_of
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.tracking import tracker_protocol as protocol
-from toolkit.tracking.multi_person import Crowd, Row
+from toolkit.tracking.multi_person import MultiPersonTracker, Row
 from toolkit.tracks import STATE_NAMES
 from toolkit.tracks import Track as Rows
 from toolkit.tracks.runs import Person
@@ -87,7 +87,7 @@ class Tracker:
         self._options = {"intrinsics": intrinsics, **options}
         self._background = background
         self._recording: Recording | None = None
-        self._crowd: Crowd | None = None
+        self._crowd: MultiPersonTracker | None = None
         self._height: float | None = None
         self._rows: list[Row] = []
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.simulation.simulate import simulate_recording
 
 OUTPUT = Path("output")
@@ -36,7 +36,7 @@ def main() -> None:
     )
 
     # A recording hands out one frame at a time; its background lets the person be cut out.
-    cleaner = LonePerson.of(recording)
+    cleaner = SinglePersonSegmenter.of(recording)
     depth = cleaner.clean(recording.depth(0))
     print(f"{recording.path}: {len(recording)} frames of {recording.camera.width}x{recording.camera.height} pixels")
     print(f"the first shows {int((depth > 0).sum())} pixels of a person at {depth[depth > 0].mean():.2f} m")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.output.rendering.film import render_run, save_png
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 from toolkit.tracks import RunInfo, Track
 
 OUTPUT = Path("output")

@@ -43,7 +43,7 @@ class TwoPeople:
         ids = (1, 2) if self._frames > 1 else (1,)
         return tuple(Sighting(i, depth * i, np.zeros(depth.shape, bool), self.camera) for i in ids)
 
-    def afresh(self) -> None:
+    def redetect(self) -> None:
         pass
 
     def export_state(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 
 TOF = Camera(220.0, 220.0, 87.5, 71.5, 176, 144)
 KINECT = Camera(285.63, 285.63, 159.5, 119.5, 320, 240)

@@ -19,7 +19,7 @@ from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 from toolkit.tracks import TRACKED, FrameResult, RunInfo, TrackWriter
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)

@@ -20,7 +20,7 @@ from toolkit.output.export.pixels import BACKGROUND, regain_contour
 from toolkit.output.export.run import export_run
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.person import SimulatedPerson
-from toolkit.simulation.simulate import Shot, Simulation, prepare, simulate_scene
+from toolkit.simulation.simulate import CaptureSettings, Simulation, prepare, simulate_scene
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
 from toolkit.tracks.runs import PersonSummary, save_people
 
@@ -55,7 +55,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Simulation]:
     body: Body = ShapeSpace.load().body([0.0])
     clip = PoseClip("boxing", perform("boxing", body).poses[:FRAMES], 30.0, "boxing")
     people = [SimulatedPerson(clip, body=body, at=(side, 0.0)) for side in (-0.5, 0.5)]
-    shot = Shot(furnished=False, distance=3.0)
+    shot = CaptureSettings(furnished=False, distance=3.0)
     simulation = prepare(people, shot)
     simulate_scene(people, folder / "take.npz", shot)
     for number in (1, 2):

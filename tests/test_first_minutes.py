@@ -119,14 +119,14 @@ def test_a_log_gets_a_line_a_minute_and_nothing_of_what_takes_less(capsys: pytes
 
 def test_a_speck_says_neither_where_somebody_is_nor_that_the_image_cuts_them_off() -> None:
     from toolkit.people.description import person_text
-    from toolkit.people.view import Lens
+    from toolkit.people.view import CoarseCamera
     from toolkit.sensing.sensing_settings import SensingSettings
 
     depth = np.zeros(KINECT.shape, dtype=np.float32)
     depth[40:200, 140:190] = 2.5
     depth[0:2, 0:12] = 3.0
     assert not largest_surface(depth)[:30].any() and largest_surface(depth)[40:200, 140:190].all()
-    lens = Lens(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
+    lens = CoarseCamera(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
     assert person_text(Sighting(1, depth, None, KINECT), lens) == "1 at 2.5 m, whole"
 
 

@@ -23,7 +23,7 @@ from toolkit.fitting.terms import HIDDEN, JointTerm
 from toolkit.io.errors import SettingsError
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 
 CAMERA = Camera(190.0, 190.0, 87.5, 71.5, 176, 144)
 HORIZONTAL = np.diag([1.0, -1.0, -1.0])

@@ -20,7 +20,7 @@ from toolkit.kernels.fit import pairs, twists
 from toolkit.kernels.image import depth, raster
 from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.raycast import cast
+from toolkit.simulation.raycast import cast
 
 CAMERA = Camera(150.0, 170.0, 83.0, 60.0, 176, 144)
 TILTED = level_rotation(np.array([0.1, -1.0, -0.2]))

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from tests.inertial_scenes import FIVE, motion_of, sensors_of
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
-from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration
 from toolkit.inertial.sensor_limbs import TrackedMotion
-from toolkit.inertial.solvers import Strand
+from toolkit.inertial.solvers import SynchronisedSegment
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.suspicions import mirrored_take, place_suspicions
 from toolkit.inertial.synchronise import Clock
@@ -31,18 +31,20 @@ def random_turns(rng: np.random.Generator, count: int, size: float = 1.0) -> np.
     return quat.exponential(size * rng.normal(size=(count, 3)))
 
 
-def strand_of(rng, world, mounting, count=80, noise=0.0, wrong=0.0) -> Strand:
+def strand_of(rng, world, mounting, count=80, noise=0.0, wrong=0.0) -> SynchronisedSegment:
     tracked = random_turns(rng, count, 0.6)
     inertial = quat.multiply(quat.multiply(world, tracked), mounting)
     inertial = quat.multiply(inertial, random_turns(rng, count, np.radians(noise)))
     bad = rng.random(count) < wrong
     tracked[bad] = quat.multiply(tracked[bad], random_turns(rng, int(bad.sum()), 1.0))
-    return Strand(0, 0, inertial, tracked)
+    return SynchronisedSegment(0, 0, inertial, tracked)
 
 
 def take_of(name="knee_to_elbow", limbs=FIVE, noise="none", seed=0, motion: TrackedMotion | None = None):
     simulated = sensors_of(name, limbs, noise, seed)
-    return simulated, Take(motion or motion_of(name), simulated.sensors, Clock(simulated.offset, simulated.rate))
+    return simulated, CalibrationSequence(
+        motion or motion_of(name), simulated.sensors, Clock(simulated.offset, simulated.rate)
+    )
 
 
 def offsets_of(simulated, take, **changes) -> tuple[list[float], list[float]]:
@@ -222,7 +224,7 @@ def sensors_on(motion: TrackedMotion, limbs=("pelvis", "chest"), noise: float = 
 @pytest.mark.parametrize(("tilt", "status"), ((40.0, GOOD), (14.0, WEAK), (1.0, REFUSED)))
 def test_the_status_says_whether_the_motion_determined_the_heading(tilt, status):
     motion = upright_motion(tilt)
-    take = Take(motion, sensors_on(motion), Clock(0.0))
+    take = CalibrationSequence(motion, sensors_on(motion), Clock(0.0))
     if status == REFUSED:
         with pytest.raises(InertialError, match="no sensor can be calibrated .*tilted by"):
             calibrate([take])
@@ -250,7 +252,7 @@ def test_a_mounting_is_good_only_if_sensor_and_track_agree_in_half_of_the_frames
 
 def test_without_a_second_axis_nothing_is_told():
     motion = upright_motion(0.5)
-    take = Take(motion, sensors_on(motion), Clock(0.0))
+    take = CalibrationSequence(motion, sensors_on(motion), Clock(0.0))
     for method in ("robust", "thesis"):
         with pytest.raises(InertialError, match="no sensor can be calibrated"):
             calibrate([take], CalibrationSettings(method=method))
@@ -324,7 +326,7 @@ def test_the_vertical_of_all_takes_starts_a_calibration_whatever_the_first_of_th
     upright_only = quat.exponential(np.array([0.0, 1.0, 0.0]) * rng.uniform(-0.05, 0.05, (60, 1)))
     tracked = [upright_only, *(random_turns(rng, 60, 0.5) for _ in range(3))]
     strands = [
-        Strand(0, g, quat.multiply(quat.multiply(solvers.yaw(psi), own), mounting), own)
+        SynchronisedSegment(0, g, quat.multiply(quat.multiply(solvers.yaw(psi), own), mounting), own)
         for g, (psi, own) in enumerate(zip(psis, tracked, strict=True))
     ]
     headings, mountings = solvers.by_vertical(strands, 4, 1)

@@ -23,7 +23,7 @@ from toolkit.app.cli.main import main
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.evaluation.orientations import THRESHOLDS, check_runs, found_frames, read_truth
-from toolkit.inertial.calibrate import Take, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, calibrate
 from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
 from toolkit.inertial.workflow import calibrate_runs, paired
@@ -76,7 +76,7 @@ def test_values_tell_frames_apart_as_often_as_pairs_are_in_order():
 
 def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
     simulated = sensors_of()
-    take = Take(motion_of(), simulated.sensors, Clock(simulated.offset, simulated.rate))
+    take = CalibrationSequence(motion_of(), simulated.sensors, Clock(simulated.offset, simulated.rate))
     found = calibrate([take])
     for limb in ("left_shin", "right_forearm"):
         for name, (sensor, track) in signals_of(take, found, limb).items():
@@ -110,7 +110,7 @@ def test_a_twist_of_the_forearm_is_none_of_its_axis():
     rotations = motion.rotations.copy()
     elbow = skeleton.JOINT_NAMES.index("left_elbow")
     rotations[60:100, elbow] = quat.multiply(rotations[60:100, elbow], quat.exponential([1.2, 0, 0]))
-    take = Take(replace(motion, rotations=rotations), simulated.sensors, Clock(simulated.offset))
+    take = CalibrationSequence(replace(motion, rotations=rotations), simulated.sensors, Clock(simulated.offset))
     found = distances(calibrate([take]), take)[0]
     assert np.nanmedian(found.full[60:100]) > 55
     assert np.nanmedian(found.axis[60:100]) < 8

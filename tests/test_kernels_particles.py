@@ -12,7 +12,7 @@ from toolkit.body.shape import load_body
 from toolkit.kernels.fit import aiming, particles
 from toolkit.kernels.fit.particles import Tile
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.raycast import cast
+from toolkit.simulation.raycast import cast
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
 LEVEL = np.diag([1.0, -1.0, -1.0])

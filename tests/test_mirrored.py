@@ -13,7 +13,7 @@ from tests.test_stabilising_priors import BODY, classes_of, example_of, hiding
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.database.canonical import mirrored
-from toolkit.inertial.calibrate import Take, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, calibrate
 from toolkit.inertial.suspicions import mirrored_take, other_side
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion
@@ -22,7 +22,7 @@ from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import allocate, unknown_rows
-from toolkit.retrieval.priors.expectation import Told, fill
+from toolkit.retrieval.priors.expectation import GapContext, fill
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
 from toolkit.retrieval.priors.marks import marks_of_classes, tracking_priors
@@ -70,10 +70,10 @@ def test_a_mirrored_track_is_filled_with_the_mirrored_motion(limb, name, start, 
     classes, others = classes_of(*NAMES), [mirrored_class(c) for c in classes_of(*NAMES)]
     segments = [Segment(0.0, count / 30.0, name)]
 
-    def told(features: FeatureMatrix, poses: np.ndarray, known: list[MotionClass], hidden_limb: str) -> Told:
+    def told(features: FeatureMatrix, poses: np.ndarray, known: list[MotionClass], hidden_limb: str) -> GapContext:
         hidden = hiding(count, hidden_limb, start, start + length)
         allocation = allocate(features, segments, known, unknown_rows(hidden, count))
-        return Told(poses, np.arange(count) / 30.0, hidden, allocation, known)
+        return GapContext(poses, np.arange(count) / 30.0, hidden, allocation, known)
 
     plain = told(example.features, example.poses, classes, limb)
     turned = told(example.features.mirrored(), mirrored(example.poses), others, across)
@@ -98,7 +98,7 @@ def test_a_mirrored_take_with_mirrored_sensors_has_the_mirrored_calibration(seed
     streams = tuple(
         replace(stream, name=other_side(stream.name), rotations=stream.rotations * flip) for stream in take.sensors
     )
-    other: Take = replace(mirrored_take(take), sensors=replace(take.sensors, streams=streams))
+    other: CalibrationSequence = replace(mirrored_take(take), sensors=replace(take.sensors, streams=streams))
     plain, found = calibrate([take]), calibrate([other])
     for stream in take.sensors:
         across = found.mounting(other_side(stream.name))

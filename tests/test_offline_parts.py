@@ -34,9 +34,9 @@ from toolkit.retrieval.priors.gap_trajectories import KEPT, PRIOR_SPREAD, GapWay
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limb_entries import ENTRIES
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.raycast import Hits, cast
 from toolkit.simulation.interiors.mesh import BOX_FACES
 from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
+from toolkit.simulation.raycast import Hits, cast
 from toolkit.simulation.scene import PlacedCamera
 from toolkit.tracking.multi_person import Row
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult

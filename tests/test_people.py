@@ -9,17 +9,17 @@ from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_ti
 from toolkit.body.skeleton import REPORTED
 from toolkit.io.errors import RecordingError
 from toolkit.people.description import describe
-from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import find_people
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.raycast import cast
 from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.simulation.raycast import cast
 
 UP = np.array([0.0, -1.0, 0.0])
 
@@ -40,7 +40,7 @@ def truth_of(sighting, who):
 def test_everybody_who_is_cut_out_gets_a_sighting(camera, count):
     people = ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6))[:count]
     depth, who = scene(camera, people)
-    sightings = SeveralPeople(camera, UP).find(depth, 0.0, {})
+    sightings = MultiPersonFinder(camera, UP).find(depth, 0.0, {})
     assert [s.id for s in sightings] == list(range(1, count + 1))
     found = dict(truth_of(s, who) for s in sightings)
     assert sorted(found) == list(range(1, count + 1))
@@ -53,27 +53,27 @@ def test_everybody_who_is_cut_out_gets_a_sighting(camera, count):
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_people_in_a_room_are_found_in_a_single_frame(tilt):
     depth, who = scene(KINECT, ((-0.6, 2.6), (0.6, 3.1)), tilt=tilt, height=1.5, wall=4.5, floor=True)
-    sightings = SeveralPeople(KINECT, up_of_tilt(tilt)).find(depth, 0.0, {})
+    sightings = MultiPersonFinder(KINECT, up_of_tilt(tilt)).find(depth, 0.0, {})
     assert sorted(truth_of(s, who)[0] for s in sightings) == [1, 2]
     assert min(truth_of(s, who)[1] for s in sightings) > 0.85, "all but the soles"
 
 
 def test_an_empty_room_holds_nobody():
     depth, _ = scene(KINECT, (), height=1.5, wall=4.0, floor=True)
-    finder = SeveralPeople(KINECT, UP)
+    finder = MultiPersonFinder(KINECT, UP)
     for k in range(5):
         assert finder.find(depth, k / 30, {}) == ()
 
 
 def test_a_frame_without_any_measurement_holds_nobody():
-    finder = SeveralPeople(KINECT, UP)
+    finder = MultiPersonFinder(KINECT, UP)
     assert finder.find(np.zeros(KINECT.shape, dtype=np.uint16), 0.0, {}) == ()
     depth, _ = scene(KINECT, ((0.0, 3.0),))
     assert [s.id for s in finder.find(depth, 0.1, {})] == [1]
 
 
 def test_identities_outlast_two_people_who_cross():
-    finder, seen = SeveralPeople(KINECT, UP), []
+    finder, seen = MultiPersonFinder(KINECT, UP), []
     for k in range(40):
         shift = -0.9 + 1.8 * k / 39
         depth, who = scene(KINECT, ((shift, 2.3), (-shift, 3.2)))
@@ -85,7 +85,7 @@ def test_identities_outlast_two_people_who_cross():
 
 
 def test_whoever_comes_back_is_known_again():
-    finder = SeveralPeople(KINECT, UP)
+    finder = MultiPersonFinder(KINECT, UP)
     there = scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
     alone = scene(KINECT, ((0.7, 2.9),))[0]
     ids = []
@@ -98,7 +98,7 @@ def test_whoever_comes_back_is_known_again():
 @pytest.mark.parametrize(("others", "most", "again"), [(1, 16, (1, 3)), (0, 16, (1,)), (1, 2, (1, 2))])
 def test_whoever_went_out_of_the_image_is_known_again_where_nobody_else_may_come(others, most, again):
     """Somebody walks out and comes back: beside another who stays, alone, and where only two are asked for."""
-    finder, ids = SeveralPeople(KINECT, UP, most=most), []
+    finder, ids = MultiPersonFinder(KINECT, UP, most=most), []
     for k in range(75):
         since = min(k, 74 - k)
         walker = ((-0.9 - 0.1 * since, 2.4),) if since < 20 else ()
@@ -108,7 +108,7 @@ def test_whoever_went_out_of_the_image_is_known_again_where_nobody_else_may_come
 
 
 def test_a_second_person_who_enters_is_number_two_within_half_a_second():
-    finder = SeveralPeople(KINECT, UP)
+    finder = MultiPersonFinder(KINECT, UP)
     before, after = scene(KINECT, ((-0.6, 2.6),))[0], scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
     ids = [tuple(s.id for s in finder.find(before if k < 5 else after, k / 30, {})) for k in range(20)]
     assert ids[:5] == [(1,)] * 5 and ids[12:] == [(1, 2)] * 8
@@ -116,7 +116,7 @@ def test_a_second_person_who_enters_is_number_two_within_half_a_second():
 
 def test_no_more_people_than_asked_for_are_told_apart_and_that_is_said_once(caplog):
     depth, _ = scene(KINECT, ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6)))
-    finder = SeveralPeople(KINECT, UP, most=2)
+    finder = MultiPersonFinder(KINECT, UP, most=2)
     with caplog.at_level("WARNING"):
         assert [len(finder.find(depth, k / 30, {})) for k in range(8)] == [2] * 8
     (told,) = [record.getMessage() for record in caplog.records]
@@ -125,7 +125,7 @@ def test_no_more_people_than_asked_for_are_told_apart_and_that_is_said_once(capl
 
 def test_a_restored_finder_goes_on_bit_for_bit():
     frames = [scene(KINECT, ((-0.6 + 0.05 * k, 2.3), (0.6 - 0.05 * k, 3.0)))[0] for k in range(12)]
-    finder, other = SeveralPeople(KINECT, UP), SeveralPeople(KINECT, UP)
+    finder, other = MultiPersonFinder(KINECT, UP), MultiPersonFinder(KINECT, UP)
     for k in range(6):
         finder.find(frames[k], k / 20, {})
     other.restore_state(finder.export_state())
@@ -139,7 +139,7 @@ def test_a_restored_finder_goes_on_bit_for_bit():
 
 def test_frames_of_another_camera_are_refused():
     with pytest.raises(RecordingError, match="expected uint16"):
-        SeveralPeople(KINECT, UP).find(scene(TOF)[0], 0.0, {})
+        MultiPersonFinder(KINECT, UP).find(scene(TOF)[0], 0.0, {})
 
 
 def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
@@ -162,7 +162,7 @@ def test_a_hole_larger_than_what_was_measured_of_a_person_is_space_and_a_smaller
 @pytest.mark.data
 def test_five_people_in_a_real_room_are_five(data_folder):
     recording = open_recording(data_folder / "depth/pcl/five_people.pcd")
-    sightings = SeveralPeople(recording.camera, recording.up_camera).find(recording.depth(0), 0.0, {})
+    sightings = MultiPersonFinder(recording.camera, recording.up_camera).find(recording.depth(0), 0.0, {})
     assert len(sightings) == 5
     distances = sorted(float(np.median(s.depth[s.depth > 0])) for s in sightings)
     assert 1.6 < distances[0] and distances[-1] < 3.1
@@ -208,7 +208,7 @@ def test_single_frames_of_real_rooms_hold_the_right_number(data_folder, name, co
     camera = Camera(527.0, 533.0, 319.5, 239.5, 640, 480)
     for k in (0, 1):
         depth = cv2.imread(str(data_folder / "depth/pairs" / name / f"depth{k}.png"), cv2.IMREAD_UNCHANGED)
-        assert len(SeveralPeople(camera, UP).find((depth // 5).astype(np.uint16), 0.0, {})) == count
+        assert len(MultiPersonFinder(camera, UP).find((depth // 5).astype(np.uint16), 0.0, {})) == count
 
 
 @pytest.mark.data
@@ -217,7 +217,7 @@ def test_somebody_behind_is_found_without_a_visible_head(data_folder):
     for path in sorted((data_folder / "depth/skeltrack").glob("depth-data-*")):
         depth = np.fromfile(path, dtype="<u2").reshape(480, 640)
         expected = 2 if path.name.endswith("1399145206") else 1
-        assert len(SeveralPeople(camera, UP).find(depth, 0.0, {})) == expected
+        assert len(MultiPersonFinder(camera, UP).find(depth, 0.0, {})) == expected
 
 
 VIEWS = [(0.0, 1.2), (0.3, 1.8)]
@@ -239,7 +239,7 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
     _, who = scene(KINECT, places, tilt=tilt, height=height)
 
     def overlaps(predicted):
-        finder, numbers = SeveralPeople(KINECT, up), {}
+        finder, numbers = MultiPersonFinder(KINECT, up), {}
         for k in range(12):  # they come together
             share = min(k / 10, 1.0)
             now = tuple((x * (1 - share) * 3 + x * share, d) for x, d in places)
@@ -255,7 +255,7 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
 
 def test_a_body_that_lost_its_person_claims_nothing():
     depth, who = scene(KINECT, ((-0.6, 2.6), (0.6, 2.9)))
-    finder = SeveralPeople(KINECT, UP)
+    finder = MultiPersonFinder(KINECT, UP)
     finder.find(depth, 0.0, {})
     first = {s.id: truth_of(s, who) for s in finder.find(depth, 0.03, {})}
     bodies = {1: placed(-0.6, 2.6), 2: placed(0.6, 2.9)}
@@ -266,7 +266,7 @@ def test_a_body_that_lost_its_person_claims_nothing():
 @pytest.mark.parametrize(("tilt", "height"), VIEWS)
 def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_expected(tilt, height):
     up, rotation = up_of_tilt(tilt), level_rotation(up_of_tilt(tilt))
-    finder, body = SeveralPeople(KINECT, up), placed(0.0, 2.6, height, up)
+    finder, body = MultiPersonFinder(KINECT, up), placed(0.0, 2.6, height, up)
     depth, who = scene(KINECT, ((0.0, 2.6),), tilt=tilt, height=height)
     whole = depth.copy()
     finder.find(whole, 0.0, {})
@@ -276,7 +276,7 @@ def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_exp
     finder.find(depth, 0.1, {1: leaning})
     (unknown,) = finder.people
     assert np.abs(unknown.expected(0.2) - rotation @ leaning.head).max() > 0.05, "nobody has seen that body's head"
-    finder = SeveralPeople(KINECT, up)
+    finder = MultiPersonFinder(KINECT, up)
     for k in range(2):
         finder.find(whole, k / 30, {1: body} if k else {})
     finder.find(depth, 0.1, {1: leaning})
@@ -291,10 +291,10 @@ def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
     chair[int(np.median(v)) : v.max(), u.max() - 8 : u.max() + 25] = True
     chair &= who == 0
     depth[chair] = 2600
-    sees = Lens(KINECT, UP, SensingSettings())
+    sees = CoarseCamera(KINECT, UP, SensingSettings())
     background = sees.coarse(np.where(who | chair, 0, depth).astype(np.uint16))
     room = Surroundings(False, True, background, np.full(background.shape, 0.05, np.float32), background == 0)
-    finder = SeveralPeople(KINECT, UP, room)
+    finder = MultiPersonFinder(KINECT, UP, room)
     without = finder.find(depth, 0.0, {})[0].depth > 0
     known = finder.find(depth, 0.03, {1: placed(0.0, 2.6)})[0].depth > 0
     assert (without & chair).sum() > 0.8 * chair.sum()
@@ -303,7 +303,7 @@ def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
 
 
 def test_somebody_hidden_for_minutes_keeps_the_number():
-    finder, ids = SeveralPeople(KINECT, UP), []
+    finder, ids = MultiPersonFinder(KINECT, UP), []
     places = [(0.95 - 0.1 * min(k, 9), 2.3) for k in range(30)] + [(0.05 + 0.1 * min(k, 9), 2.3) for k in range(15)]
     for k, place in enumerate(places):
         moment = k / 15 if k < 30 else 180.0 + k / 15
@@ -315,7 +315,7 @@ def test_somebody_hidden_for_minutes_keeps_the_number():
 
 def test_frames_of_two_places_in_turn_give_no_endless_row_of_people():
     one, two = scene(KINECT, ((-0.5, 2.4),))[0], scene(KINECT, ((0.6, 3.4),))[0]
-    finder = SeveralPeople(KINECT, UP)
+    finder = MultiPersonFinder(KINECT, UP)
     for k in range(30):
         finder.find(one if k % 2 else two, k / 30, {})
     assert len(finder.people) <= 2
@@ -352,6 +352,6 @@ def test_a_very_small_and_a_very_tall_person_are_found():
         feet = vertices[:, 1].max()
         vertices = (vertices - (0, feet, 2.8)) * scale + (0, feet, 2.8)
         depth = np.rint(1000 * cast(vertices, body.faces, KINECT).depth).astype(np.uint16)
-        sightings = SeveralPeople(KINECT, UP).find(depth, 0.0, {})
+        sightings = MultiPersonFinder(KINECT, UP).find(depth, 0.0, {})
         assert [s.id for s in sightings] == [1]
         assert overlap(sightings[0].depth > 0, depth > 0) > 0.9

@@ -16,13 +16,13 @@ from toolkit.people.candidates import KNEE_REACH, apart, beside, headless, in_a_
 from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE, Head
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
-from toolkit.people.selected_person import ID, OneOfSeveral, meant_person
+from toolkit.people.selected_person import ID, SelectedPersonFinder, meant_person
 from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import LEAST_HEIGHT, large_enough, people_and_furniture
 from toolkit.people.structure import Plane
 from toolkit.people.unassigned import attach_limbs
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.sensing_settings import SensingSettings
 
@@ -30,14 +30,14 @@ LEVEL = up_of_tilt(0.0)
 HEAD_HEIGHT = 1.63  # of the neutral body above the floor
 
 
-def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[Lens, View]:
+def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[CoarseCamera, View]:
     """A frame in which all that is measured is foreground."""
-    lens = Lens(camera, up, SensingSettings())
+    lens = CoarseCamera(camera, up, SensingSettings())
     depth = lens.coarse(depth_mm)
     return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
 
 
-def whole(who: np.ndarray, lens: Lens) -> np.ndarray:
+def whole(who: np.ndarray, lens: CoarseCamera) -> np.ndarray:
     return who[:: lens.step, :: lens.step]
 
 
@@ -177,7 +177,7 @@ class FakeJudge:
         self.odds = odds
 
     def log_odds(self, depth: np.ndarray, camera: Any, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """See `PersonJudge.log_odds`."""
+        """See `PersonClassifier.log_odds`."""
         return np.where(pixels % depth.shape[1] < depth.shape[1] // 2, self.odds, 3.0)
 
 
@@ -282,11 +282,11 @@ def test_where_nobody_is_seen_some_id_is_meant():
 
 def test_one_of_several_has_the_id_1_and_is_told_as_the_one_they_are():
     finder = FakePeople()
-    one = OneOfSeveral(finder, 3)
+    one = SelectedPersonFinder(finder, 3)
     (sighting,) = one.find(np.zeros(KINECT.shape, np.uint16), 0.0, {ID: "body"})
     assert sighting.id == ID and sighting.depth[0, 0] == 3.0
     assert finder.told == {3: "body"}
-    (empty,) = OneOfSeveral(finder, 7).find(np.zeros(KINECT.shape, np.uint16), 0.0, {})
+    (empty,) = SelectedPersonFinder(finder, 7).find(np.zeros(KINECT.shape, np.uint16), 0.0, {})
     assert empty.id == ID and not empty.depth.any() and finder.told == {}
 
 

@@ -7,17 +7,17 @@ import pytest
 
 from tests.sensing_scenes import KINECT, scene
 from toolkit.landmarks.regressor import JointRegressor
-from toolkit.people.hypothesis import Glimpse, alone_log_odds, judged_head, log_odds
-from toolkit.people.learning import FEWEST, Seen, below_heads, hanging, learnt
-from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.hypothesis import EvidenceSample, alone_log_odds, judged_head, log_odds
+from toolkit.people.learning import FEWEST, HeadTrack, below_heads, hanging, learnt
+from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.surroundings import is_cut_out, room_of, tolerances
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.sensing_settings import SensingSettings
 
 UP = np.array([0.0, -1.0, 0.0])
-FIGURE = Glimpse(shaped=True, moved=0.0)
+FIGURE = EvidenceSample(shaped=True, moved=0.0)
 ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 
 
@@ -40,10 +40,10 @@ def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
 @pytest.mark.parametrize(
     "glimpse",
     [
-        Glimpse(True, moved=1.0),
-        Glimpse(True, moved=0.0, alive=0.02),
-        Glimpse(True, moved=0.0, head_alive=0.1),
-        Glimpse(True, moved=0.0, judged=2.0),
+        EvidenceSample(True, moved=1.0),
+        EvidenceSample(True, moved=0.0, alive=0.02),
+        EvidenceSample(True, moved=0.0, head_alive=0.1),
+        EvidenceSample(True, moved=0.0, judged=2.0),
     ],
     ids=["moved", "alive", "the head moves", "judged"],
 )
@@ -52,14 +52,14 @@ def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(glimpse):
 
 
 def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_only_if_it_moves():
-    shaped, shapeless = (Glimpse(shape, moved=0.0, alive=0.02) for shape in (True, False))
+    shaped, shapeless = (EvidenceSample(shape, moved=0.0, alive=0.02) for shape in (True, False))
     assert log_odds([shaped] * 10 + [shapeless] * 30) < 0 < log_odds([shaped] * 40)
-    assert log_odds([shapeless] * 40) < 0 < log_odds([Glimpse(False, 1.0, judged=3.0)] * 40)
+    assert log_odds([shapeless] * 40) < 0 < log_odds([EvidenceSample(False, 1.0, judged=3.0)] * 40)
 
 
 def test_whoever_is_seen_in_few_frames_and_in_their_shape_in_all_of_them_is_a_person():
     """Who changes their place is another figure in each of them."""
-    person = Glimpse(True, moved=0.0, judged=2.9)
+    person = EvidenceSample(True, moved=0.0, judged=2.9)
     assert log_odds([person] * 10) == log_odds([person] * 40) > 0
 
 
@@ -67,18 +67,18 @@ def test_less_is_enough_in_a_still_and_a_judge_that_is_sure_does_without_a_shape
     """What the judge says of a chair's back, of somebody in their shape, and of an arm before a face."""
     assert alone_log_odds(True, 0.5) < 0 < alone_log_odds(True, 1.5)
     assert alone_log_odds(False, 1.5) < 0 < alone_log_odds(False, 2.8)
-    assert log_odds([Glimpse(True, 0.0, judged=1.1)]) < 0 < alone_log_odds(True, 1.1)
+    assert log_odds([EvidenceSample(True, 0.0, judged=1.1)]) < 0 < alone_log_odds(True, 1.1)
     assert alone_log_odds(False, None) < 0 < alone_log_odds(True, None)
 
 
 def test_the_judge_contradicts_what_moves_and_is_not_believed_without_limit():
-    door = Glimpse(True, moved=1.0, judged=-3.0)
+    door = EvidenceSample(True, moved=1.0, judged=-3.0)
     assert log_odds([door] * 40) < 0
-    assert log_odds([Glimpse(True, 1.0, judged=-50.0)]) == log_odds([Glimpse(True, 1.0, judged=-4.0)])
+    assert log_odds([EvidenceSample(True, 1.0, judged=-50.0)]) == log_odds([EvidenceSample(True, 1.0, judged=-4.0)])
 
 
 def lens_of(camera=KINECT):
-    return Lens(camera, UP, SensingSettings())
+    return CoarseCamera(camera, UP, SensingSettings())
 
 
 def coarse(frames):
@@ -132,7 +132,7 @@ def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_
     lens = lens_of()
     view = lens.view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
     place = view.points[own][np.argmax(view.points[own][:, 1])] - (0.0, 0.1, 0.0)
-    seen = Seen(0, place.astype(np.float64), np.zeros(own.shape, dtype=bool), FIGURE)
+    seen = HeadTrack(0, place.astype(np.float64), np.zeros(own.shape, dtype=bool), FIGURE)
     still = np.ones(own.shape, dtype=bool)
     found = hanging([seen], [seen], np.stack(frames), still, own, [], lens)
     assert found[own].mean() > 0.7 and not found[~own].any()
@@ -142,13 +142,13 @@ def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_
 def test_whoever_is_followed_in_an_unknown_room_stays_so_where_the_judge_doubts_them():
     frames = [scene(KINECT, ((0.1 * k, 2.5),), **ROOM)[0] for k in range(8)]
     judge = Sure(2.0)
-    followed = SeveralPeople(KINECT, UP, judge=judge)
+    followed = MultiPersonFinder(KINECT, UP, judge=judge)
     assert len(followed.find(frames[0], 0.0, {})) == 1
     judge.odds = 0.5
     for k, depth in enumerate(frames):
         assert [s.id for s in followed.find(depth, 0.1 * (k + 1), {})] == [1]
         assert followed.people[0].head[0] == pytest.approx(0.1 * k, abs=0.05)
-    assert not SeveralPeople(KINECT, UP, judge=judge).find(frames[-1], 0.0, {})
+    assert not MultiPersonFinder(KINECT, UP, judge=judge).find(frames[-1], 0.0, {})
 
 
 def test_a_head_in_a_still_is_nobodys_where_the_floor_says_that_it_is_too_high():
@@ -215,7 +215,7 @@ def test_what_lies_below_a_head_that_stays_is_near_it_and_lower() -> None:
 
     def found(frames: int) -> np.ndarray:
         nothing = np.zeros(background.shape, dtype=bool)
-        seen = [Seen(frame, place, nothing, Glimpse(True, 0.0)) for frame in range(frames)]
+        seen = [HeadTrack(frame, place, nothing, EvidenceSample(True, 0.0)) for frame in range(frames)]
         return below_heads(seen, near, background, lens)
 
     assert (found(FEWEST + 1) == wanted).all() and wanted.any()
@@ -248,7 +248,7 @@ def test_the_judge_of_a_still_sends_away_what_only_looks_like_a_person():
     depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
     for odds, count in ((2.0, 1), (-2.0, 0)):
         judge = Sure(odds)
-        assert len(SeveralPeople(KINECT, UP, judge=judge).find(depth, 0.0, {})) == count
+        assert len(MultiPersonFinder(KINECT, UP, judge=judge).find(depth, 0.0, {})) == count
         assert judge.asked > 0
 
 

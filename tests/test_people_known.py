@@ -12,10 +12,10 @@ from toolkit.io.errors import TrackError
 from toolkit.people.evidence import Evidence
 from toolkit.people.known_people import PATIENCE, KnownPeople
 from toolkit.people.sighting import PredictedBody
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.sensing_settings import SensingSettings
 
-LENS = Lens(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
+LENS = CoarseCamera(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
 HEAD = np.array([0.0, 0.4, -3.0])
 ASIDE = np.array([1.2, 0.4, -3.0])
 LATER = PATIENCE + 4.0

@@ -20,7 +20,7 @@ from toolkit.people.hypothesis import (  # fmt: skip
     LOW,
     LOWEST,
     SEATED,
-    Glimpse,
+    EvidenceSample,
     alone_log_odds,
     log_odds,
     lowness,
@@ -28,14 +28,14 @@ from toolkit.people.hypothesis import (  # fmt: skip
 )
 from toolkit.people.joint_masks import GivenJoints, on_cut_out
 from toolkit.people.known_people import known_again, match_heads
-from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings, empty_scene
 from toolkit.people.survey import find_people, find_person
 from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import Joints2D
@@ -135,7 +135,7 @@ def test_of_two_who_may_have_sat_down_it_is_the_nearer():
 
 def patches(*boxes):
     """A view with rectangles (v0, v1, u0, u1, metres) and nothing else."""
-    lens = Lens(KINECT, UP, SensingSettings())
+    lens = CoarseCamera(KINECT, UP, SensingSettings())
     depth = np.zeros(lens.camera.shape, dtype=np.float32)
     for v0, v1, u0, u1, z in boxes:
         depth[v0:v1, u0:u1] = z
@@ -212,10 +212,10 @@ def test_whoever_stands_behind_a_wall_where_a_mirror_shows_somebody_is_nobody(pl
     empty = np.zeros((120, 160), dtype=np.float32)
     wall = Plane(np.array([0.0, 0.0, -1.0]), 3.5, 6.0)
     room = Surroundings(False, True, empty, empty, empty > 0, (wall,))
-    finder, depth = SeveralPeople(KINECT, UP, room), scene(KINECT, ((-1.0, 2.4), (place, 4.6)))[0]
+    finder, depth = MultiPersonFinder(KINECT, UP, room), scene(KINECT, ((-1.0, 2.4), (place, 4.6)))[0]
     seen = [len(finder.find(depth, k / 30, {})) for k in range(5)]
     assert seen[-1] == count
-    without = SeveralPeople(KINECT, UP, Surroundings(False, True, empty, empty, empty > 0))
+    without = MultiPersonFinder(KINECT, UP, Surroundings(False, True, empty, empty, empty > 0))
     assert [len(without.find(depth, k / 30, {})) for k in range(5)][-1] == 2
 
 
@@ -225,8 +225,8 @@ def test_who_comes_in_feet_first_keeps_their_number_when_the_head_is_seen():
     empty = scene(KINECT, (), height=1.2, wall=4.0, floor=True)[0]
     legs = whole.copy()
     legs[:130] = empty[:130]
-    lens = SeveralPeople(KINECT, UP).lens
-    finder = SeveralPeople(KINECT, UP, replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-1.2))
+    lens = MultiPersonFinder(KINECT, UP).lens
+    finder = MultiPersonFinder(KINECT, UP, replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-1.2))
     seen = [[s.id for s in finder.find(legs if k < 12 else whole, k / 15, {})] for k in range(30)]
     assert seen[11] == [1] and seen[12] == [1] and seen[-1] == [1]
     assert finder.people[0].head_seen and len(finder.people) == 1
@@ -246,13 +246,13 @@ def test_a_head_is_that_of_a_leg_below_it_only(head, theirs):
 
 def known_room():
     """The surroundings of a room whose empty scene is known."""
-    lens, empty = SeveralPeople(KINECT, UP).lens, scene(KINECT, (), **ROOM)[0]
+    lens, empty = MultiPersonFinder(KINECT, UP).lens, scene(KINECT, (), **ROOM)[0]
     return replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-ROOM["height"])
 
 
 @pytest.mark.parametrize("near", [(0.3, 2.3), (0.5, 2.3)])
 def test_who_comes_in_before_another_counts_at_once_by_their_own_share_of_the_surface(near):
-    finder, ids = SeveralPeople(KINECT, UP, known_room()), []
+    finder, ids = MultiPersonFinder(KINECT, UP, known_room()), []
     for k in range(7):
         depth, who = scene(KINECT, ((0.0, 2.6), near)[: 1 + (k > 2)], **ROOM)
         ids.append({s.id: int(np.bincount(who[s.depth > 0]).argmax()) for s in finder.find(depth, k / 15, {})})
@@ -262,7 +262,7 @@ def test_who_comes_in_before_another_counts_at_once_by_their_own_share_of_the_su
 @pytest.mark.parametrize(("theirs", "count"), [(False, 2), (True, 1)])
 def test_what_was_on_somebodys_surface_a_frame_ago_is_nobody_who_counts_at_once(theirs, count):
     """An elbow of somebody who bends has a head's and a person's shape, too."""
-    finder = SeveralPeople(KINECT, UP, known_room())
+    finder = MultiPersonFinder(KINECT, UP, known_room())
     alone, both = (scene(KINECT, ((0.0, 2.6), (0.3, 2.3))[:people], **ROOM)[0] for people in (1, 2))
     for k in range(3):
         assert len(finder.find(alone, k / 15, {})) == 1
@@ -275,7 +275,10 @@ def test_what_was_on_somebodys_surface_a_frame_ago_is_nobody_who_counts_at_once(
 @pytest.mark.parametrize(("odds", "shaped", "since"), [(2.0, False, 0), (0.5, False, 2), (-1.0, True, 0)])
 def test_who_moves_before_a_known_room_counts_at_once_by_shape_or_by_the_judges_word(monkeypatch, odds, shaped, since):
     monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)
-    finder, depth = SeveralPeople(KINECT, UP, known_room(), judge=Says(odds)), scene(KINECT, ((0.0, 2.6),), **ROOM)[0]
+    finder, depth = (
+        MultiPersonFinder(KINECT, UP, known_room(), judge=Says(odds)),
+        scene(KINECT, ((0.0, 2.6),), **ROOM)[0],
+    )
     assert [len(finder.find(depth, k / 15, {})) for k in range(4)] == [0] * since + [1] * (4 - since)
 
 
@@ -283,7 +286,7 @@ def test_who_moves_before_a_known_room_counts_at_once_by_shape_or_by_the_judges_
 def test_a_part_without_a_persons_shape_gives_way_to_the_head_above_it(monkeypatch, shaped):
     """What looked like a head was the hip of somebody whom the border cut."""
     monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)
-    finder = SeveralPeople(KINECT, UP, known_room(), judge=Says(2.0))
+    finder = MultiPersonFinder(KINECT, UP, known_room(), judge=Says(2.0))
     finder.find(scene(KINECT, ((0.0, 2.6),), **ROOM)[0], 0.0, {})
     assert finder.people[0].may_have(finder.people[0].head + (0.0, 0.5, 0.0)) == (not shaped)
 
@@ -305,18 +308,18 @@ class Says:
 def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odds, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
-    finder = SeveralPeople(KINECT, UP, room, judge=Says(odds))
+    finder = MultiPersonFinder(KINECT, UP, room, judge=Says(odds))
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
     assert furniture(finder.evidence) == dropped
     assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
-    again = SeveralPeople(KINECT, UP, room, judge=Says(odds))
+    again = MultiPersonFinder(KINECT, UP, room, judge=Says(odds))
     again.restore_state(finder.export_state())
     assert again.evidence == finder.evidence
 
 
 def test_nobody_is_furniture_where_nothing_but_people_is_measured():
-    finder = SeveralPeople(KINECT, UP, judge=Says(-4.0))
+    finder = MultiPersonFinder(KINECT, UP, judge=Says(-4.0))
     for k in range(5):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 3, {})
     assert finder.people and finder.evidence == {}
@@ -375,7 +378,7 @@ def test_a_head_of_nobody_who_sits_or_stands_is_low_and_that_speaks_against_a_pe
     low = [lowness(np.array([0.3, h - 1.2, -2.0]), -1.2) for h in heights]
     assert low == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0])
     assert lowness(np.array([0.0, -5.0, -2.0]), None) == 0.0
-    seated, chair = (Glimpse(True, 0.0, judged=1.5, low=low) for low in (0.0, 1.0))
+    seated, chair = (EvidenceSample(True, 0.0, judged=1.5, low=low) for low in (0.0, 1.0))
     assert log_odds([chair] * 20) == pytest.approx(log_odds([seated] * 20) - LOW)
     assert log_odds([chair] * 20) < 0 < log_odds([seated] * 20)
     assert alone_log_odds(True, 1.2, 1.0) < 0 < alone_log_odds(True, 1.2)

@@ -11,8 +11,8 @@ import pytest
 
 from tests.sensing_scenes import KINECT, scene
 from toolkit.app.pipeline.earlier import BEFORE, sightings_before
-from toolkit.people.multi_person import SeveralPeople
-from toolkit.people.selected_person import OneOfSeveral
+from toolkit.people.multi_person import MultiPersonFinder
+from toolkit.people.selected_person import SelectedPersonFinder
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording
@@ -35,7 +35,7 @@ def walking(folder: Path, others: Sequence[tuple[float, float]] = ()) -> tuple[R
     return open_recording(path), [who for _, who in shown]
 
 
-def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> tuple[SeveralPeople, SightingFile]:
+def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> tuple[MultiPersonFinder, SightingFile]:
     """A finder after all frames, and what it saw, but for some frames of the first person."""
     finder, without = find_people(recording), set(left_out)
     kept = SightingFile(folder / "kept", finder.camera)
@@ -45,7 +45,7 @@ def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> t
     return finder, kept
 
 
-def found_as(folder: Path, finder: SeveralPeople, kept: SightingFile, since: Mapping[int, int]) -> SightingFile:
+def found_as(folder: Path, finder: MultiPersonFinder, kept: SightingFile, since: Mapping[int, int]) -> SightingFile:
     """The sightings of the first person, as if they were those of several, each from a frame on (`since`, by id)."""
     walker, late = kept.of(1), SightingFile(folder, finder.camera)
     for frame in range(min(since.values()), FRAMES):
@@ -56,7 +56,7 @@ def found_as(folder: Path, finder: SeveralPeople, kept: SightingFile, since: Map
 
 
 def before(
-    recording: Recording, finder: SeveralPeople, kept: SightingFile, people: Iterable[int] = (1,)
+    recording: Recording, finder: MultiPersonFinder, kept: SightingFile, people: Iterable[int] = (1,)
 ) -> dict[int, Sighting]:
     """What is seen earlier, by frame."""
     return {frame: own.sighting() for frame, own in sightings_before(recording, finder, kept, people)}
@@ -135,7 +135,7 @@ def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monk
 def test_the_one_person_who_is_meant_is_looked_for_earlier_too(tmp_path: Path) -> None:
     recording, _ = walking(tmp_path)
     finder, kept = found(tmp_path, recording, left_out=range(18))
-    one = OneOfSeveral(finder, meant=1)
+    one = SelectedPersonFinder(finder, meant=1)
     seen = before(recording, finder, kept)
     assert seen and {frame: own.depth.tobytes() for frame, own in before(recording, one, kept).items()} == {
         frame: own.depth.tobytes() for frame, own in seen.items()

@@ -10,7 +10,7 @@ import pytest
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.inertial_scenes import RATE
 from tests.test_retrieval_online import body, classes, document
-from toolkit.app.cli.guiding import Guiding
+from toolkit.app.cli.guiding import SensorGuideOptions
 from toolkit.app.pipeline import track_recording
 from toolkit.app.pipeline.events import EventStream
 from toolkit.io.errors import UsageError
@@ -88,7 +88,7 @@ def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
 
 
 def test_events_need_classes_and_one_recording(tmp_path):
-    assert Guiding().watcher([tmp_path / "a.npz"]) is None
+    assert SensorGuideOptions().watcher([tmp_path / "a.npz"]) is None
     for recordings, file in (([tmp_path / "a.npz"], None), ([tmp_path / "a.npz"] * 2, tmp_path / "c.npz")):
         with pytest.raises(UsageError, match="--events tells the motions of one recording"):
-            Guiding(events="-", classes=file).watcher(recordings)
+            SensorGuideOptions(events="-", classes=file).watcher(recordings)

@@ -24,7 +24,7 @@ from toolkit.output.rendering.views import outside_view_of, window_on
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 from toolkit.tracks import EMPTY, LOST, RunInfo, Track
 from toolkit.tracks.runs import Person, PersonSummary, save_people
 

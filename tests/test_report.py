@@ -25,7 +25,7 @@ from toolkit.output.report.clouds import UNIT, gather_clouds, pack
 from toolkit.output.report.page import write_report
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 from toolkit.tracks import RunInfo, Track
 
 FRAMES, RATE, WALL, HEIGHT = 12, 10.0, 3.6, 1.2

@@ -19,7 +19,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.simulation.holding import HOLDINGS, held_mesh
 from toolkit.simulation.interiors.room import named_room
 from toolkit.simulation.person import SimulatedPerson, facing_of
-from toolkit.simulation.simulate import Shot, prepare
+from toolkit.simulation.simulate import CaptureSettings, prepare
 
 SIZES = {"enter": 4, "carry": 4, "together": 3, "crowd": 3, "rooms": 6, "stills": 6, "vacant": 10}
 LEFT, RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
@@ -96,13 +96,13 @@ def test_a_thing_is_in_the_hands_and_is_nobodys(kind: str) -> None:
     assert np.linalg.norm(thing.vertices.mean(axis=0) - middle) < 0.12
     clip = PoseClip("holds", poses, 30.0, "")
     frames = [
-        next(iter(prepare([SimulatedPerson(clip, body, holds=holds)], Shot(sensor="kinect")).frames()))
+        next(iter(prepare([SimulatedPerson(clip, body, holds=holds)], CaptureSettings(sensor="kinect")).frames()))
         for holds in (None, kind)
     ]
     changed = np.abs(frames[1].depth.astype(int) - frames[0].depth) > 150
     assert changed.sum() > 40 and (frames[1].person[changed] == -1).mean() > 0.8
     late = SimulatedPerson(clip, body, holds=kind, held=(1.0, 2.0))
-    assert prepare([late], Shot()).performers[0].held_thing(0) is None
+    assert prepare([late], CaptureSettings()).performers[0].held_thing(0) is None
 
 
 def test_what_nobody_can_hold_is_refused() -> None:

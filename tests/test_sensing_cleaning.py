@@ -8,7 +8,7 @@ import pytest
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.io.errors import RecordingError, SegmentationError, SettingsError
 from toolkit.people.segmentation import median_background
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
@@ -22,7 +22,7 @@ def overlap(mask, truth):
 
 
 def clean(depth, camera=KINECT, background=None, **options):
-    return LonePerson(camera, background, SensingSettings(**options)).clean(depth)
+    return SinglePersonSegmenter(camera, background, SensingSettings(**options)).clean(depth)
 
 
 def test_a_segmented_person_stays_whole_and_in_metres():
@@ -54,7 +54,7 @@ def test_the_background_can_be_learnt_from_empty_frames():
     rng = np.random.default_rng(0)
     empty, _ = scene(TOF, (), height=1.2, wall=4.0, floor=True)
     frame, who = scene(TOF, ((0.2, 2.8),), height=1.2, wall=4.0, floor=True)
-    cleaner = LonePerson(TOF, None, SensingSettings(segment="empty-frames:5"))
+    cleaner = SinglePersonSegmenter(TOF, None, SensingSettings(segment="empty-frames:5"))
     for _ in range(5):
         holes = rng.random(TOF.shape) < 0.2
         assert not cleaner.clean(np.where(holes, 0, empty).astype(np.uint16)).any()
@@ -104,7 +104,7 @@ def test_two_segmented_people_are_an_error_unless_one_is_meant():
 
 
 def test_who_was_there_first_is_followed_when_a_second_person_comes():
-    cleaner = LonePerson(KINECT)
+    cleaner = SinglePersonSegmenter(KINECT)
     cleaner.clean(scene(KINECT, ((0.4, 3.2),))[0])
     frame, who = scene(KINECT, ((0.4, 3.2), (-0.6, 2.2)))
     assert overlap(cleaner.clean(frame) > 0, who == 1) > 0.9
@@ -148,7 +148,7 @@ def test_deleting_the_contour_is_an_option():
 
 
 def test_half_resolution_keeps_every_second_pixel_and_says_so_in_its_camera():
-    cleaner = LonePerson(KINECT, None, SensingSettings(half_resolution=True))
+    cleaner = SinglePersonSegmenter(KINECT, None, SensingSettings(half_resolution=True))
     half, full = cleaner.clean(person_alone(KINECT)), clean(person_alone(KINECT))
     np.testing.assert_array_equal(half, full[::2, ::2])
     assert half.shape == cleaner.camera.shape
@@ -164,7 +164,7 @@ def test_lens_distortion_is_removed():
     u, v = rays[..., 0] * KINECT.fx + KINECT.cx, rays[..., 1] * KINECT.fy + KINECT.cy
     seen = cv2.remap(straight, u.astype(np.float32), v.astype(np.float32), cv2.INTER_NEAREST)
     assert overlap(seen > 0, straight > 0) < 0.97, "the lens bends the picture"
-    cleaner = LonePerson(bent)
+    cleaner = SinglePersonSegmenter(bent)
     assert cleaner.camera == KINECT
     cleaned = cleaner.clean(seen)
     assert overlap(cleaned > 0, straight > 0) > 0.92, "a pixel of rounding each way along a thin outline"
@@ -174,7 +174,7 @@ def test_lens_distortion_is_removed():
 
 @pytest.mark.parametrize("options", [{}, {"segment": "range:1,5"}, {"half_resolution": True}])
 def test_an_empty_frame_is_empty_and_the_next_one_is_not(options):
-    cleaner = LonePerson(KINECT, None, SensingSettings(**options))
+    cleaner = SinglePersonSegmenter(KINECT, None, SensingSettings(**options))
     assert not cleaner.clean(np.zeros(KINECT.shape, np.uint16)).any()
     assert cleaner.clean(person_alone(KINECT)).any()
     assert not cleaner.clean(np.zeros(KINECT.shape, np.uint16)).any()
@@ -246,7 +246,7 @@ def test_a_setting_out_of_range_is_an_error(options):
 def test_real_segmented_recordings_keep_their_pixels(data_folder):
     for name in ("a27_s7_t1", "a21_s1_t1"):
         recording = open_recording(data_folder / "depth" / "utd_mhad" / f"{name}_depth.mat")
-        cleaner = LonePerson.of(recording)
+        cleaner = SinglePersonSegmenter.of(recording)
         for frame in recording.frames():
             assert (cleaner.clean(frame) > 0).sum() > 0.95 * (frame > 0).sum()
 
@@ -256,8 +256,8 @@ def test_the_second_person_of_a_real_recording_is_left_out(data_folder):
     recording = open_recording(data_folder / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))
     frame = recording.depth(7)
     with pytest.raises(SegmentationError, match="2 people"):
-        LonePerson.of(recording).clean(frame)
-    cleaned = LonePerson.of(recording, SensingSettings(subject="nearest")).clean(frame)
+        SinglePersonSegmenter.of(recording).clean(frame)
+    cleaned = SinglePersonSegmenter.of(recording, SensingSettings(subject="nearest")).clean(frame)
     assert cleaned.max() < 1.6 < frame.max() / 1000
 
 
@@ -266,7 +266,7 @@ def test_one_of_five_real_people_is_cut_out(data_folder):
     recording = open_recording(data_folder / "depth" / "pcl" / "five_people.pcd")
     frame = recording.depth(0)
     with pytest.raises(SegmentationError, match="give --segment"):
-        LonePerson.of(recording).clean(frame)
+        SinglePersonSegmenter.of(recording).clean(frame)
     with pytest.raises(SegmentationError, match="give --people all"):
         find_person(recording, SensingSettings(segment="person"))
     finder = find_person(recording, SensingSettings(segment="person", subject="nearest"))

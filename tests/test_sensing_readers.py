@@ -9,7 +9,7 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.io.errors import RecordingError, UsageError
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 
@@ -277,7 +277,7 @@ def test_an_unorganised_cloud_is_seen_by_a_virtual_camera(tmp_path, shuffled):
         write_cloud(tmp_path / "take" / f"{i}.ply", rng.permutation(points) if shuffled else points)
     recording = open_recording(tmp_path / "take")
     assert len(recording) == 2
-    cleaned = LonePerson.of(recording).clean(recording.depth(1))
+    cleaned = SinglePersonSegmenter.of(recording).clean(recording.depth(1))
     camera = recording.camera
     area = (cleaned**2).sum() / (camera.fx * camera.fy)
     true = (person_alone(KINECT, 0.1) / 1000) ** 2

@@ -15,11 +15,11 @@ from toolkit.io.errors import BodyError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.raycast import cast, render_depth
 from toolkit.simulation.person import SimulatedPerson
+from toolkit.simulation.raycast import cast, render_depth
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import KinectV1, Sensor, Surface, TimeOfFlight, make_sensor
-from toolkit.simulation.simulate import Shot, Simulation, prepare, simulate_recording
+from toolkit.simulation.simulate import CaptureSettings, Simulation, prepare, simulate_recording
 
 
 def entry(name: str) -> int:
@@ -38,7 +38,7 @@ def waving(frames: int = 6, facing: float = 0.0) -> PoseClip:
 
 def alone(clip: PoseClip | Path, *, body: str | Body = "neutral", yaw: float = 0.0, **shot: Any) -> Simulation:
     """One person before the camera."""
-    return prepare([SimulatedPerson(clip, body, yaw=yaw)], Shot(**shot))
+    return prepare([SimulatedPerson(clip, body, yaw=yaw)], CaptureSettings(**shot))
 
 
 def wall(sensor: Sensor, depth: float, cosine: float = 1.0) -> Surface:

@@ -16,7 +16,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.person import SimulatedPerson
-from toolkit.simulation.simulate import Shot, prepare, simulate_scene
+from toolkit.simulation.simulate import CaptureSettings, prepare, simulate_scene
 
 LOOK = Appearance((200, 150, 120), (20, 20, 20), (0, 0, 250), (0, 0, 250), (0, 250, 0), (250, 0, 0), True, False)
 
@@ -31,13 +31,15 @@ def standing(count: int = 2) -> PoseClip:
 
 def recorded(path: Path, yaw: float = 0.0, **shot: object) -> Recording:
     """The standing subject, alone and in colour."""
-    return simulate_scene([SimulatedPerson(standing(), yaw=yaw)], path, Shot(color=True, **shot))  # type: ignore[arg-type]
+    return simulate_scene([SimulatedPerson(standing(), yaw=yaw)], path, CaptureSettings(color=True, **shot))  # type: ignore[arg-type]
 
 
 def test_colour_is_registered_to_the_depth(tmp_path: Path) -> None:
     clip = standing()
     clip.poses[1, 0] = 0.9
-    recording = simulate_scene([SimulatedPerson(clip)], tmp_path / "take.npz", Shot(color=True, furnished=False))
+    recording = simulate_scene(
+        [SimulatedPerson(clip)], tmp_path / "take.npz", CaptureSettings(color=True, furnished=False)
+    )
     first, second = recording.color(0), recording.color(1)
     assert first is not None and second is not None and first.shape == (*recording.camera.shape, 3)
     somebody = (recording.depth(0) > 0) != (recording.depth(1) > 0)
@@ -55,7 +57,7 @@ def test_the_same_seed_gives_the_same_picture_and_another_one_another(tmp_path: 
 
 def test_colour_changes_nothing_in_the_depth(tmp_path: Path) -> None:
     with_color = recorded(tmp_path / "a.npz")
-    without = simulate_scene([SimulatedPerson(standing())], tmp_path / "b.npz", Shot())
+    without = simulate_scene([SimulatedPerson(standing())], tmp_path / "b.npz", CaptureSettings())
     np.testing.assert_array_equal(with_color.depth(1), without.depth(1))
     assert without.color(0) is None
 
@@ -92,7 +94,9 @@ def test_a_twist_in_dual_quaternions_is_another_surface_of_the_same_joints(tmp_p
     clip = standing()
     clip.poses[:, skeleton.POSE_NAMES.index("thorax_ry")] = 0.6
     linear, dual = (
-        simulate_scene([SimulatedPerson(clip)], tmp_path / f"{name}.npz", Shot(skinning=name, furnished=False))
+        simulate_scene(
+            [SimulatedPerson(clip)], tmp_path / f"{name}.npz", CaptureSettings(skinning=name, furnished=False)
+        )
         for name in ("linear", "dual")
     )
     np.testing.assert_array_equal(linear.joints, dual.joints)
@@ -102,7 +106,7 @@ def test_a_twist_in_dual_quaternions_is_another_surface_of_the_same_joints(tmp_p
 
 def test_an_unknown_skinning_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(UsageError, match="linear, dual"):
-        Shot(skinning="cubic")
+        CaptureSettings(skinning="cubic")
 
 
 def test_the_four_sequences_are_one_motion_on_four_bodies(tmp_path: Path) -> None:

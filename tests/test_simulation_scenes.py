@@ -22,7 +22,7 @@ from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, boxes_mesh, read
 from toolkit.simulation.person import CHESTS, SimulatedPerson, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
-from toolkit.simulation.simulate import Shot, SimulatedFrame, prepare, simulate_scene
+from toolkit.simulation.simulate import CaptureSettings, SimulatedFrame, prepare, simulate_scene
 
 
 def standing(frames: int = 2, travel: float = 0.0) -> PoseClip:
@@ -36,7 +36,7 @@ def standing(frames: int = 2, travel: float = 0.0) -> PoseClip:
 
 
 def first_frame(*people: SimulatedPerson, **shot: object) -> SimulatedFrame:
-    return next(prepare(people, Shot(**shot)).frames())  # type: ignore[arg-type]
+    return next(prepare(people, CaptureSettings(**shot)).frames())  # type: ignore[arg-type]
 
 
 def joint(name: str) -> int:
@@ -63,7 +63,7 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
 
 def test_who_has_not_entered_or_has_left_is_not_a_number_and_not_in_the_image() -> None:
     people = [SimulatedPerson(standing(4), at=(-0.6, 0)), SimulatedPerson(standing(2), at=(0.6, 0), enters=1 / 30)]
-    simulation = prepare(people, Shot(furnished=False))
+    simulation = prepare(people, CaptureSettings(furnished=False))
     frames = list(simulation.frames())
     present = [np.isfinite(frame.joints).all(axis=(1, 2)).tolist() for frame in frames]
     assert present == [[True, False], [True, True], [True, True], [True, False]]
@@ -73,8 +73,8 @@ def test_who_has_not_entered_or_has_left_is_not_a_number_and_not_in_the_image() 
 @pytest.mark.parametrize("number", [0, 2])
 def test_the_truth_of_several_people_and_of_nobody_is_read_back(tmp_path: Path, number: int) -> None:
     people = [SimulatedPerson(standing(3), at=(0.8 * i, 0), enters=i / 30) for i in range(number)]
-    recording = simulate_scene(people, tmp_path / "scene.npz", Shot(seconds=0.1))
-    truth = prepare(people, Shot(seconds=0.1)).joints()
+    recording = simulate_scene(people, tmp_path / "scene.npz", CaptureSettings(seconds=0.1))
+    truth = prepare(people, CaptureSettings(seconds=0.1)).joints()
     assert recording.joints is not None and recording.joints.shape == (number, len(recording), 20, 3)
     np.testing.assert_array_equal(recording.joints, truth)
     save_recording(
@@ -110,8 +110,8 @@ def test_whoever_is_placed_inside_somebody_is_refused_and_whoever_touches_is_not
 def test_whoever_stands_in_the_furniture_of_the_room_is_refused() -> None:
     post = Box((0.9, 0.0, -0.2), (1.1, 1.5, 0.2))
     with pytest.raises(UsageError, match="person 1 is inside box 1 of the room in frame 5"):
-        prepare([SimulatedPerson(standing(11, travel=2.0), at=(1.0, 0.0))], Shot(boxes=(post,)))
-    prepare([SimulatedPerson(standing())], Shot(boxes=(post,)))
+        prepare([SimulatedPerson(standing(11, travel=2.0), at=(1.0, 0.0))], CaptureSettings(boxes=(post,)))
+    prepare([SimulatedPerson(standing())], CaptureSettings(boxes=(post,)))
 
 
 def test_whoever_walks_through_somebody_is_refused() -> None:
@@ -183,7 +183,7 @@ def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(ga
 
 
 def test_a_room_without_people_lasts_as_long_as_it_is_told() -> None:
-    simulation = prepare([], Shot(seconds=0.5))
+    simulation = prepare([], CaptureSettings(seconds=0.5))
     frames = list(simulation.frames())
     assert len(frames) == 15 and all((frame.person == -1).all() for frame in frames)
     assert frames[0].joints.shape == (0, 20, 3)
@@ -312,6 +312,6 @@ def test_glass_and_black_are_lost_and_what_is_plain_is_measured_as_without_mater
 
 def test_a_room_that_is_not_shown_or_not_known_is_refused() -> None:
     with pytest.raises(UsageError, match="the room office:1 is not seen where people are cut out"):
-        Shot(room="office:1", furnished=False)
+        CaptureSettings(room="office:1", furnished=False)
     with pytest.raises(UsageError, match="no room is called 'garden'"):
-        Shot(room="garden:1")
+        CaptureSettings(room="garden:1")

@@ -29,7 +29,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.priors.allocation import Allocation, allocate
-from toolkit.retrieval.priors.expectation import Told
+from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.gap_trajectories import bad_frames, cheapest_path, whole_priors, widened
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
@@ -179,7 +179,7 @@ def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
     bad = bad_frames(hidden)
     np.testing.assert_array_equal(np.flatnonzero(bad), np.arange(20, 30))
     allocation = allocate(example.features, [Segment(0.0, FRAMES / 30.0, "semaphore")], classes)
-    told = Told(example.poses, np.arange(FRAMES) / 30.0, hidden, allocation, classes)
+    told = GapContext(example.poses, np.arange(FRAMES) / 30.0, hidden, allocation, classes)
     priors = whole_priors(told, bad)
     assert set(priors) <= set(range(20, 30)) and priors
     away = [np.abs(prior.mean[6:] - example.poses[frame, 6:]).mean() for frame, prior in priors.items()]

@@ -25,7 +25,7 @@ from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
 from toolkit.retrieval.priors.bridge import End, bridge
-from toolkit.retrieval.priors.expectation import Told, expect, fill
+from toolkit.retrieval.priors.expectation import GapContext, expect, fill
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, LIMBS_OF_FEATURE, OUTER
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
@@ -247,10 +247,10 @@ def test_a_gap_ends_where_nobody_is_there(monkeypatch):
     assert found == [Gap("left_arm", 20, 30), Gap("left_arm", 35, 50)]
 
 
-def told_of(poses: np.ndarray, hidden: dict[str, np.ndarray], classes=(), segments=()) -> Told:
+def told_of(poses: np.ndarray, hidden: dict[str, np.ndarray], classes=(), segments=()) -> GapContext:
     features = relational_features(from_poses(poses, BODY, 30.0, "take"))
     allocation = allocate(features, segments, classes, unknown_rows(hidden, len(features)))
-    return Told(poses, np.arange(len(poses)) / 30.0, hidden, allocation, classes)
+    return GapContext(poses, np.arange(len(poses)) / 30.0, hidden, allocation, classes)
 
 
 def hiding(frames: int, limb: str, start: int, stop: int) -> dict[str, np.ndarray]:

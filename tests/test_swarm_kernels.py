@@ -14,7 +14,7 @@ from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import swarm as kernel
 from toolkit.kernels.image import raster
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.raycast import render_depth
+from toolkit.simulation.raycast import render_depth
 from toolkit.trackers.qammaz.discrepancy import (
     JOINT_WEIGHTS,
     Discrepancy,

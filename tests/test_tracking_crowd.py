@@ -11,7 +11,7 @@ import pytest
 from tests.fake_tracker import CAMERA, FakeTracker
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
-from toolkit.tracking.multi_person import Crowd, Row
+from toolkit.tracking.multi_person import MultiPersonTracker, Row
 
 UP = np.array([0.0, -1.0, 0.0])
 LEARNT = 7.0
@@ -41,7 +41,7 @@ class FakeFinder:
         pass
 
 
-def rows_of(crowd: Crowd, frames: int = 40, rate: float = 20.0) -> list[tuple[int, list[Row]]]:
+def rows_of(crowd: MultiPersonTracker, frames: int = 40, rate: float = 20.0) -> list[tuple[int, list[Row]]]:
     """Frames of a recording that begins with an empty one, and the rows that come with each."""
     depth = np.zeros(CAMERA.shape, dtype=np.uint16)
     depth[20:50, 20:50] = 2000
@@ -50,7 +50,7 @@ def rows_of(crowd: Crowd, frames: int = 40, rate: float = 20.0) -> list[tuple[in
 
 def test_a_body_is_learnt_from_the_first_seconds_and_all_rows_are_tracked_with_it() -> None:
     tracker = FakeTracker(learning_seconds=0.3)
-    crowd = Crowd(tracker, FakeFinder(), UP)
+    crowd = MultiPersonTracker(tracker, FakeFinder(), UP)
     came = rows_of(crowd)
     first = [(k, [row.frame for row in rows if row.person == 1]) for k, rows in came]
     # Nobody was seen in frame 0, so that learning lasts from frame 1 to frame 7, and frame 0 waits for it as well.
@@ -62,13 +62,13 @@ def test_a_body_is_learnt_from_the_first_seconds_and_all_rows_are_tracked_with_i
 
 def test_a_finder_is_told_where_people_are_from_their_second_frame_on_also_while_their_bodies_are_learnt() -> None:
     finder = FakeFinder()
-    rows_of(Crowd(FakeTracker(learning_seconds=0.3), finder, UP))
+    rows_of(MultiPersonTracker(FakeTracker(learning_seconds=0.3), finder, UP))
     # Person 1 comes in frame 1 and person 2 in frame 10; learning ends in frames 7 and 16.
     assert finder.told == [(), (), *[(1,)] * 9, *[(1, 2)] * 29]
 
 
 def test_who_comes_later_has_rows_for_the_frames_before() -> None:
-    crowd = Crowd(FakeTracker(learning_seconds=0.3), FakeFinder(), UP)
+    crowd = MultiPersonTracker(FakeTracker(learning_seconds=0.3), FakeFinder(), UP)
     second = [row for _, rows in rows_of(crowd) for row in rows if row.person == 2]
     assert [row.frame for row in second] == list(range(40))
     assert [row.timestamp for row in second] == pytest.approx([k / 20 for k in range(40)])
@@ -76,7 +76,7 @@ def test_who_comes_later_has_rows_for_the_frames_before() -> None:
 
 def test_without_learning_every_row_comes_with_its_frame() -> None:
     tracker = FakeTracker()
-    came = rows_of(Crowd(tracker, FakeFinder(), UP))
+    came = rows_of(MultiPersonTracker(tracker, FakeFinder(), UP))
     assert [[row.frame for row in rows if row.person == 1] for _, rows in came[1:]] == [
         [0, 1],
         *([k] for k in range(2, 40)),
@@ -86,7 +86,7 @@ def test_without_learning_every_row_comes_with_its_frame() -> None:
 
 def test_who_was_seen_too_shortly_is_learnt_from_what_there_is_at_the_end() -> None:
     tracker = FakeTracker(learning_seconds=9.0)
-    crowd = Crowd(tracker, FakeFinder(), UP)
+    crowd = MultiPersonTracker(tracker, FakeFinder(), UP)
     assert not any(rows for _, rows in rows_of(crowd)) and not crowd.settled
     rows = crowd.finish()
     assert [row.frame for row in rows if row.person == 1] == list(range(40)) and crowd.settled

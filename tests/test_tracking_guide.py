@@ -9,13 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, poses_of, sensors_of, write_run
-from toolkit.app.cli.guiding import Guiding
+from toolkit.app.cli.guiding import SensorGuideOptions
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import load_body
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import NormalSystem, Placer
-from toolkit.inertial.calibrate import Take, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock
@@ -107,7 +107,7 @@ def test_an_opposite_orientation_costs_most_and_hardly_pulls(placer):
 
 def guide_of(noise: str = "none") -> tuple[InertialGuide, TrackedMotion]:
     simulated, motion = sensors_of(noise=noise), motion_of()
-    calibration = calibrate([Take(motion, simulated.sensors, Clock(simulated.offset, simulated.rate))])
+    calibration = calibrate([CalibrationSequence(motion, simulated.sensors, Clock(simulated.offset, simulated.rate))])
     return InertialGuide(simulated.sensors, calibration, "anything"), motion
 
 
@@ -151,11 +151,11 @@ def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
 
 def test_sensors_and_calibration_go_together(tmp_path):
     with pytest.raises(UsageError, match="go together"):
-        Guiding(inertial=tmp_path / "sensors.npz").guide([tmp_path / "take.npz"])
+        SensorGuideOptions(inertial=tmp_path / "sensors.npz").guide([tmp_path / "take.npz"])
     with pytest.raises(UsageError, match="belong to one recording"):
-        both = Guiding(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
+        both = SensorGuideOptions(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
         both.guide([tmp_path / "a.npz", tmp_path / "b.npz"])
-    assert Guiding().guide([tmp_path / "take.npz"]) is None
+    assert SensorGuideOptions().guide([tmp_path / "take.npz"]) is None
 
 
 def test_a_disagreement_costs_what_geman_and_mcclure_say(placer):

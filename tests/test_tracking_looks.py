@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from toolkit.body.shape import load_body
-from toolkit.tracking.frame_detection import NOTHING_FOUND, Looker
+from toolkit.tracking.frame_detection import NOTHING_FOUND, FrameDetector
 from toolkit.tracking.state import PersonState
 
 BODY = load_body("neutral")
@@ -40,8 +40,8 @@ class FakeFollower:
         return 0.7
 
 
-def looker_of(follower: FakeFollower) -> Looker:
-    return Looker(follower, range(3), TIMES, ("all",), HEADING)  # type: ignore[arg-type]
+def looker_of(follower: FakeFollower) -> FrameDetector:
+    return FrameDetector(follower, range(3), TIMES, ("all",), HEADING)  # type: ignore[arg-type]
 
 
 def test_each_frame_is_followed_with_its_sighting_its_time_and_where_the_person_heads() -> None:
@@ -62,7 +62,7 @@ def test_a_look_afresh_knows_the_body_and_nothing_of_other_frames() -> None:
     follower, own = FakeFollower((0, 2)), load_body("slim_male")
     looker = looker_of(follower)
     looker.follow(0)
-    seen, unseen = looker.afresh(2, own), looker.afresh(1, own)
+    seen, unseen = looker.redetect(2, own), looker.redetect(1, own)
     for state, *_ in follower.told[1:]:
         assert state.body is own and state.sized and state.timestamp is None and state.turn == 0
     assert (seen.cost, seen.state.timestamp, seen.step.result) == (0.7, 1.0, "row 2")

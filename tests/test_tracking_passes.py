@@ -26,8 +26,8 @@ from toolkit.landmarks.regressor import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people import evidence
 from toolkit.people.evidence import Evidence
-from toolkit.people.multi_person import SeveralPeople
-from toolkit.people.single_person import LonePerson
+from toolkit.people.multi_person import MultiPersonFinder
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
@@ -38,15 +38,15 @@ from toolkit.trackers.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.tracking import clock
 from toolkit.tracking.heading import (  # fmt: skip
     AROUND,
-    DOUBT,
-    TURNED,
-    against,
+    HEADING_UNCERTAINTY,
+    MAX_HEADING_PENALTY,
     directions_faced,
     directions_walked,
     heading,
+    heading_disagreement,
     voted_facing,
 )
-from toolkit.tracking.passes import BothWays, Plan
+from toolkit.tracking.passes import BidirectionalTracker, Plan
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.sightings import PersonSightings, SightingFile
 from toolkit.tracking.state import PersonState, Previous
@@ -55,11 +55,11 @@ from toolkit.tracking.stature import (  # fmt: skip
     head_top,
     height_stood,
     off_floor,
+    stature_prior_cost,
     statures_of,
     too_small,
-    unlikely,
 )
-from toolkit.tracking.trajectory_choice import APART, Step, WayFile, better_parts
+from toolkit.tracking.trajectory_choice import APART, Step, TrajectoryStore, better_parts
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracks.runs import load_people
 
@@ -94,7 +94,14 @@ def test_a_stretch_that_the_second_way_explains_is_taken_and_no_single_frame() -
 
 
 def test_adults_are_likely_and_children_need_evidence() -> None:
-    assert unlikely(1.70) == 0.0 < unlikely(1.84) < unlikely(1.44) < unlikely(1.07) < 0.03
+    assert (
+        stature_prior_cost(1.70)
+        == 0.0
+        < stature_prior_cost(1.84)
+        < stature_prior_cost(1.44)
+        < stature_prior_cost(1.07)
+        < 0.03
+    )
     assert off_floor(-1.4, None) == 0.0 == off_floor(-1.4, -1.4) < off_floor(-1.38, -1.4) < off_floor(-1.2, -1.4)
     assert off_floor(-1.2, -1.4) == off_floor(0.0, -1.4)
 
@@ -183,25 +190,25 @@ def whole(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathF
 
 def followed(
     path: Path, tracker: HybridTracker, folder: Path, start: int, *, checks: tuple[int, ...] = (), turn: int = 1
-) -> WayFile:
+) -> TrajectoryStore:
     """The way of the person of a recording, which is played backwards for a `turn` of -1, begun in frame `start`."""
     recording = open_recording(path)
     rotation, frames = level_rotation(recording.up_camera), len(recording)
     timestamps = (turn * recording.timestamps)[::turn]
-    finder = LonePerson(recording.camera, None, tracker.settings.sensing, recording.up_camera)
+    finder = SinglePersonSegmenter(recording.camera, None, tracker.settings.sensing, recording.up_camera)
     sightings = SightingFile(folder, finder.camera)
     for frame, i in enumerate(range(frames)[::turn]):
         sightings.append(frame, finder.find(recording.depth(i), float(timestamps[frame]), {}))
     rows = np.array([(check, 0, 0) for check in checks], dtype=np.int64).reshape(-1, 3)
     plan = Plan(load_body("slim_male"), np.array([(0, frames - 1, start)]), rows, np.zeros((frames, 2)))
-    way = WayFile(folder / "way", len(tracker.stage_names), len(tracker.source_names))
+    way = TrajectoryStore(folder / "way", len(tracker.stage_names), len(tracker.source_names))
     both = tracker.both_ways(finder.camera, rotation, sightings.of(1), timestamps, way, plan)
     for _ in both.run():
         pass
     return way
 
 
-def no_jumps(self: BothWays) -> np.ndarray:
+def no_jumps(self: BidirectionalTracker) -> np.ndarray:
     """As if none had been found."""
     return np.empty((0, 3), dtype=np.int64)
 
@@ -209,7 +216,7 @@ def no_jumps(self: BothWays) -> np.ndarray:
 def test_a_recording_played_backwards_is_followed_to_the_same_poses(
     take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(BothWays, "_jumps", no_jumps)
+    monkeypatch.setattr(BidirectionalTracker, "_jumps", no_jumps)
     last = len(open_recording(take)) - 1
     forwards = followed(take, tracker, tmp_path / "forwards", 9)
     backwards = followed(take, tracker, tmp_path / "backwards", last - 9, turn=-1)
@@ -219,7 +226,7 @@ def test_a_recording_played_backwards_is_followed_to_the_same_poses(
         np.testing.assert_array_equal(one.pose, other.pose)
 
 
-def worst(path: Path, way: WayFile) -> float:
+def worst(path: Path, way: TrajectoryStore) -> float:
     """Mean error of the joints in the frame in which it is largest, metres."""
     truth = np.asarray(open_recording(path).joints)
     errors = [np.linalg.norm(way[frame].result.joints - joints, axis=1).mean() for frame, joints in enumerate(truth)]
@@ -232,13 +239,13 @@ def test_what_followed_from_a_wrong_start_is_repaired_from_behind(
 ) -> None:
     # Without a regressor the first pose in frame 9 is a wrong one, which is left again after some frames either way.
     if not repaired:
-        monkeypatch.setattr(BothWays, "_jumps", no_jumps)
+        monkeypatch.setattr(BidirectionalTracker, "_jumps", no_jumps)
     error = worst(take, followed(take, tracker, tmp_path, 9))
     assert error < 0.08 if repaired else error > 0.25
 
 
 def test_stretches_turned_round_are_looked_at_afresh_once_each(tracker: HybridTracker, tmp_path: Path) -> None:
-    way = WayFile(tmp_path / "way", len(tracker.stage_names), len(tracker.source_names))
+    way = TrajectoryStore(tmp_path / "way", len(tracker.stage_names), len(tracker.source_names))
     ahead = np.ones(12)
     ahead[3:6], ahead[8] = -0.8, -0.3  # the second is half a turn and not to be doubted
     ahead[4] = -1.0
@@ -258,7 +265,9 @@ def test_a_pose_that_heads_elsewhere_costs_more_by_as_much_as_it_is_sure(tracker
     assert follower.weighed(0.2, pose) == 0.2
     for share, angle in product((0.0, 0.5, 1.0), np.linspace(-np.pi, np.pi, 9)):
         follower.heading = share * np.array([np.sin(angle), np.cos(angle)])
-        assert follower.weighed(0.2, pose) == pytest.approx(0.2 - 0.2 * TURNED * share * np.cos(angle), abs=1e-9)
+        assert follower.weighed(0.2, pose) == pytest.approx(
+            0.2 - 0.2 * MAX_HEADING_PENALTY * share * np.cos(angle), abs=1e-9
+        )
 
 
 def test_where_a_person_walks_and_faces_is_told_together_and_never_more_than_surely() -> None:
@@ -276,7 +285,7 @@ def test_votes_have_a_body_face_where_it_does_as_far_as_they_are_reliable(yaw: f
         sure[skeleton.REPORTED.index(name)] = reliability
     facing = voted_facing(replace(votes, reliability=sure))
     np.testing.assert_allclose(facing, 0.9 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
-    assert against(facing, pose) == pytest.approx(-0.9)
+    assert heading_disagreement(facing, pose) == pytest.approx(-0.9)
 
 
 def test_many_votes_about_a_frame_outweigh_one_and_far_ones_say_nothing() -> None:
@@ -285,7 +294,7 @@ def test_many_votes_about_a_frame_outweigh_one_and_far_ones_say_nothing() -> Non
     faced = directions_faced(0.25 * np.arange(40), voted, times)
     assert (faced[:100, 1] > 0.4).all() and not faced[140:].any()
     assert (np.linalg.norm(faced, axis=1) < 1.0).all()
-    alone = directions_faced(np.array([5.0]), np.array([[DOUBT, 0.0]]), np.array([5.0, 5.0 + AROUND]))
+    alone = directions_faced(np.array([5.0]), np.array([[HEADING_UNCERTAINTY, 0.0]]), np.array([5.0, 5.0 + AROUND]))
     np.testing.assert_allclose(alone[:, 0], [0.5, 1.0 / (1.0 + np.e)])
 
 
@@ -294,22 +303,22 @@ def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
     checks: tuple[int, ...], take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     right = followed(take, tracker, tmp_path / "right", 9)
-    monkeypatch.setattr(BothWays, "_jumps", no_jumps)
-    start = BothWays.start_at
+    monkeypatch.setattr(BidirectionalTracker, "_jumps", no_jumps)
+    start = BidirectionalTracker.start_at
 
-    def turned(self: BothWays, frame: int) -> Step:
+    def turned(self: BidirectionalTracker, frame: int) -> Step:
         step, state = start(self, frame), self._follower.state
         assert state.pose is not None
         wrong = wrong_pose("turned", state.pose, np.empty((0, len(state.pose))), np.random.default_rng(0))
         self._follower.state = misled(state, wrong)
         return step
 
-    def rightly(self: BothWays, frame: int) -> tuple[Step, PersonState]:
+    def rightly(self: BidirectionalTracker, frame: int) -> tuple[Step, PersonState]:
         pose = right[frame].result.pose
         return right[frame], replace(self._state_at(frame), previous=Previous.of_pose(self._plan.body, pose), pose=pose)
 
-    monkeypatch.setattr(BothWays, "start_at", turned)
-    monkeypatch.setattr(BothWays, "_found_otherwise", rightly)
+    monkeypatch.setattr(BidirectionalTracker, "start_at", turned)
+    monkeypatch.setattr(BidirectionalTracker, "_found_otherwise", rightly)
     error = worst(take, followed(take, tracker, tmp_path, 18, checks=checks))
     assert error < 0.08 if checks else error > 0.25
 
@@ -342,20 +351,20 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     killed_after: int, take: Path, tracker: HybridTracker, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(second, "MEMORY_SECONDS", 0.0)
-    run, steps = tmp_path / "run", BothWays.step_at
+    run, steps = tmp_path / "run", BidirectionalTracker.step_at
 
-    def dies(self: BothWays, frame: int) -> Step:
+    def dies(self: BidirectionalTracker, frame: int) -> Step:
         dies.left -= 1  # type: ignore[attr-defined]
         if dies.left < 0:  # type: ignore[attr-defined]
             raise KeyboardInterrupt
         return steps(self, frame)
 
     dies.left = killed_after  # type: ignore[attr-defined]
-    monkeypatch.setattr(BothWays, "step_at", dies)
+    monkeypatch.setattr(BidirectionalTracker, "step_at", dies)
     with pytest.raises(KeyboardInterrupt):
         track_recording(open_recording(take), tracker, run, warm_up=False)
     (run / ".lock").unlink(missing_ok=True)
-    monkeypatch.setattr(BothWays, "step_at", steps)
+    monkeypatch.setattr(BidirectionalTracker, "step_at", steps)
     summary = track_recording(open_recording(take), tracker, run, resume=True, warm_up=False)
     resumed, expected = Track.load(run), Track.load(whole)
     assert not summary.interrupted and not (run / second.FOLDER).exists()
@@ -369,9 +378,9 @@ def test_what_never_moves_is_left_out_where_nobody_stands_like_that_and_no_detec
     likely: bool, told: float, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     still = {1: Evidence(4, 4, 8.0, 4)}
-    monkeypatch.setattr(SeveralPeople, "evidence", still)
+    monkeypatch.setattr(MultiPersonFinder, "evidence", still)
     monkeypatch.setattr(evidence, "NOBODYS", 1e3 if likely else 1e-6)
-    monkeypatch.setattr(PersonSightings, "told_share", lambda seen: told)
+    monkeypatch.setattr(PersonSightings, "detected_fraction", lambda seen: told)
     summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None, warm_up=False)
     found, kept = load_people(tmp_path / "run"), likely or told == 0.5
     assert not summary.interrupted and (len(found.people), len(found.furniture)) == (kept, not kept)

@@ -25,7 +25,7 @@ from toolkit.trackers.hybrid import tracker as hybrid
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
-from toolkit.tracking.body_learning import Pace
+from toolkit.tracking.body_learning import RateLimiter
 from toolkit.tracking.search.arm_search import FARTHER, ITERATIONS, ArmSearch
 from toolkit.tracking.search.database_lookup import (
     FIRST_ROUNDS,
@@ -458,7 +458,7 @@ def test_a_person_of_unknown_size_is_tried_in_every_size_of_the_settings(
 @pytest.mark.parametrize(("rate", "expected"), [(30.0, 2), (15.0, 1), (60.0, 4), (10.0, 1)])
 def test_a_body_is_learnt_from_evenly_spread_frames_whatever_the_camera_s_rate(rate: float, expected: int) -> None:
     jitter = np.random.default_rng(0).uniform(-0.1, 0.1, 60) / rate
-    pace = Pace(15.0)
+    pace = RateLimiter(15.0)
     taken = [k for k in range(60) if pace.takes(k / rate + float(jitter[k]))]
     assert taken[0] == 0 and np.diff(taken).mean() == pytest.approx(expected, abs=0.1)
     assert np.abs(np.diff(taken) - expected).max() <= 1

@@ -15,8 +15,8 @@ from toolkit.io.errors import OutputError, TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.tracking.sightings import ENTRY, HEADER, Kept, SightingFile
-from toolkit.tracking.trajectory_choice import Step, WayFile
+from toolkit.tracking.sightings import ENTRY, HEADER, SightingFile, StoredSighting
+from toolkit.tracking.trajectory_choice import Step, TrajectoryStore
 from toolkit.tracks import TRACKED, FrameResult
 from toolkit.tracks.track_writer import row_type
 
@@ -63,7 +63,7 @@ def test_the_share_of_frames_with_joints_in_the_image_is_told(tmp_path: Path) ->
     kept = SightingFile(tmp_path, CAMERA)
     for frame in (1, 2, 3, 5):
         kept.append(frame, [sighting(frame)])
-    assert kept.of(1).told_share() == 0.75 and kept.of(2).told_share() == 0.0
+    assert kept.of(1).detected_fraction() == 0.75 and kept.of(2).detected_fraction() == 0.0
 
 
 def test_earlier_sightings_may_lie_in_another_file(tmp_path: Path) -> None:
@@ -109,7 +109,7 @@ def test_nothing_of_a_second_pass_is_written_through_a_link(
         link(folder / name, thesis)
     with pytest.raises(OutputError, match="is a link|another name"):
         SightingFile(folder, CAMERA)
-        WayFile(folder / "way_1", stages=2, sources=2)
+        TrajectoryStore(folder / "way_1", stages=2, sources=2)
     assert thesis.read_text() == "years" and not list(tmp_path.glob("elsewhere/*"))
 
 
@@ -140,7 +140,7 @@ WINDOW = (0, 3, 0, 4)
 )
 def test_a_sighting_that_this_camera_cannot_have_seen_is_one_sentence(tmp_path: Path, data: bytes) -> None:
     with pytest.raises((ValueError, zlib.error)):
-        Kept.unpacked(data, 1, CAMERA)
+        StoredSighting.unpacked(data, 1, CAMERA)
     kept = SightingFile(tmp_path, CAMERA)
     kept.append(0, [sighting(0)])
     kept.close()
@@ -167,7 +167,7 @@ def test_sightings_that_lie_in_no_order_are_one_sentence(tmp_path: Path, field: 
 
 def test_an_empty_sighting_is_kept_too() -> None:
     nobody = Sighting(1, np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA)
-    assert_same(Kept.unpacked(Kept.of(nobody).packed(), 1, CAMERA).sighting(), nobody)
+    assert_same(StoredSighting.unpacked(StoredSighting.of(nobody).packed(), 1, CAMERA).sighting(), nobody)
 
 
 def a_step(number: int) -> Step:
@@ -177,7 +177,7 @@ def a_step(number: int) -> Step:
 
 
 def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
-    way = WayFile(tmp_path / "way", stages=2, sources=2)
+    way = TrajectoryStore(tmp_path / "way", stages=2, sources=2)
     for frame in (5, 2, 9, 2):
         way[frame] = a_step(frame)
     assert [frame for frame in range(12) if way.get(frame) is not None] == [2, 5, 9]
@@ -190,7 +190,7 @@ def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) ->
 
 @pytest.mark.parametrize(("field", "value"), [("source", 9), ("pose", np.nan), ("joints", np.inf)])
 def test_a_way_that_no_tracker_went_is_one_sentence(tmp_path: Path, field: str, value: float) -> None:
-    way = WayFile(tmp_path / "way", stages=2, sources=2)
+    way = TrajectoryStore(tmp_path / "way", stages=2, sources=2)
     way[0] = a_step(0)
     row = way.packed(a_step(1))
     way.close()
@@ -198,7 +198,7 @@ def test_a_way_that_no_tracker_went_is_one_sentence(tmp_path: Path, field: str, 
     odd = np.frombuffer(row.tobytes(), dtype=kind).copy()
     odd["row"][field] = value
     with pytest.raises(TrackError):
-        WayFile(tmp_path / "way", stages=2, sources=2).put_back(1, np.frombuffer(odd.tobytes(), np.uint8))
+        TrajectoryStore(tmp_path / "way", stages=2, sources=2).put_back(1, np.frombuffer(odd.tobytes(), np.uint8))
     odd.tofile(tmp_path / "way")
     with pytest.raises(TrackError):
-        WayFile(tmp_path / "way", stages=2, sources=2)
+        TrajectoryStore(tmp_path / "way", stages=2, sources=2)

@@ -25,7 +25,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.io.errors import SettingsError
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import BEHIND_SKIN, Joints2D, lift
@@ -218,7 +218,7 @@ def test_exchanged_joints_are_believed_only_where_the_body_is_clearly_nearer(oth
         _anywhere=lambda frame, body, rng: frame.name,
         _judged=lambda frame, body, found: frame.cost,
     )
-    found, least = SwarmSearch.afresh(search, frame, BODY, np.random.default_rng(0))  # type: ignore[arg-type]
+    found, least = SwarmSearch.redetect(search, frame, BODY, np.random.default_rng(0))  # type: ignore[arg-type]
     assert (found, least) == (expected[0], pytest.approx(expected[1]))
 
 
@@ -248,7 +248,7 @@ def test_one_frame_is_enough(recording: Recording) -> None:
 
 def test_a_person_is_tracked_where_nothing_else_was_observed(recording: Recording) -> None:
     """A person around whom nothing at all was observed is tracked all the same."""
-    finder = LonePerson(recording.camera, None, SETTINGS.sensing, recording.up_camera)
+    finder = SinglePersonSegmenter(recording.camera, None, SETTINGS.sensing, recording.up_camera)
     found = []
     for unknown in (False, True):
         solo = Solo(tracker(), recording)

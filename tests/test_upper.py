@@ -18,7 +18,7 @@ from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.scene import cut_tilt, place_camera
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import Shot, prepare
+from toolkit.simulation.simulate import CaptureSettings, prepare
 from toolkit.tracks import LOST, TRACKED
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
@@ -93,7 +93,7 @@ def test_annotations_are_in_the_image_and_both_readings_nearly_agree(file: str) 
 
 def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:
     clip, body = procedural_clips(["conduct"])[0], subject_body("slim_female")
-    simulation = prepare([SimulatedPerson(clip, body)], Shot(height=None, cut=0.45))
+    simulation = prepare([SimulatedPerson(clip, body)], CaptureSettings(height=None, cut=0.45))
     assert simulation.view.position[1] == pytest.approx(neck_height(body))
 
 
@@ -101,7 +101,7 @@ def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:
 def test_a_cut_ends_the_image_as_far_below_the_neck(seated: bool) -> None:
     clip = procedural_clips(["conduct"])[0]
     body = subject_body("slim_female")
-    shot = Shot(sensor="kinect", distance=1.4, height=1.3, cut=0.45)
+    shot = CaptureSettings(sensor="kinect", distance=1.4, height=1.3, cut=0.45)
     simulation = prepare([SimulatedPerson(clip, body, seated=seated)], shot)
     lowest = np.array([0.0, neck_height(body, seated=seated) - 0.45, 0.0])
     camera = simulation.sensor.camera
@@ -111,4 +111,4 @@ def test_a_cut_ends_the_image_as_far_below_the_neck(seated: bool) -> None:
 @pytest.mark.parametrize(("values", "said"), [({"tilt": 5.0}, "give one"), ({"cut": float("nan")}, "below the neck")])
 def test_a_cut_that_cannot_be_is_named(values: dict[str, float], said: str) -> None:
     with pytest.raises(UsageError, match=said):
-        Shot(**{"cut": 0.45, **values})
+        CaptureSettings(**{"cut": 0.45, **values})

@@ -22,7 +22,7 @@ from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.simulation.joining import joined
 from toolkit.simulation.person import SimulatedPerson
-from toolkit.simulation.simulate import Shot, simulate_scene
+from toolkit.simulation.simulate import CaptureSettings, simulate_scene
 
 ACTORS = {"tune": "bk", "report": "dg"}
 FILLERS = ("02_05", "49_10", "49_06")
@@ -115,7 +115,7 @@ def record_sequence(sequence: MotionSequence, split: str, work: Path) -> tuple[P
     done = perform(sequence, split)
     if not path.exists():
         person = SimulatedPerson(done.clip, done.body, yaw=sequence.yaw)
-        shot = Shot(
+        shot = CaptureSettings(
             sensor=sequence.sensor, distance=distance_needed(person, sequence.sensor, HEIGHT), height=HEIGHT,
             seed=len(sequence.name), furnished=False,
         )  # fmt: skip

@@ -29,7 +29,7 @@ from toolkit.simulation.interiors.room import KINDS
 from toolkit.simulation.person import SimulatedPerson, facing_of, grown_to, prepare_person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import MIDDLE, Shot, simulate_scene
+from toolkit.simulation.simulate import MIDDLE, CaptureSettings, simulate_scene
 
 GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty")
 VIEWS = ("cut", "background", "room")
@@ -131,13 +131,13 @@ def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: 
     return path
 
 
-def shot_of(scene: Scene, people: Sequence[SimulatedPerson]) -> Shot:
+def shot_of(scene: Scene, people: Sequence[SimulatedPerson]) -> CaptureSettings:
     """How a scene of these people is recorded."""
     distance = scene.distance
     if distance is None:
         (person,) = people
         distance = scene.spare * distance_needed(person, scene.sensor, scene.height)
-    return Shot(
+    return CaptureSettings(
         sensor=scene.sensor, distance=distance, height=scene.height, tilt=scene.tilt, frame_rate=RATE,
         furnished=scene.view != "cut", background=scene.view == "background", boxes=scene.boxes,
         room=scene.room, seed=scene.seed,

@@ -222,7 +222,7 @@ def _error_figures(errors: np.ndarray) -> dict[str, Any]:
 
 def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference: Reference | None) -> dict[str, Any]:
     """Figures that need every depth frame: what the camera sees, and how well the fitted body explains it."""
-    from toolkit.sensing.raycast import render_depth
+    from toolkit.simulation.raycast import render_depth
 
     # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike. The silhouette is
     # that of the person as measured: cleaning takes away its contour, a tenth of its pixels.

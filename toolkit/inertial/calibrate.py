@@ -16,7 +16,7 @@ from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration, Mounting, TakeClock
 from toolkit.inertial.sensor_limbs import TrackedMotion
-from toolkit.inertial.solvers import Strand
+from toolkit.inertial.solvers import SynchronisedSegment
 from toolkit.inertial.stream import FREE, Sensors
 from toolkit.inertial.synchronise import Clock
 from toolkit.io.errors import InertialError, UsageError
@@ -68,7 +68,7 @@ class CalibrationSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class CalibrationSequence:
     """One tracked recording with its sensors and their clock."""
 
     motion: TrackedMotion
@@ -80,13 +80,13 @@ class Take:
         inertial, known = self.sensors.named(sensor).at(self.clock.sensor_times(self.motion.times) + lag)
         return inertial, known & self.motion.valid
 
-    def strand(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> Strand:
+    def strand(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> SynchronisedSegment:
         """Orientations of a sensor and of its part of the body where both are known."""
         inertial, known = self.measured(limb, lag)
-        return Strand(number, group, inertial[known], self.motion.orientation(limb)[known])
+        return SynchronisedSegment(number, group, inertial[known], self.motion.orientation(limb)[known])
 
 
-def calibrate(takes: Sequence[Take], settings: CalibrationSettings | None = None) -> Calibration:
+def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSettings | None = None) -> Calibration:
     """The calibration that all takes agree on.
 
     Parameters
@@ -130,7 +130,9 @@ def upright(world_up: np.ndarray) -> np.ndarray:
     return quat.between(Y_UP, world_up)
 
 
-def strands_of(takes: Sequence[Take], limbs: Sequence[str], heading: str) -> tuple[list[Strand], list[int]]:
+def strands_of(
+    takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
+) -> tuple[list[SynchronisedSegment], list[int]]:
     """Strands in worlds with y up, and for each the number of its take; those of few frames are left out."""
     strands, owners, groups = [], [], 0
     for i, take in enumerate(takes):
@@ -149,7 +151,7 @@ def strands_of(takes: Sequence[Take], limbs: Sequence[str], heading: str) -> tup
 
 
 def _by_heading(
-    takes: Sequence[Take], limbs: Sequence[str], heading: str
+    takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
     strands, owners = strands_of(takes, limbs, heading)
     groups = max(s.group for s in strands) + 1
@@ -171,7 +173,7 @@ def _by_heading(
 
 
 def _by_thesis(
-    takes: Sequence[Take], limbs: Sequence[str]
+    takes: Sequence[CalibrationSequence], limbs: Sequence[str]
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
     """World and mounting of each sensor by itself, from all takes at once: they share one world."""
     worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
@@ -179,7 +181,9 @@ def _by_thesis(
     for limb in limbs:
         rng = np.random.default_rng(0)
         own = [(i, take.strand(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
-        strand = Strand(0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own]))
+        strand = SynchronisedSegment(
+            0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own])
+        )
         if len(strand.inertial) < LEAST_FRAMES:
             raise InertialError(f"the sensor on {limb} and its track have {len(strand.inertial)} frames in common")
         thinned = strand.thinned(ROWS)
@@ -189,7 +193,7 @@ def _by_thesis(
     return worlds, mountings
 
 
-def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[Take]) -> list[dict[str, np.ndarray]]:
+def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[CalibrationSequence]) -> list[dict[str, np.ndarray]]:
     """A sensor without frames of its own in a take has the world of the others there, else of any take."""
     anywhere = next(world for own in worlds for world in own.values())
     for own, take in zip(worlds, takes, strict=True):
@@ -199,7 +203,9 @@ def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[Take]) -> list[
     return worlds
 
 
-def better_clock(take: Take, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray]) -> Take:
+def better_clock(
+    take: CalibrationSequence, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray]
+) -> CalibrationSequence:
     """The take with its clock at the lag of least calibrated distance: orientations are sharper than their speeds."""
     lags = np.arange(-LAGS, LAGS + 1e-9, LAG_STEP)
     costs = np.zeros(len(lags))
@@ -221,7 +227,7 @@ def better_clock(take: Take, worlds: dict[str, np.ndarray], mountings: dict[str,
 
 
 def _spread(
-    takes: Sequence[Take],
+    takes: Sequence[CalibrationSequence],
     limb: str,
     worlds: Sequence[dict[str, np.ndarray]],
     mounting: np.ndarray,
@@ -250,7 +256,7 @@ def _spread(
 
 
 def _judged(
-    takes: Sequence[Take],
+    takes: Sequence[CalibrationSequence],
     limb: str,
     worlds: Sequence[dict[str, np.ndarray]],
     mounting: np.ndarray,

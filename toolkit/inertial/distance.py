@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
-from toolkit.inertial.calibrate import Take, strands_of, upright
+from toolkit.inertial.calibrate import CalibrationSequence, strands_of, upright
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.sensor_limbs import bone_axis
 from toolkit.io.errors import InertialError
@@ -61,7 +61,7 @@ class WrongStretch:
     kind: str
 
 
-def worlds_of(calibration: Calibration, take: Take) -> dict[str, np.ndarray]:
+def worlds_of(calibration: Calibration, take: CalibrationSequence) -> dict[str, np.ndarray]:
     """`q_G` of every sensor in a take: the shared one, or by the heading alone.
 
     A sensor without north starts each recording with another heading; the mounting stays.
@@ -78,7 +78,7 @@ def worlds_of(calibration: Calibration, take: Take) -> dict[str, np.ndarray]:
     }
 
 
-def distances(calibration: Calibration, take: Take) -> list[Distances]:
+def distances(calibration: Calibration, take: CalibrationSequence) -> list[Distances]:
     """The distances of every sensor whose calibration was not refused.
 
     Raises
@@ -97,13 +97,15 @@ def distances(calibration: Calibration, take: Take) -> list[Distances]:
     return found
 
 
-def measured_limb(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def measured_limb(
+    limb: str, take: CalibrationSequence, world: np.ndarray, mounting: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """What a sensor says of its limb in the level frame, quaternions (T, 4), and where it is known, bool (T,)."""
     inertial, known = take.measured(limb)
     return quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting)), known
 
 
-def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -> Distances:
+def _distances(limb: str, take: CalibrationSequence, world: np.ndarray, mounting: np.ndarray) -> Distances:
     motion = take.motion
     tracked = motion.orientation(limb)
     said, known = measured_limb(limb, take, world, mounting)

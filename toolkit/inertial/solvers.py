@@ -29,7 +29,7 @@ LEAST_TURN, MOST_TURN = np.radians(20.0), np.radians(160.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Strand:
+class SynchronisedSegment:
     """Orientations of one sensor in one take.
 
     Attributes
@@ -45,10 +45,10 @@ class Strand:
     inertial: np.ndarray
     tracked: np.ndarray
 
-    def thinned(self, rows: int) -> Strand:
+    def thinned(self, rows: int) -> SynchronisedSegment:
         """At most so many rows, evenly."""
         step = max(1, -(-len(self.inertial) // rows))
-        return Strand(self.sensor, self.group, self.inertial[::step], self.tracked[::step])
+        return SynchronisedSegment(self.sensor, self.group, self.inertial[::step], self.tracked[::step])
 
 
 def weights_of(angles: np.ndarray, scale: float) -> np.ndarray:
@@ -86,7 +86,7 @@ def thesis(inertial: np.ndarray, tracked: np.ndarray, rng: np.random.Generator) 
     return world, quat.conjugate(local)
 
 
-def residuals(strand: Strand, world: np.ndarray, mounting: np.ndarray) -> np.ndarray:
+def residuals(strand: SynchronisedSegment, world: np.ndarray, mounting: np.ndarray) -> np.ndarray:
     """Angles (N,), radians, between what the sensor says and what the track says of it (thesis, Eq. 7.16)."""
     return quat.angle(strand.inertial, quat.multiply(quat.multiply(world, strand.tracked), mounting))
 
@@ -96,7 +96,7 @@ def yaw(psi: float) -> np.ndarray:
     return quat.exponential([0.0, psi, 0.0])
 
 
-def heading(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray, float]:
+def heading(strands: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Headings (groups,) and mountings (sensors, 4) of strands whose worlds both have y up, and the cost.
 
     `q_I = yaw(psi_group) q_T q_L_sensor`. Given the headings a mounting is a weighted chordal mean; given the mountings
@@ -116,7 +116,7 @@ def heading(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.nd
     return _alternated(strands, sensors, best, SCALES[-1:].repeat(LAST_ROUNDS))
 
 
-def heading_given(strands: Sequence[Strand], mountings: np.ndarray) -> float:
+def heading_given(strands: Sequence[SynchronisedSegment], mountings: np.ndarray) -> float:
     """The one heading of strands whose mountings (sensors, 4) are known, the best of all starts, then robustly."""
     difference = [
         quat.multiply(quat.multiply(s.inertial, quat.conjugate(mountings[s.sensor])), quat.conjugate(s.tracked))
@@ -135,7 +135,7 @@ def heading_given(strands: Sequence[Strand], mountings: np.ndarray) -> float:
 
 
 def _alternated(
-    strands: Sequence[Strand], sensors: int, start: tuple[np.ndarray, np.ndarray], scales: np.ndarray
+    strands: Sequence[SynchronisedSegment], sensors: int, start: tuple[np.ndarray, np.ndarray], scales: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Mountings and headings in turn, at each of the scales, and the cost at the last of them."""
     psis, mountings = start[0].copy(), start[1].copy()
@@ -155,7 +155,9 @@ def _alternated(
     return psis, mountings, cost_of(angles, scales[-1])
 
 
-def _spread(strands: Sequence[Strand], groups: int, sensors: int, start: float) -> tuple[np.ndarray, np.ndarray]:
+def _spread(
+    strands: Sequence[SynchronisedSegment], groups: int, sensors: int, start: float
+) -> tuple[np.ndarray, np.ndarray]:
     """First headings and mountings: the first group's is `start`; who shares a sensor with a known group is next."""
     psis, mountings = np.full(groups, np.nan), np.full((sensors, 4), np.nan)
     for _ in range(groups + sensors):
@@ -173,7 +175,7 @@ def _spread(strands: Sequence[Strand], groups: int, sensors: int, start: float) 
     return np.nan_to_num(psis), np.where(np.isnan(mountings), quat.IDENTITY, mountings)
 
 
-def by_vertical(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
+def by_vertical(strands: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
     """Headings and mountings that bring the vertical as the sensors see it on to that of the limbs, robustly.
 
     Returns float64 (groups,) radians about the vertical, and quaternions (sensors, 4).
@@ -204,12 +206,12 @@ def _wahba(vectors: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> np.
     return np.asarray((u * [1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
 
 
-def _mounting(own: Sequence[tuple[Strand, np.ndarray]], psis: np.ndarray) -> np.ndarray:
+def _mounting(own: Sequence[tuple[SynchronisedSegment, np.ndarray]], psis: np.ndarray) -> np.ndarray:
     local = [quat.multiply(quat.conjugate(s.tracked), quat.multiply(yaw(-psis[s.group]), s.inertial)) for s, _ in own]
     return quat.mean(np.concatenate(local), np.concatenate([w for _, w in own]))
 
 
-def _turns(strand: Strand, mounting: np.ndarray) -> np.ndarray:
+def _turns(strand: SynchronisedSegment, mounting: np.ndarray) -> np.ndarray:
     """From the tracked to the sensor's idea of the limb (N, 4): turns about y, if all is right."""
     return quat.multiply(quat.multiply(strand.inertial, quat.conjugate(mounting)), quat.conjugate(strand.tracked))
 

@@ -12,8 +12,8 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
-from toolkit.inertial.calibrate import Take, upright
-from toolkit.inertial.solvers import Strand
+from toolkit.inertial.calibrate import CalibrationSequence, upright
+from toolkit.inertial.solvers import SynchronisedSegment
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
 
 FASTEST = 35.0
@@ -134,19 +134,19 @@ def other_side(limb: str) -> str:
     return "left_" + limb.removeprefix("right_") if limb.startswith("right_") else limb
 
 
-def residual(take: Take, sensor: str, limb: str) -> float:
+def residual(take: CalibrationSequence, sensor: str, limb: str) -> float:
     """Median residual in degrees of one sensor of a take, calibrated by itself on any part of the body."""
     inertial, rows = take.measured(sensor)
     if rows.sum() < 10:
         return 180.0
     change = quat.conjugate(upright(take.sensors.world_up))
     tracked = take.motion.orientation(limb)[rows]
-    strand = Strand(0, 0, quat.multiply(change, inertial[rows]), tracked).thinned(PLACE_ROWS)
+    strand = SynchronisedSegment(0, 0, quat.multiply(change, inertial[rows]), tracked).thinned(PLACE_ROWS)
     psis, mountings, _ = solvers.heading([strand], 1, 1)
     return float(np.degrees(np.median(solvers.residuals(strand, solvers.yaw(psis[0]), mountings[0]))))
 
 
-def place_suspicions(take: Take) -> list[str]:
+def place_suspicions(take: CalibrationSequence) -> list[str]:
     """Sentences where the sensors fit each other's parts of the body clearly better, or a mirrored track.
 
     Of a body in a mirror the speeds are right and the turns are not: no offsets can explain them.
@@ -178,7 +178,7 @@ def _listed(values: np.ndarray) -> str:
     return ", ".join(f"{value:.0f}" for value in values)
 
 
-def mirrored_take(take: Take) -> Take:
+def mirrored_take(take: CalibrationSequence) -> CalibrationSequence:
     """The take as it would have been tracked in a mirror at x = 0: left and right exchanged."""
     rows = [skeleton.JOINT_NAMES.index(other_side(name)) for name in skeleton.JOINT_NAMES]
     rotations = take.motion.rotations[:, rows] * (1.0, 1.0, -1.0, -1.0)

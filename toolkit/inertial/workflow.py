@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, better_clock, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
@@ -140,7 +140,7 @@ def paired(
     return list(zip(runs, list(sensors) * (len(runs) if len(sensors) == 1 else 1), strict=True))
 
 
-def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings | None = None) -> Take:
+def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings | None = None) -> CalibrationSequence:
     """A run with its sensors, synchronised."""
     found = sensors if isinstance(sensors, Sensors) else load_sensors(sensors)
     motion = TrackedMotion.load(run)
@@ -149,7 +149,7 @@ def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings |
             f"{motion.name} was tracked with these very sensors, which therefore cannot check it; track it without "
             "--inertial"
         )
-    return Take(motion, found, synchronise(motion, found, sync))
+    return CalibrationSequence(motion, found, synchronise(motion, found, sync))
 
 
 def checked_take(
@@ -158,7 +158,7 @@ def checked_take(
     calibration: Calibration | None = None,
     *,
     sync: SyncSettings | None = None,
-) -> tuple[Calibration, Take]:
+) -> tuple[Calibration, CalibrationSequence]:
     """A run ready to be checked, with the calibration given or made on this very run.
 
     Raises

@@ -17,7 +17,7 @@ from toolkit.people.detection import (
 )
 from toolkit.people.structure import Plane
 from toolkit.people.unassigned import head_of
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 
 KNEE_REACH = 0.75
 """Metres horizontally, within which what lies more below a head than beside it, on the surface that hangs on the head,
@@ -29,7 +29,7 @@ image; walls are known to a few degrees."""
 # Places are (3,), level frame, metres.
 
 
-def shaped_alone(view: View, lens: Lens, place: np.ndarray) -> bool:
+def shaped_alone(view: View, lens: CoarseCamera, place: np.ndarray) -> bool:
     """Whether the surface below a head has a person's shape; other people are ignored."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, [place], seeds)
@@ -55,7 +55,7 @@ def headless(view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarra
     return [body for body in bodies if not beside(head_of(view, body), heads)]
 
 
-def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: Lens) -> bool:
+def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: CoarseCamera) -> bool:
     """Whether a head is behind a wall, at the mirror image of one of the `places` before it."""
     for plane in planes:
         normal = lens.to_level(plane.normal[None])[0]

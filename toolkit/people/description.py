@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.people.evidence import Evidence, furniture
-from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.image_rotation import turns_with_heads
-from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import Sighting
 from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import survey
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -48,7 +48,7 @@ class FirstLook:
 
 
 def describe(
-    recording: Recording, sensing: SensingSettings | None = None, judge: PersonJudge | None = None
+    recording: Recording, sensing: SensingSettings | None = None, judge: PersonClassifier | None = None
 ) -> FirstLook:
     """Look at the first seconds of a recording; `judge` tells people from furniture.
 
@@ -59,7 +59,7 @@ def describe(
     """
     sensing = sensing or SensingSettings()
     surroundings = survey(recording, sensing, judge)
-    finder = SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, judge=judge)
+    finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, judge=judge)
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
     numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), FRAMES)).astype(np.int64))
     best: tuple[int, tuple[Sighting, ...]] = (0, ())
@@ -69,7 +69,7 @@ def describe(
             best = (int(i), sightings)
     frame, sightings = best[0], tuple(s for s in best[1] if s.id not in furniture(finder.evidence))
     depth = recording.depth(frame)
-    lens = Lens(recording.camera.undistorted(), recording.up_camera, sensing)
+    lens = CoarseCamera(recording.camera.undistorted(), recording.up_camera, sensing)
     people = [person_text(s, lens, finder.evidence.get(s.id)) for s in sightings]
     advice = _advice(recording, surroundings, sightings, depth)
     lines = (
@@ -117,7 +117,7 @@ def _room_line(surroundings: Surroundings) -> str:
     return f"room: {how}, {len(surroundings.planes)} walls and floors{figures}"
 
 
-def person_text(sighting: Sighting, lens: Lens, evidence: Evidence | None = None) -> str:
+def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | None = None) -> str:
     """Number, distance, how the image border cuts the person, and the evidence for one where that was a question."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
@@ -147,7 +147,7 @@ def largest_surface(depth: np.ndarray) -> np.ndarray:
     return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
 
 
-def _cut_at(sighting: Sighting, lens: Lens) -> str:
+def _cut_at(sighting: Sighting, lens: CoarseCamera) -> str:
     """What is near the lower border of the image, by the height from there to the top of the head."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     z = sighting.depth[v, u].astype(np.float64)

@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.kernels.cloud.planes import best_plane
 from toolkit.kernels.image.growth import FAR, grow, mark_seeds
 from toolkit.kernels.image.heads import head_scores, mark_near, run_widths
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 
 # Places in metres (right, up) around the centre of a head that is 0.16 m wide and 0.23 m high (adults have 0.14 to
 # 0.17, a child of three years 0.13).
@@ -62,7 +62,7 @@ class Head:
     small: bool
 
 
-def find_heads(view: View, lens: Lens, *, cut_out: bool) -> list[Head]:
+def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
     """Heads in a frame, the highest first; of those above one another on a body only the highest.
 
     `cut_out`: unmeasured pixels are background, so that they count as space beside a head.
@@ -117,7 +117,9 @@ def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> No
     mark_seeds(view.points, view.foreground, np.zeros(seeds.shape, dtype=np.int32), rows, SEED_RADIUS, 0.0, seeds)
 
 
-def share_out(view: View, lens: Lens, seeds: np.ndarray, heads: Sequence[np.ndarray], *, bridge: float) -> np.ndarray:
+def share_out(
+    view: View, lens: CoarseCamera, seeds: np.ndarray, heads: Sequence[np.ndarray], *, bridge: float
+) -> np.ndarray:
     """Give the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = background.
 
     Parameters
@@ -139,7 +141,7 @@ def share_out(view: View, lens: Lens, seeds: np.ndarray, heads: Sequence[np.ndar
     return labels
 
 
-def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray) -> bool:
+def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
     """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
     return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < PLANAR
@@ -183,7 +185,7 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
     return ends / max(total, 1)
 
 
-def planar_share(view: View, lens: Lens, mask: np.ndarray) -> float:
+def planar_share(view: View, lens: CoarseCamera, mask: np.ndarray) -> float:
     """Share of a surface's pixels that lie in one plane, 0 to 1; 0 as well where noise makes everything flat."""
     v, u = np.nonzero(mask)
     picked = np.linspace(0, len(v) - 1, min(PLANAR_SAMPLES, len(v))).astype(np.int64)

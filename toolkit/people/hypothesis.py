@@ -14,10 +14,10 @@ import numpy as np
 
 from toolkit.people.detection import near_head
 from toolkit.people.evidence import MOST_JUDGED
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import Camera
 
-BEFOREHAND = -1.8
+PRIOR_LOG_ODDS = -1.8
 """Log odds of something with a head and without other evidence: rooms hold more such things than people."""
 MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL = 4.0, 2.0, 3.0
 """Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place."""
@@ -38,7 +38,7 @@ SEATED, LOWEST = 1.0, 0.75
 """Metres above the floor: no head of a seated adult is lower than the first; below the second it is low altogether."""
 
 
-class PersonJudge(Protocol):
+class PersonClassifier(Protocol):
     """Says of single pixels how likely they are of a person, whatever moves."""
 
     def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
@@ -68,7 +68,7 @@ def lowness(place: np.ndarray, floor: float | None) -> float:
     return 0.0 if floor is None else float(np.clip((SEATED - (place[1] - floor)) / (SEATED - LOWEST), 0.0, 1.0))
 
 
-def judged_head(view: View, lens: Lens, place: np.ndarray, judge: PersonJudge | None) -> float | None:
+def judged_head(view: View, lens: CoarseCamera, place: np.ndarray, judge: PersonClassifier | None) -> float | None:
     """Mean log odds that the pixels around a head's place (3,), level frame, metres, are of a person; None without a
     judge or a measured pixel.
     """
@@ -79,7 +79,7 @@ def judged_head(view: View, lens: Lens, place: np.ndarray, judge: PersonJudge | 
 
 
 @dataclass(frozen=True)
-class Glimpse:
+class EvidenceSample:
     """What one frame says of something with a head.
 
     Attributes
@@ -99,7 +99,7 @@ class Glimpse:
     low: float = 0.0
 
 
-def log_odds(glimpses: Sequence[Glimpse]) -> float:
+def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
     """Log odds that something is a person and not furniture, by glimpses of it, at least one."""
 
     def mean(values: list[float]) -> float:
@@ -107,7 +107,7 @@ def log_odds(glimpses: Sequence[Glimpse]) -> float:
 
     judged = [g.judged - UNDECIDED for g in glimpses if g.judged is not None]
     return float(
-        BEFOREHAND
+        PRIOR_LOG_ODDS
         + MOVED * mean([g.moved for g in glimpses])
         + MOVED_AT_ALL * min(mean([g.alive for g in glimpses]) / ENOUGH, 1.0)
         + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
@@ -119,4 +119,4 @@ def log_odds(glimpses: Sequence[Glimpse]) -> float:
 
 def alone_log_odds(shaped: bool, judged: float | None, low: float = 0.0) -> float:
     """Log odds that something with a head is a person, by the only frame that there is."""
-    return ALONE + log_odds([Glimpse(shaped, 0.0, judged=judged, low=low)])
+    return ALONE + log_odds([EvidenceSample(shaped, 0.0, judged=judged, low=low)])

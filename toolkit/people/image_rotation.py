@@ -9,7 +9,7 @@ from toolkit.people.detection import find_heads
 from toolkit.people.floor import Floor, find_floor
 from toolkit.people.surroundings import first_look, tolerances
 from toolkit.people.vertical import people_axes
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP, Camera, rotated_points
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -52,7 +52,7 @@ def quarter_turns(recording: Recording) -> int:
 
 def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarray]:
     """Points (N, 3), camera frame, metres, of each person who stands in the image after so many quarter turns."""
-    lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
+    lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
     people = people_axes(lens.coarse(_turned(depth_mm, turns)), lens)
     up = np.array(DEFAULT_UP)
     return [points for axis, trust, points in people if trust == "standing" and linear.dot(axis, up) > CLEARLY]
@@ -66,7 +66,7 @@ def _lowest(points: np.ndarray, floor: Floor) -> float:
 def turns_with_heads(depth_mm: np.ndarray, camera: Camera) -> int:
     """The first quarter turns clockwise after which heads are seen, 0 for none."""
     for turns in OTHERS:
-        lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
+        lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
         depth = lens.coarse(_turned(depth_mm, turns))
         surroundings = first_look(depth, lens)
         foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))

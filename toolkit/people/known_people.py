@@ -15,7 +15,7 @@ from toolkit.io.errors import TrackError
 from toolkit.people.evidence import export_evidence, restore_evidence
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.tracks import GATE, UNKNOWN, KnownPerson
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 
 logger = logging.getLogger(__name__)
 
@@ -40,7 +40,7 @@ class KnownPeople:
     people : by rising id
     """
 
-    def __init__(self, lens: Lens, most: int) -> None:
+    def __init__(self, lens: CoarseCamera, most: int) -> None:
         self.people: list[KnownPerson] = []
         self._lens, self._most, self._left_out = lens, most, False
 

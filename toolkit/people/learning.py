@@ -12,11 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.people.detection import near_head
-from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, lowness, possible_height
+from toolkit.people.hypothesis import (
+    EvidenceSample,
+    PersonClassifier,
+    judged_head,
+    log_odds,
+    lowness,
+    possible_height,
+)
 from toolkit.people.stills import hanging_on, people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.surroundings import NO_FIGURES, Surroundings, room_of, tolerances
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
 LASTING = 0.15  # of the samples, and at least 2, in which the room behind a person must be seen
@@ -39,7 +46,7 @@ LEAST_ODDS = -1.2  # of a still pixel that hangs on a person's head and is their
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class HeadTrack:
     """Something with a head in one of the samples.
 
     Attributes
@@ -53,13 +60,13 @@ class Seen:
     frame: int
     place: np.ndarray
     own: np.ndarray
-    glimpse: Glimpse
+    glimpse: EvidenceSample
 
 
 def learnt(
     frames: Sequence[np.ndarray],
-    lens: Lens,
-    judge: PersonJudge | None,
+    lens: CoarseCamera,
+    judge: PersonClassifier | None,
     floor: float | None = None,
 ) -> Surroundings:
     """Surroundings from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
@@ -82,8 +89,8 @@ def learnt(
         if possible_height(s.place, floor)
     ]
     occupied, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
-    people: list[Seen] = []
-    stays: list[list[Seen]] = []
+    people: list[HeadTrack] = []
+    stays: list[list[HeadTrack]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         if log_odds(glimpses) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
@@ -118,7 +125,7 @@ def learnt(
     )
 
 
-def camera_moved(frames: Sequence[np.ndarray], lens: Lens) -> bool:
+def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
     """Whether the first half of coarse frames float32 (h, w), metres, shows another room than the second."""
     if len(frames) < 2 * FEWEST:
         return False
@@ -130,7 +137,7 @@ def camera_moved(frames: Sequence[np.ndarray], lens: Lens) -> bool:
     return bool(np.count_nonzero(both & (np.abs(before - after) > margin)) > ANOTHER_ROOM * max(both.sum(), 1))
 
 
-def farthest_lasting(stack: np.ndarray, share: float, lens: Lens) -> np.ndarray:
+def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.ndarray:
     """The farthest depth of each pixel that at least `share` of its samples, and 2, agree on: float32 (h, w), 0 = none.
 
     `stack` float32 (K, h, w), metres, 0 = no sample.
@@ -146,7 +153,7 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: Lens) -> np.ndarray:
     return found
 
 
-def _judged(stack: np.ndarray, lens: Lens, judge: PersonJudge) -> np.ndarray:
+def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> np.ndarray:
     """Mean log odds of a person, over samples and neighbours, of each pixel: float32 (h, w), 0 where nothing is
     measured.
     """
@@ -162,13 +169,13 @@ def _judged(stack: np.ndarray, lens: Lens, judge: PersonJudge) -> np.ndarray:
 
 
 def hanging(
-    figure: Sequence[Seen],
-    people: Sequence[Seen],
+    figure: Sequence[HeadTrack],
+    people: Sequence[HeadTrack],
     stack: np.ndarray,
     still: np.ndarray,
     likely: np.ndarray,
     planes: list[Plane],
-    lens: Lens,
+    lens: CoarseCamera,
 ) -> np.ndarray:
     """What hangs on the head of a person who stays, over `likely` pixels (h, w) alone, shared out with the other
     people there: bool (h, w), in the middle one of their samples.
@@ -181,7 +188,9 @@ def hanging(
     return hanging_on(view, lens, [middle.place, *others])[0]
 
 
-def below_heads(people: Sequence[Seen], near: np.ndarray, background: np.ndarray, lens: Lens) -> np.ndarray:
+def below_heads(
+    people: Sequence[HeadTrack], near: np.ndarray, background: np.ndarray, lens: CoarseCamera
+) -> np.ndarray:
     """Pixels of the background (h, w), metres, above which somebody's head mostly is while they show it: bool (h, w).
 
     `near` bool (K, h, w) are the samples that do.
@@ -193,7 +202,7 @@ def below_heads(people: Sequence[Seen], near: np.ndarray, background: np.ndarray
 
 
 def _below(
-    people: Sequence[Seen], background: np.ndarray, lens: Lens, aside: float
+    people: Sequence[HeadTrack], background: np.ndarray, lens: CoarseCamera, aside: float
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Of each sample with people in it where the background is lower than a head and so near it, horizontally, metres:
     the sample's number, and bool (h, w).
@@ -208,7 +217,7 @@ def _below(
 
 
 def left_with(
-    people: Sequence[Seen], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: Lens
+    people: Sequence[HeadTrack], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: CoarseCamera
 ) -> np.ndarray:
     """Pixels of the background that are legs of `people`, parted from the head by what they carry: bool (h, w).
 
@@ -228,7 +237,7 @@ def left_with(
     return (background > 0) & (there > 0) & (unseen <= ALONE * there) & (covered >= OFTEN * len(stack))
 
 
-def _margins(stack: np.ndarray, background: np.ndarray, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> tuple[np.ndarray, np.ndarray]:
     """Metres before the background in which it may still be noise, float32 (h, w), and the samples that show it, bool
     (K, h, w).
     """
@@ -252,10 +261,10 @@ def _seen(
     moved: np.ndarray,
     margin: np.ndarray,
     planes: list[Plane],
-    lens: Lens,
-    judge: PersonJudge | None,
+    lens: CoarseCamera,
+    judge: PersonClassifier | None,
     floor: float | None,
-) -> list[Seen]:
+) -> list[HeadTrack]:
     """What has a head in one of the samples. `moved` bool (K, h, w): what stands before the rough background."""
     depth = stack[frame]
     on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
@@ -265,17 +274,17 @@ def _seen(
     for k, place in enumerate([*people, *others], start=1):
         own, head = labels == k, near_head(view, place) & view.foreground
         changed = _changed(own | head, depth, stack, margin)
-        glimpse = Glimpse(
+        glimpse = EvidenceSample(
             k <= len(people), share_of(moved[frame], head), share_of(changed, own), share_of(changed, head),
             judged_head(view, lens, place, judge), lowness(place, floor),
         )  # fmt: skip
-        found.append(Seen(frame, place, own, glimpse))
+        found.append(HeadTrack(frame, place, own, glimpse))
     return found
 
 
-def _figures(seen: Sequence[Seen]) -> list[list[Seen]]:
+def _figures(seen: Sequence[HeadTrack]) -> list[list[HeadTrack]]:
     """What was seen, by the place where it was."""
-    figures: list[list[Seen]] = []
+    figures: list[list[HeadTrack]] = []
     middles: list[np.ndarray] = []
     for s in seen:
         away = [float(np.sqrt(((s.place - middle) ** 2).sum())) for middle in middles]

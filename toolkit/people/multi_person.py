@@ -24,7 +24,14 @@ from toolkit.people.detection import (
     share_out,
 )
 from toolkit.people.evidence import Evidence
-from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, lowness, possible_height
+from toolkit.people.hypothesis import (
+    EvidenceSample,
+    PersonClassifier,
+    judged_head,
+    log_odds,
+    lowness,
+    possible_height,
+)
 from toolkit.people.known_people import KnownPeople, match_heads
 from toolkit.people.learning import share_of
 from toolkit.people.newcomers import Newcomers
@@ -34,7 +41,7 @@ from toolkit.people.stills import a_person, large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands, attach_limbs, head_of
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
@@ -46,7 +53,7 @@ LOOK_AGAIN = 0.3
 """Seconds between two looks at a track whether it is a person."""
 SAME_SURFACE = 0.15
 """Metres of depth by which a surface moves from frame to frame: 5 m/s at 30 Hz."""
-THEIRS = 0.5
+MIN_MASK_OVERLAP = 0.5
 """Share of a surface that was a person's a frame ago, from which on it is still theirs."""
 LEAST_PART = 0.02
 """Square metres of a known person: a shoulder beside another person."""
@@ -56,7 +63,7 @@ MIDDLE_SAMPLES = 300
 """Points of a person whose median is their middle."""
 
 
-class SeveralPeople:
+class MultiPersonFinder:
     """A `PeopleFinder` of all people in view.
 
     Parameters
@@ -81,13 +88,13 @@ class SeveralPeople:
         surroundings: Surroundings | None = None,
         sensing: SensingSettings | None = None,
         most: int = MOST_PEOPLE,
-        judge: PersonJudge | None = None,
+        judge: PersonClassifier | None = None,
     ) -> None:
         sensing = sensing or SensingSettings()
         self._made_of = camera, up_camera, sensing, most, judge
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
-        self.lens = Lens(self._polisher.flat_camera, up_camera, sensing)
+        self.lens = CoarseCamera(self._polisher.flat_camera, up_camera, sensing)
         self._surroundings = surroundings
         self._judge = judge
         self._known = KnownPeople(self.lens, most)
@@ -170,10 +177,10 @@ class SeveralPeople:
         self._look_at(view, heads_seen, timestamp)
         return surroundings
 
-    def afresh(self) -> SeveralPeople:
-        """See `PeopleFinder.afresh`: in the same room."""
+    def redetect(self) -> MultiPersonFinder:
+        """See `PeopleFinder.redetect`: in the same room."""
         camera, up_camera, sensing, most, judge = self._made_of
-        return SeveralPeople(camera, up_camera, self._surroundings, sensing, most, judge)
+        return MultiPersonFinder(camera, up_camera, self._surroundings, sensing, most, judge)
 
     @property
     def people(self) -> list[KnownPerson]:
@@ -345,7 +352,7 @@ class SeveralPeople:
         """
         labels, _ = self._shared(view, surroundings, seeds, places, [])
         share = labels == len(places)
-        fresh = share_of((self._labels > 0) & self._lasting(view), share) < THEIRS
+        fresh = share_of((self._labels > 0) & self._lasting(view), share) < MIN_MASK_OVERLAP
         return fresh and a_person(view, self.lens, share, places[-1])
 
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
@@ -363,7 +370,7 @@ class SeveralPeople:
         here = near_head(view, place) & view.foreground
         moved = share_of(surroundings.background > 0, here)
         judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
-        return log_odds([Glimpse(False, moved, judged=judged, low=low)]) > 0
+        return log_odds([EvidenceSample(False, moved, judged=judged, low=low)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from toolkit.io.errors import SegmentationError
 from toolkit.people.evidence import Evidence, furniture
-from toolkit.people.multi_person import SeveralPeople
+from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
@@ -21,7 +21,7 @@ TOGETHER = 0.5
 """Share of the frames of the person seen most; another person seen with them in more may be meant as well."""
 
 
-class OneOfSeveral:
+class SelectedPersonFinder:
     """A `PeopleFinder` of the one person with an id among those of a finder; all others are left out.
 
     Parameters
@@ -32,7 +32,7 @@ class OneOfSeveral:
 
     evidence: Mapping[int, Evidence] = MappingProxyType({})
 
-    def __init__(self, finder: SeveralPeople, meant: int) -> None:
+    def __init__(self, finder: MultiPersonFinder, meant: int) -> None:
         self._finder, self._meant = finder, meant
         self.camera = finder.camera
 
@@ -46,9 +46,9 @@ class OneOfSeveral:
                 return (replace(sighting, id=ID),)
         return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
 
-    def afresh(self) -> SeveralPeople:
-        """See `PeopleFinder.afresh`: who is meant is not known before they were found."""
-        return self._finder.afresh()
+    def redetect(self) -> MultiPersonFinder:
+        """See `PeopleFinder.redetect`: who is meant is not known before they were found."""
+        return self._finder.redetect()
 
     def export_state(self) -> dict[str, Any]:
         """See `PeopleFinder.export_state`."""
@@ -68,7 +68,7 @@ class Presence:
     distances: list[float] = field(default_factory=list)
 
 
-def meant_person(recording: Recording, finder: SeveralPeople, sensing: SensingSettings) -> int:
+def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: SensingSettings) -> int:
     """Id of the person whom `sensing.subject` means, over all frames, as `finder`, which is used up, numbers them.
 
     The ids are those of the tracking pass: a person gets theirs in the first frame in which they are seen.

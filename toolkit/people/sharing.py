@@ -10,7 +10,7 @@ from toolkit.kernels.image import raster, sharing
 from toolkit.kernels.image.growth import mark_seeds
 from toolkit.people.detection import SEED_RADIUS
 from toolkit.people.sighting import PredictedBody
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 
 BODY_GATE = 0.12
 """Metres from a measured point to the surface of the body that it belongs to."""
@@ -18,7 +18,7 @@ TORSO = 0.25
 """Metres horizontally from the head's axis, of what stays a person's from frame to frame."""
 
 
-def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
+def body_seeds(view: View, lens: CoarseCamera, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
     """Give each foreground pixel to the body whose expected surface is nearest, within `BODY_GATE`.
 
     All bodies are drawn into one z-buffer, so that one behind another claims nothing that the other hides.

@@ -82,7 +82,7 @@ class PeopleFinder(Protocol):
         """
         ...
 
-    def afresh(self) -> PeopleFinder | None:
+    def redetect(self) -> PeopleFinder | None:
         """A finder of all people in the stream that has seen nobody yet; None where the settings cut one person out."""
         ...
 

@@ -23,7 +23,7 @@ from toolkit.sensing.sensing_settings import SensingSettings
 ID = 1
 
 
-class LonePerson:
+class SinglePersonSegmenter:
     """Finds the one person whom the settings mean; every frame is a sighting, an empty one where the person is not.
 
     Parameters
@@ -62,7 +62,7 @@ class LonePerson:
         self._segmenter = Segmenter(self._filter.flat_camera, flat, settings, up)
 
     @classmethod
-    def of(cls, recording: Recording, settings: SensingSettings | None = None) -> LonePerson:
+    def of(cls, recording: Recording, settings: SensingSettings | None = None) -> SinglePersonSegmenter:
         """A finder with the camera, background and vertical of `recording`."""
         return cls(recording.camera, recording.background, settings, recording.up_camera)
 
@@ -74,8 +74,8 @@ class LonePerson:
         holes = None if self._segmenter.cut_out else hole_sizes(whole_mm)
         return (Sighting(ID, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
 
-    def afresh(self) -> None:
-        """See `PeopleFinder.afresh`."""
+    def redetect(self) -> None:
+        """See `PeopleFinder.redetect`."""
 
     def clean(self, depth_mm: np.ndarray) -> np.ndarray:
         """The person's depth in a frame.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_like_person, near_head, share_out
-from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head, lowness, possible_height
-from toolkit.people.view import Lens, View
+from toolkit.people.hypothesis import PersonClassifier, alone_log_odds, judged_head, lowness, possible_height
+from toolkit.people.view import CoarseCamera, View
 
 LEAST_AREA = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
 LEAST_CUT_OUT = 0.03  # m^2 where nothing but people is measured: one of half a metre
@@ -16,7 +16,12 @@ KNEES = 0.3  # m horizontally, within which what looks like a person below a hea
 
 
 def people_and_furniture(
-    view: View, lens: Lens, *, cut_out: bool = False, judge: PersonJudge | None = None, floor: float | None = None
+    view: View,
+    lens: CoarseCamera,
+    *,
+    cut_out: bool = False,
+    judge: PersonClassifier | None = None,
+    floor: float | None = None,
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """What looks like people in a single image of a room, and what only has something like a head.
 
@@ -64,7 +69,7 @@ def people_and_furniture(
     return people, furniture, labels
 
 
-def hanging_on(view: View, lens: Lens, heads: list[np.ndarray]) -> list[np.ndarray]:
+def hanging_on(view: View, lens: CoarseCamera, heads: list[np.ndarray]) -> list[np.ndarray]:
     """What hangs on each of the heads when they share out the foreground: masks bool (h, w)."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, heads, seeds)
@@ -89,7 +94,7 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
 
 
 def _shaped(
-    view: View, lens: Lens, heads: list[np.ndarray], alone: list[np.ndarray], shared: list[np.ndarray]
+    view: View, lens: CoarseCamera, heads: list[np.ndarray], alone: list[np.ndarray], shared: list[np.ndarray]
 ) -> list[bool]:
     """Which heads have a person's shape, by their share (`shared`) of a surface or by the whole (`alone`) of it.
 
@@ -105,12 +110,12 @@ def _shaped(
     return found
 
 
-def a_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray) -> bool:
+def a_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
     """Whether a surface has a person's area and height, and below the head (3,) a person's shape."""
     return large_enough(view, lens, mask) and looks_like_person(view, lens, mask, head)
 
 
-def large_enough(view: View, lens: Lens, mask: np.ndarray, *, cut_out: bool = False) -> bool:
+def large_enough(view: View, lens: CoarseCamera, mask: np.ndarray, *, cut_out: bool = False) -> bool:
     """Whether a surface has a person's area and height; `cut_out`: nothing but people is measured."""
     if lens.area(view.depth[mask]) < (LEAST_CUT_OUT if cut_out else LEAST_AREA):
         return False

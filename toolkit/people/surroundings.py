@@ -13,7 +13,7 @@ from toolkit.io.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 
 EMPTY_SHARE = 0.1  # of a frame is 0 where it is already cut out (recording format)
 LARGEST_HEADLESS = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
@@ -101,24 +101,24 @@ class Surroundings:
         return before
 
 
-def tolerances(depth: np.ndarray, lens: Lens) -> np.ndarray:
+def tolerances(depth: np.ndarray, lens: CoarseCamera) -> np.ndarray:
     """Metres within which a pixel lies on a plane, as `depth`."""
     return np.asarray(PLANE_DISTANCE + lens.quantisation * depth**2, dtype=np.float32)
 
 
-def nothing_but_people(lens: Lens) -> Surroundings:
+def nothing_but_people(lens: CoarseCamera) -> Surroundings:
     """Surroundings of frames that are already cut out."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
     return Surroundings(True, True, empty, empty, np.zeros(empty.shape, dtype=np.bool_))
 
 
-def empty_scene(background: np.ndarray, lens: Lens, margin: float) -> Surroundings:
+def empty_scene(background: np.ndarray, lens: CoarseCamera, margin: float) -> Surroundings:
     """Surroundings whose empty scene was recorded: float32 (h, w), metres; `margin` in metres before it."""
     margins = margin + lens.quantisation * background**2
     return Surroundings(False, True, background, margins.astype(np.float32), np.zeros(background.shape, dtype=np.bool_))
 
 
-def is_cut_out(depth: np.ndarray, lens: Lens) -> bool:
+def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
     """Whether a coarse frame holds nothing but people: much of it is 0, no wall or floor is in it, and no more of other
     surfaces without a head than a person has.
     """
@@ -135,20 +135,20 @@ def is_cut_out(depth: np.ndarray, lens: Lens) -> bool:
     return not _planes_of(depth, lens)
 
 
-def room_of(depth: np.ndarray, lens: Lens) -> Surroundings:
+def room_of(depth: np.ndarray, lens: CoarseCamera) -> Surroundings:
     """Surroundings without a background: walls and floor of one coarse frame float32 (h, w), metres."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
     planes = tuple(_planes_of(depth, lens))
     return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), planes)
 
 
-def first_look(depth: np.ndarray, lens: Lens) -> Surroundings:
+def first_look(depth: np.ndarray, lens: CoarseCamera) -> Surroundings:
     """Surroundings as far as a single coarse frame float32 (h, w), metres, tells."""
     if is_cut_out(depth, lens):
         return nothing_but_people(lens)
     return room_of(depth, lens)
 
 
-def _planes_of(depth: np.ndarray, lens: Lens) -> list[Plane]:
+def _planes_of(depth: np.ndarray, lens: CoarseCamera) -> list[Plane]:
     tolerance = tolerances(depth, lens)
     return find_planes(depth, lens.rays, tolerance)

@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from toolkit.io.errors import SegmentationError
-from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.learning import camera_moved, learnt
-from toolkit.people.multi_person import MOST_PEOPLE, SeveralPeople
-from toolkit.people.selected_person import OneOfSeveral, meant_person
+from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
+from toolkit.people.selected_person import SelectedPersonFinder, meant_person
 from toolkit.people.sighting import PeopleFinder
-from toolkit.people.single_person import LonePerson
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
 from toolkit.people.vertical import floor_height
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
@@ -32,8 +32,8 @@ def find_people(
     recording: Recording,
     sensing: SensingSettings | None = None,
     most: int | None = None,
-    judge: PersonJudge | None = None,
-) -> SeveralPeople:
+    judge: PersonClassifier | None = None,
+) -> MultiPersonFinder:
     """A finder of all people in a recording, or of the first `most` people; `judge` tells people from furniture.
 
     Raises
@@ -44,11 +44,11 @@ def find_people(
     sensing = sensing or SensingSettings()
     surroundings = survey(recording, sensing, judge)
     most = MOST_PEOPLE if most is None else most
-    return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, most, judge)
+    return MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, most, judge)
 
 
 def find_person(
-    recording: Recording, sensing: SensingSettings | None = None, judge: PersonJudge | None = None
+    recording: Recording, sensing: SensingSettings | None = None, judge: PersonClassifier | None = None
 ) -> PeopleFinder:
     """A finder of the one person whom `sensing` means; in a room it is chosen by the whole recording.
 
@@ -63,11 +63,13 @@ def find_person(
         room = survey(recording, sensing, judge)
         if not room.cut_out:
             given = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, judge
-            return OneOfSeveral(SeveralPeople(*given), meant_person(recording, SeveralPeople(*given), sensing))
-    return LonePerson.of(recording, sensing)
+            return SelectedPersonFinder(
+                MultiPersonFinder(*given), meant_person(recording, MultiPersonFinder(*given), sensing)
+            )
+    return SinglePersonSegmenter.of(recording, sensing)
 
 
-def survey(recording: Recording, sensing: SensingSettings, judge: PersonJudge | None = None) -> Surroundings:
+def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifier | None = None) -> Surroundings:
     """The room of a recording: its empty scene, nothing but people, or what frames spread over it tell.
 
     `sensing.segment` counts as far as it speaks of the room; "person" and "seed" say that people are not cut out.
@@ -79,7 +81,7 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonJudge | 
     """
     polisher = DepthFilter(recording.camera, sensing)
     mode = SegmentationMode.parse(sensing.segment)
-    lens = Lens(polisher.flat_camera, recording.up_camera, sensing)
+    lens = CoarseCamera(polisher.flat_camera, recording.up_camera, sensing)
     if mode.name == "background" and recording.background is None:
         raise SegmentationError(
             "--segment is background and the recording has none; give --background or --segment auto"
@@ -111,5 +113,7 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonJudge | 
     return replace(room, floor=floor)
 
 
-def _coarse(recording: Recording, polisher: DepthFilter, lens: Lens, frames: np.ndarray) -> Iterator[np.ndarray]:
+def _coarse(
+    recording: Recording, polisher: DepthFilter, lens: CoarseCamera, frames: np.ndarray
+) -> Iterator[np.ndarray]:
     return (lens.coarse(polisher.checked(recording.depth(int(i)))) for i in frames)

@@ -9,9 +9,9 @@ import numpy as np
 
 from toolkit.kernels.image import components
 from toolkit.people.detection import REACH_STILL, SURFACE_GAP
-from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
-from toolkit.people.view import Lens, View
+from toolkit.people.view import CoarseCamera, View
 
 LEAST_BODY = 0.12  # m^2 of a person whose head is not seen
 LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
@@ -23,7 +23,7 @@ SAMPLES = 200  # pixels of a piece, and of a person, between which the gap is me
 
 def attach_islands(
     view: View,
-    lens: Lens,
+    lens: CoarseCamera,
     labels: np.ndarray,
     places: Sequence[np.ndarray],
     *,
@@ -65,7 +65,9 @@ def attach_islands(
     return attached, bodies
 
 
-def attach_limbs(view: View, lens: Lens, labels: np.ndarray, people: int, judge: PersonJudge) -> np.ndarray:
+def attach_limbs(
+    view: View, lens: CoarseCamera, labels: np.ndarray, people: int, judge: PersonClassifier
+) -> np.ndarray:
     """Give what the judge takes for limbs to the people near by, where nothing is known of the room.
 
     An arm before the chest or behind it hangs on no surface of the person.
@@ -114,7 +116,7 @@ def _aside(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
 
 
-def surfaces(view: View, lens: Lens, labels: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
+def surfaces(view: View, lens: CoarseCamera, labels: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
     """Connected unassigned surfaces of the foreground: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)

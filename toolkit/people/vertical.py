@@ -16,7 +16,7 @@ from toolkit.people.floor import LARGEST_TILT, Floor, find_floor, find_known_flo
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import find_planes
 from toolkit.people.surroundings import first_look, tolerances
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.recording import Recording, Vertical
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -91,7 +91,7 @@ def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
     image_up = np.array(DEFAULT_UP)
     # What is minimised: squared sines to people's axes and to the image's vertical, squared cosines to walls' normals.
     doubt = -_outer(image_up, TRUST["image"])
-    lens = Lens(camera.undistorted(), image_up, SensingSettings())
+    lens = CoarseCamera(camera.undistorted(), image_up, SensingSettings())
     for frame in frames:
         depth = lens.coarse(frame)
         for axis, trust, _ in people_axes(depth, lens):
@@ -111,7 +111,7 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
     return np.asarray(direction[:, None] * direction[None, :] / deviation**2)
 
 
-def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str, np.ndarray]]:
+def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray, str, np.ndarray]]:
     """Directions in which the people of a coarse frame point upwards, how far to trust them, and the people's points
     (N, 3): camera frame, metres.
     """
@@ -132,7 +132,7 @@ def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str, np
     return [person for person in axes if _angle(person[0], np.array(DEFAULT_UP)) <= LARGEST_TILT]
 
 
-def _chest(points: np.ndarray, head: np.ndarray, lens: Lens) -> np.ndarray:
+def _chest(points: np.ndarray, head: np.ndarray, lens: CoarseCamera) -> np.ndarray:
     """Middle of what lies below a head (3,), level frame, on its axis: float64 (3,), camera frame, as `points`."""
     below = lens.to_level(points) - head
     column = (np.hypot(below[:, 0], below[:, 2]) < CHEST_RADIUS) & (np.abs(below[:, 1] + CHEST_DROP) < CHEST_RADIUS)

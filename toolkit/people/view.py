@@ -32,7 +32,7 @@ class View:
     still: np.ndarray
 
 
-class Lens:
+class CoarseCamera:
     """Makes coarse frames of one camera.
 
     Parameters

@@ -88,7 +88,7 @@ def check_ranges(given: object, ranges: Mapping[str, tuple[float, float, str]]) 
             raise UsageError(f"{name.replace('_', ' ')} {value:g} is impossible; give {low:g} to {high:g} {unit}")
 
 
-class Performer(NamedTuple):
+class PosedSubject(NamedTuple):
     """A person in place.
 
     Attributes
@@ -154,7 +154,7 @@ def grown_to(body: Body, stature: float) -> Body:
     return body.scaled(stature / body.height)
 
 
-def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Generator) -> Performer:
+def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Generator) -> PosedSubject:
     """Body and poses of a person on the floor plan; `rng` draws how a person sits."""
     check_holding(person.holds)
     naked = subject_of(person.body)
@@ -172,7 +172,7 @@ def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Ge
     body = dressed(naked, person.clothes)
     hanging = len(body.vertices) - len(naked.vertices)
     held = (person.held[0] * frame_rate, person.held[1] * frame_rate)
-    return Performer(body, placed, round(person.enters * frame_rate), hanging, person.holds, held)
+    return PosedSubject(body, placed, round(person.enters * frame_rate), hanging, person.holds, held)
 
 
 def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:
@@ -216,7 +216,7 @@ def facing_of(pose: np.ndarray) -> float:
     return float(np.arctan2(facing[0], facing[2]))
 
 
-def furniture_of(person: SimulatedPerson, performer: Performer) -> Mesh:
+def furniture_of(person: SimulatedPerson, performer: PosedSubject) -> Mesh:
     """What belongs to a person: seats under the hips, a desk before a sitter, other obstacles towards the camera."""
     kinds = check_kinds(person.furniture)
     if person.seated and not any(kind in SEATS for kind in kinds):
@@ -247,7 +247,7 @@ def _reach(body: Body, poses: np.ndarray, at: tuple[float, float], forward: np.n
     return float(((joints[..., [0, 2]] - at) @ forward).max()) + CHESTS * body.height
 
 
-def check_apart(performers: Sequence[Performer]) -> None:
+def check_apart(performers: Sequence[PosedSubject]) -> None:
     """Refuse people who stand in each other.
 
     Raises
@@ -272,7 +272,7 @@ def check_apart(performers: Sequence[Performer]) -> None:
                 )
 
 
-def check_clear(performers: Sequence[Performer], boxes: Sequence[Box]) -> None:
+def check_clear(performers: Sequence[PosedSubject], boxes: Sequence[Box]) -> None:
     """Refuse people who stand in the furniture of the room.
 
     Raises
@@ -292,7 +292,7 @@ def check_clear(performers: Sequence[Performer], boxes: Sequence[Box]) -> None:
                 )
 
 
-def _trunk(performer: Performer, start: int, end: int) -> np.ndarray:
+def _trunk(performer: PosedSubject, start: int, end: int) -> np.ndarray:
     """Points along the trunk in frames `start` to `end`: float64 (end - start, 5, 3)."""
     joints = performer.body.joint_positions(performer.poses[start - performer.first : end - performer.first])
     pelvis, neck = (joints[:, skeleton.REPORTED.index(name)][:, None] for name in ("pelvis", "neck"))

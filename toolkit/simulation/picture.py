@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.body.body import vertex_normals
 from toolkit.kernels.image.shading import shade_triangles
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.raycast import Hits
+from toolkit.simulation.raycast import Hits
 from toolkit.simulation.scene import PlacedCamera
 
 FINER = 2

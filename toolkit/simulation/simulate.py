@@ -19,7 +19,6 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.raycast import Hits, cast
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, boxes_mesh
@@ -27,7 +26,7 @@ from toolkit.simulation.inertial import SimulatedSensors, simulate_sensors
 from toolkit.simulation.interiors.mesh import Mesh, joined
 from toolkit.simulation.interiors.room import named_room
 from toolkit.simulation.person import (
-    Performer,
+    PosedSubject,
     SimulatedPerson,
     check_apart,
     check_clear,
@@ -36,6 +35,7 @@ from toolkit.simulation.person import (
     prepare_person,
 )
 from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
+from toolkit.simulation.raycast import Hits, cast
 from toolkit.simulation.scene import PlacedCamera, Scenery, cut_tilt, place_camera, surroundings
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
@@ -61,7 +61,7 @@ EMPTY_STATURE, EMPTY_NECK, EMPTY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
+class CaptureSettings:
     """How a scene is recorded.
 
     Attributes
@@ -158,8 +158,8 @@ class Simulation:
     frame_rate : frames a second
     """
 
-    shot: Shot
-    performers: tuple[Performer, ...]
+    shot: CaptureSettings
+    performers: tuple[PosedSubject, ...]
     furniture: Mesh
     view: PlacedCamera
     sensor: Sensor
@@ -267,9 +267,9 @@ class Simulation:
         return np.clip(towards / np.sqrt(1.0 + (rays**2).sum(axis=1)), 0.0, 1.0).astype(np.float32)
 
 
-def prepare(people: Sequence[SimulatedPerson], shot: Shot | None = None) -> Simulation:
+def prepare(people: Sequence[SimulatedPerson], shot: CaptureSettings | None = None) -> Simulation:
     """Everything placed, nothing simulated yet. Arguments and errors as in `simulate_scene`."""
-    shot = shot or Shot()
+    shot = shot or CaptureSettings()
     rate = min([shot.frame_rate, *(p.clip.frame_rate for p in people if isinstance(p.clip, PoseClip))])
     performers = tuple(
         prepare_person(person, rate, np.random.default_rng([shot.seed, 2, i])) for i, person in enumerate(people)
@@ -290,7 +290,7 @@ def prepare(people: Sequence[SimulatedPerson], shot: Shot | None = None) -> Simu
 
 
 def _view(
-    people: Sequence[SimulatedPerson], performers: Sequence[Performer], shot: Shot, camera: Camera
+    people: Sequence[SimulatedPerson], performers: Sequence[PosedSubject], shot: CaptureSettings, camera: Camera
 ) -> PlacedCamera:
     """The camera's place: how high it stands, and how far it looks down."""
     stature, neck = EMPTY_STATURE, EMPTY_NECK
@@ -309,7 +309,7 @@ def _view(
 def simulate_scene(
     people: Sequence[SimulatedPerson],
     output: str | Path,
-    shot: Shot | None = None,
+    shot: CaptureSettings | None = None,
     *,
     progress: Count = silent,
 ) -> Recording:
@@ -341,7 +341,7 @@ def simulate_scene(
     if Path(output).suffix != ".npz":
         raise UsageError(f"a recording is one .npz file, not {output}; choose a name such as take.npz")
     check_output(output, [person.clip for person in people if not isinstance(person.clip, PoseClip)])
-    shot = shot or Shot()
+    shot = shot or CaptureSettings()
     simulation = prepare(people, shot)
     measured = _worn_sensors(simulation) if shot.inertial else None
     background = simulation.background() if shot.background else None
@@ -376,5 +376,7 @@ def simulate_recording(
     progress: Count = silent,
     **shot: Any,
 ) -> Recording:
-    """As `simulate_scene`, of one person alone: arguments of `SimulatedPerson` and, as keywords, of `Shot`."""
-    return simulate_scene([SimulatedPerson(clip, body=body, yaw=yaw)], output, Shot(**shot), progress=progress)
+    """Simulate one person: `simulate_scene` with arguments of `SimulatedPerson` and keywords of `CaptureSettings`."""
+    return simulate_scene(
+        [SimulatedPerson(clip, body=body, yaw=yaw)], output, CaptureSettings(**shot), progress=progress
+    )

@@ -36,7 +36,7 @@ class FollowedBody:
         self.follower, self.settings, self._stages, self._fitting = follower, settings, stages, fitting
         self._estimator: ShapeEstimator | None = None
         self._statures = (0.0, math.inf)
-        self._pace = Pace(settings.rate)
+        self._pace = RateLimiter(settings.rate)
 
     @property
     def found(self) -> bool:
@@ -78,7 +78,7 @@ class FollowedBody:
         follower.state = replace(follower.state, body=body)
 
 
-class Pace:
+class RateLimiter:
     """Chooses evenly spread frames: at most about `rate` in a second."""
 
     def __init__(self, rate: float) -> None:

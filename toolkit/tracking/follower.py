@@ -15,7 +15,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.heading import TURNED, against, voted_facing
+from toolkit.tracking.heading import MAX_HEADING_PENALTY, heading_disagreement, voted_facing
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import HEAD, FollowedPerson
@@ -23,7 +23,7 @@ from toolkit.tracking.search.labelings import EFFECTORS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracking.stature import head_top, off_floor, unlikely
+from toolkit.tracking.stature import head_top, off_floor, stature_prior_cost
 from toolkit.tracking.tracking_settings import FollowerSettings
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
@@ -133,11 +133,11 @@ class Follower(FollowedPerson):
 
     def cost_of_size(self, scored: ScoredHypothesis) -> float:
         """What is to be least where the size is unknown, metres: unlikely statures cost more."""
-        return self.cost(scored) + unlikely(scored.body.height) + self.off_floor(scored)
+        return self.cost(scored) + stature_prior_cost(scored.body.height) + self.off_floor(scored)
 
     def weighed(self, cost: float, pose: np.ndarray) -> float:
-        """What a pose (P,) costs, metres, more by `TURNED` of itself where the person surely heads elsewhere."""
-        return cost * (1.0 + TURNED * against(self.heading, pose))
+        """Return the cost of a pose (P,), metres, raised by `MAX_HEADING_PENALTY` where the heading disagrees."""
+        return cost * (1.0 + MAX_HEADING_PENALTY * heading_disagreement(self.heading, pose))
 
     def off_floor(self, scored: ScoredHypothesis) -> float:
         """What the floor says against a hypothesis, metres."""
@@ -233,13 +233,13 @@ def unseen(before: PersonState, timestamp: float) -> PersonState:
     A person who comes back may stand anywhere, in any pose, facing anywhere; after a short absence they are probably
     near the last place.
     """
-    went = {} if before.previous is None else _went(before, before.previous)
+    went = {} if before.previous is None else _remember_last_seen(before, before.previous)
     return replace(
         before, previous=None, centre=None, facing=None, in_view=None, timestamp=timestamp, smoothed=None, **went
     )
 
 
-def _went(state: PersonState, previous: Previous) -> dict[str, Any]:
+def _remember_last_seen(state: PersonState, previous: Previous) -> dict[str, Any]:
     return {"last_seen": replace(previous, before=None), "last_seen_at": state.timestamp}
 
 

@@ -19,7 +19,7 @@ NOTHING_FOUND = 0.4
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Detection:
     """What a look afresh says of one frame.
 
     Attributes
@@ -34,7 +34,7 @@ class Look:
     cost: float
 
 
-class Looker:
+class FrameDetector:
     """Looks at one person in any frame of a recording.
 
     Parameters
@@ -71,9 +71,9 @@ class Looker:
         cost = follower.weighed(follower.distance, follower.winner.hypothesis.pose)
         return Step(result, cost, follower.winner.hypothesis.continues)
 
-    def afresh(self, frame: int, body: Body) -> Look:
+    def redetect(self, frame: int, body: Body) -> Detection:
         """Find the person, whose body this is, in a frame without knowing anything of the others."""
         self.follower.state = replace(self._unknown, body=body, sized=True)
         step = self.follow(frame)
         winner = self.follower.winner
-        return Look(step, self.follower.state, math.inf if winner is None else self.follower.cost(winner))
+        return Detection(step, self.follower.state, math.inf if winner is None else self.follower.cost(winner))

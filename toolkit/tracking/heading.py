@@ -25,9 +25,9 @@ STANDS, WALKS = 0.4, 0.8
 """Metres a second: slower than the first counts nothing, faster than the second in full."""
 AROUND = 0.75
 """Seconds from a frame at which a vote for a facing counts e times less."""
-DOUBT = 0.5
+HEADING_UNCERTAINTY = 0.5
 """Sure votes about a frame, summed, of which half is believed."""
-TURNED = 0.25
+MAX_HEADING_PENALTY = 0.25
 """Share by which a pose has to explain a frame better that heads away from where the person surely heads, and may
 explain it worse that heads there: where no pose explains it well, differences of distance say little.
 """
@@ -98,7 +98,7 @@ def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndar
         near = slice(*np.searchsorted(moments, [moment - 4.0 * AROUND, moment + 4.0 * AROUND]))
         weights = np.exp(-np.abs(moments[near] - moment) / AROUND)
         together = (weights[:, None] * voted[near]).sum(axis=0)
-        faced[frame] = together / (DOUBT + math.hypot(*together))
+        faced[frame] = together / (HEADING_UNCERTAINTY + math.hypot(*together))
     return faced
 
 
@@ -108,7 +108,7 @@ def heading(walked: np.ndarray, faced: np.ndarray) -> np.ndarray:
     return together / np.maximum(np.hypot(together[:, :1], together[:, 1:]), 1.0)
 
 
-def against(heads: np.ndarray, pose: np.ndarray) -> float:
+def heading_disagreement(heads: np.ndarray, pose: np.ndarray) -> float:
     """What a heading (2,), see `heading`, says against a pose (P,), level frame: -1 to 1."""
     if not heads.any():
         return 0.0

@@ -22,7 +22,7 @@ from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.stream import Frame
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.sightings import Kept, SightingFile
+from toolkit.tracking.sightings import SightingFile, StoredSighting
 from toolkit.tracking.state import State
 from toolkit.tracking.tracker_protocol import BodyLearner, PersonFollower, Tracker
 from toolkit.tracks import FrameResult
@@ -41,7 +41,7 @@ class Row(NamedTuple):
 class Waiting:
     """Kept sightings of a person whose body is not learnt yet; the learner exists once enough was seen."""
 
-    frames: list[tuple[Kept | None, float, float]] = field(default_factory=list)
+    frames: list[tuple[StoredSighting | None, float, float]] = field(default_factory=list)
     seen_since: int | None = None
     learner: BodyLearner | None = None
 
@@ -62,7 +62,7 @@ class Predictions(Mapping[int, PredictedBody]):
         return len(self._known)
 
 
-class Crowd:
+class MultiPersonTracker:
     """Follows the people of one stream.
 
     Parameters
@@ -179,7 +179,7 @@ class Crowd:
 
     def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:
         """Keep a sighting for later; whether there are enough now."""
-        waiting.frames.append((None if sighting is None else Kept.of(sighting), timestamp, prepare_ms))
+        waiting.frames.append((None if sighting is None else StoredSighting.of(sighting), timestamp, prepare_ms))
         if waiting.seen_since is None and sighting is not None:
             if np.count_nonzero(sighting.depth) >= self.tracker.settings.smallest_person:
                 waiting.seen_since = len(waiting.frames) - 1

@@ -19,12 +19,12 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state, numbered
 from toolkit.io.errors import TrackError
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.frame_detection import Look, Looker
-from toolkit.tracking.heading import against
+from toolkit.tracking.frame_detection import Detection, FrameDetector
+from toolkit.tracking.heading import heading_disagreement
 from toolkit.tracking.search.search_protocol import UNLIKELY
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState, Previous, State, body_of, body_state
-from toolkit.tracking.trajectory_choice import Step, WayFile, apart, better_parts
+from toolkit.tracking.trajectory_choice import Step, TrajectoryStore, apart, better_parts
 from toolkit.tracks import EMPTY, TRACKED
 
 AGREED, AGREED_FRAMES = 0.04, 3
@@ -38,7 +38,7 @@ DISAGREED = 5
 REPAIRED = 300
 """Frames that a second way is followed at most."""
 TURNED_FROM = 0.5
-"""What the heading says against a pose, see `against`, from which on the frame is looked at afresh."""
+"""What the heading says against a pose, see `heading_disagreement`, from which on the frame is looked at afresh."""
 FIRST_PASS = 2
 """In place of a direction: from the pose of the first pass, in both."""
 _PLAN = {
@@ -65,7 +65,7 @@ class Plan:
     stretches: np.ndarray
     checks: np.ndarray
     heading: np.ndarray
-    looks: Mapping[int, Look] = field(default_factory=dict)
+    looks: Mapping[int, Detection] = field(default_factory=dict)
 
     def export(self) -> State:
         """As plain arrays, numbers and text."""
@@ -79,7 +79,7 @@ class Plan:
         return cls(body_of(state["body"]), state["stretches"], state["checks"], state["heading"])
 
     def check(self, frames: int, repairs: np.ndarray | None, pending: Collection[int]) -> None:
-        """Raise TrackError where this, or what `BothWays` has of it, does not lie in a recording of so many frames."""
+        """Raise TrackError where a stretch or a frame of the second pass lies outside of a recording of `frames`."""
         first, last, start = self.stretches.T
         moments = self.checks if repairs is None else np.concatenate([self.checks, repairs])
         moments = moments[:, :2]
@@ -89,7 +89,7 @@ class Plan:
             raise TrackError(f"the second pass is of another recording; {HINT}")
 
 
-class BothWays:
+class BidirectionalTracker:
     """One person of a recording, followed forwards and backwards from the surest frames.
 
     Parameters
@@ -108,12 +108,12 @@ class BothWays:
         follower: Follower,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        way: WayFile,
+        way: TrajectoryStore,
         plan: Plan,
         stages: tuple[str, ...],
         first_pass: np.ndarray | None = None,
     ) -> None:
-        self._follower, self._looker = follower, Looker(follower, seen, timestamps, stages, plan.heading)
+        self._follower, self._looker = follower, FrameDetector(follower, seen, timestamps, stages, plan.heading)
         self._timestamps, self._first_pass = timestamps, first_pass
         self._way, self._plan = way, plan
         self._unknown = replace(follower.state, body=plan.body, sized=True)
@@ -172,7 +172,7 @@ class BothWays:
 
     def start_at(self, frame: int) -> Step:
         """Find the person anew in a frame."""
-        look = self._plan.looks.get(frame) or self._looker.afresh(frame, self._plan.body)
+        look = self._plan.looks.get(frame) or self._looker.redetect(frame, self._plan.body)
         self._follower.state = look.state
         return look.step
 
@@ -202,7 +202,7 @@ class BothWays:
         found: list[tuple[int, int, int]] = []
         heading = self._plan.heading
         for number, (first, last, _) in enumerate(self._plan.stretches.tolist()):
-            said = [against(heading[f], self._way[f].result.pose) for f in range(first, last + 1)]
+            said = [heading_disagreement(heading[f], self._way[f].result.pose) for f in range(first, last + 1)]
             wrong = np.concatenate([[False], np.array(said) > TURNED_FROM, [False]])
             begins, ends = np.flatnonzero(wrong[1:] & ~wrong[:-1]), np.flatnonzero(wrong[:-1] & ~wrong[1:])
             found += [(first + b + int(np.argmax(said[b:e])), number, 0) for b, e in zip(begins, ends, strict=True)]
@@ -274,16 +274,16 @@ class BothWays:
         follower, known, planned = self._follower, self._way[frame], self._plan.looks.get(frame)
         if planned is not None and apart(planned.step.result, known.result) < OTHERWISE:
             return None
-        step = self._looker.afresh(frame, self._plan.body).step
+        step = self._looker.redetect(frame, self._plan.body).step
         if follower.observation is None or apart(step.result, known.result) < OTHERWISE:
             return None
         scene = follower.observation.scene
         old, new = (follower.objective.compare(self._plan.body, at.result.pose, scene) for at in (known, step))
-        before, afresh = (
+        before, redetect = (
             follower.weighed(compared.distance + UNLIKELY * compared.energy, at.result.pose)
             for compared, at in ((old, known), (new, step))
         )
-        better = afresh < before
+        better = redetect < before
         return (step, follower.state) if better else None
 
     def _state_at(self, frame: int) -> PersonState:

@@ -11,10 +11,10 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
-from toolkit.tracking.body_learning import FollowedBody, Pace
+from toolkit.tracking.body_learning import FollowedBody, RateLimiter
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
-from toolkit.tracking.frame_detection import NOTHING_FOUND, Look, Looker
+from toolkit.tracking.frame_detection import NOTHING_FOUND, Detection, FrameDetector
 from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.sightings import PersonSightings
@@ -91,7 +91,7 @@ class Planner:
     ) -> None:
         self._learner, self._follower, self._seen = learner, follower, seen
         self._walked = np.zeros((len(timestamps), 2)) if walked is None else walked
-        self._looker = Looker(follower, seen, timestamps, stages, self._walked)
+        self._looker = FrameDetector(follower, seen, timestamps, stages, self._walked)
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -109,7 +109,7 @@ class Planner:
         if body is None:
             moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
             body = yield from self._own_body(moments, usable, stood)
-        rows, checks, looks = [], [], dict[int, Look]()
+        rows, checks, looks = [], [], dict[int, Detection]()
         for number, (first, last) in enumerate(stretches):
             best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
             found = yield from self._looks(best, body)
@@ -195,11 +195,11 @@ class Planner:
         follower.sizes, follower.state = belief.bodies, unknown
         return belief
 
-    def _looks(self, moments: list[int], body: Body) -> Generator[None, None, dict[int, Look]]:
+    def _looks(self, moments: list[int], body: Body) -> Generator[None, None, dict[int, Detection]]:
         """What looks afresh say of these moments, for a body."""
         looks = {}
         for moment in moments:
-            looks[moment] = self._looker.afresh(moment, body)
+            looks[moment] = self._looker.redetect(moment, body)
             yield
         return looks
 
@@ -211,7 +211,7 @@ class Planner:
         return sighting
 
 
-def surest(looks: Mapping[int, Look]) -> int:
+def surest(looks: Mapping[int, Detection]) -> int:
     """The frame in which a pose was found at the least cost."""
     return min(looks, key=lambda frame: looks[frame].cost)
 
@@ -227,7 +227,7 @@ def frames_around(start: int, usable: np.ndarray, timestamps: np.ndarray, settin
     """Frames around `start`, nearest in time and evenly spread, rising: as many as a body is learnt of."""
     chosen = []
     for frames in (usable[usable >= start], usable[usable < start][::-1]):
-        pace = Pace(settings.rate)
+        pace = RateLimiter(settings.rate)
         chosen += [frame for frame in frames.tolist() if pace.takes(abs(timestamps[frame] - timestamps[start]))]
     nearest = sorted(chosen, key=lambda frame: abs(timestamps[frame] - timestamps[start]))
     return np.array(sorted(nearest[: round(settings.seconds * settings.rate)]), dtype=np.int64)

@@ -23,14 +23,14 @@ from toolkit.tracking.body_learning import FollowedBody
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
-from toolkit.tracking.passes import BothWays, Plan
+from toolkit.tracking.passes import BidirectionalTracker, Plan
 from toolkit.tracking.planning import Planner
 from toolkit.tracking.search.search_protocol import Search, Verifier
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
 from toolkit.tracking.tracker_protocol import TrackerSettings, Wanted
 from toolkit.tracking.tracking_settings import FollowerSettings
-from toolkit.tracking.trajectory_choice import WayFile
+from toolkit.tracking.trajectory_choice import TrajectoryStore
 
 LARGE_IMAGE = 200
 """Pixels of width above which the body is drawn at half the resolution of the image."""
@@ -157,13 +157,13 @@ class SearchingTracker(ABC):
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        way: WayFile,
+        way: TrajectoryStore,
         plan: Plan,
         first_pass: np.ndarray | None = None,
-    ) -> BothWays:
+    ) -> BidirectionalTracker:
         """See `LooksBack.both_ways`."""
         follower = self.follower(camera, level_rotation, plan.body)
-        return BothWays(follower, seen, timestamps, way, plan, self.stage_names, first_pass)
+        return BidirectionalTracker(follower, seen, timestamps, way, plan, self.stage_names, first_pass)
 
     def assembled(
         self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState

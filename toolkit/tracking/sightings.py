@@ -31,7 +31,7 @@ FASTEST = 1
 """Level of compression: a third of the time of the default, files a tenth larger."""
 
 
-class Kept(NamedTuple):
+class StoredSighting(NamedTuple):
     """A sighting without the empty border of its depth, and its mask in bits."""
 
     id: int
@@ -42,7 +42,7 @@ class Kept(NamedTuple):
     joints: Joints2D | None
 
     @classmethod
-    def of(cls, sighting: Sighting) -> Kept:
+    def of(cls, sighting: Sighting) -> StoredSighting:
         """What there is of a sighting."""
         window = window_of(sighting.depth)
         bits = None if sighting.unobserved is None else np.packbits(sighting.unobserved)
@@ -70,7 +70,7 @@ class Kept(NamedTuple):
         return zlib.compress(b"".join([header.tobytes(), millimetres.tobytes(), mask, joints]), FASTEST)
 
     @classmethod
-    def unpacked(cls, data: bytes, person: int, camera: Camera) -> Kept:
+    def unpacked(cls, data: bytes, person: int, camera: Camera) -> StoredSighting:
         """From `packed`; raises ValueError where it is from elsewhere."""
         pixels = camera.width * camera.height
         mask_bytes, unpacking = -(-pixels // 8), zlib.decompressobj()
@@ -134,7 +134,7 @@ class SightingFile:
             pixels = np.count_nonzero(sighting.depth)
             if pixels == 0:
                 continue
-            packed = Kept.of(sighting).packed()
+            packed = StoredSighting.of(sighting).packed()
             entry = np.zeros((), dtype=ENTRY)
             entry["frame"], entry["person"] = frame, sighting.id
             entry["pixels"] = pixels
@@ -212,11 +212,11 @@ class PersonSightings:
         self._stream.seek(int(entry["begin"]))
         data = self._stream.read(int(entry["end"]) - int(entry["begin"]))
         try:
-            return Kept.unpacked(data, int(entry["person"]), self._camera).sighting()
+            return StoredSighting.unpacked(data, int(entry["person"]), self._camera).sighting()
         except (ValueError, zlib.error) as error:
             raise TrackError(f"frame {frame} in {self._path} is damaged ({error}); {HINT}") from error
 
-    def told_share(self) -> float:
+    def detected_fraction(self) -> float:
         """Share of these frames in which joints of the person were seen in the image."""
         told = (sighting is not None and sighting.joints is not None for sighting in map(self.__getitem__, self.frames))
         return sum(told) / max(len(self.frames), 1)

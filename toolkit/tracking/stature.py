@@ -18,10 +18,10 @@ from toolkit.sensing.cloud import Cloud
 ADULTS, SPREAD, TAILS = 1.70, 0.09, 2.0
 """Metres: middle and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails hold
 children."""
-NAT = 0.004
+COST_PER_LOG_ODDS = 0.004
 """Metres of distance from a frame that are worth a natural unit of information about the size: those of neighbouring
 sizes of a person who is cut at the waist differ by as much by chance."""
-MISLED = 0.03
+SIZE_COST_SPREAD = 0.03
 """Metres by which a frame may be nearer to a body of another size than the person's."""
 FLOOR_SIGMA, FLOOR_CAP = 0.04, 4.0
 """Metres by which the soles of a right body miss the floor; natural units that they can say at most, for people jump,
@@ -34,14 +34,14 @@ STANDING = 0.75
 UPRIGHT = 0.15
 """Metres by which a likely stature may differ from the height of the head: nearer, the person stood, and it is the
 stature; farther, they sat, or something hid the head."""
-BENT = 0.04
+BENT_STATURE_SPREAD = 0.04
 """Metres by which a person who walks may be taller than the head is high: the knees are bent."""
 
 
-def unlikely(stature: float) -> float:
+def stature_prior_cost(stature: float) -> float:
     """Metres of distance that a stature in metres costs, 0 for the likeliest."""
     away = (stature - ADULTS) / SPREAD
-    return NAT * 0.5 * (TAILS + 1.0) * math.log1p(away**2 / TAILS)
+    return COST_PER_LOG_ODDS * 0.5 * (TAILS + 1.0) * math.log1p(away**2 / TAILS)
 
 
 def off_floor(lowest: float, floor: float | None) -> float:
@@ -58,7 +58,7 @@ def too_small(stature: float, stood: float) -> float:
 
 def _missed_by(away: float) -> float:
     """Cost, metres, of a body that ends so many metres away from where the floor says that it does."""
-    return NAT * min(0.5 * (away / FLOOR_SIGMA) ** 2, FLOOR_CAP)
+    return COST_PER_LOG_ODDS * min(0.5 * (away / FLOOR_SIGMA) ** 2, FLOOR_CAP)
 
 
 def head_top(cloud: Cloud, head: np.ndarray) -> float:
@@ -88,7 +88,7 @@ def statures_of(stood: float, likely: float) -> tuple[float, float]:
     """Least and largest stature, metres, of a person whose head `stood` so high and who is `likely` to be so tall; a
     person who sits may have any.
     """
-    return (stood, stood + BENT) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
+    return (stood, stood + BENT_STATURE_SPREAD) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ class StatureBelief:
     @property
     def shares(self) -> np.ndarray:
         """Float64 (B,): probability of each body; a frame tells as much as all, for their errors are the same ones."""
-        statures = [unlikely(body.height) + too_small(body.height, self.stood) for body in self.bodies]
+        statures = [stature_prior_cost(body.height) + too_small(body.height, self.stood) for body in self.bodies]
         mean = self.costs / max(self.frames, 1) + np.array(statures)
-        weights = np.exp(-(mean - mean.min()) / NAT)
+        weights = np.exp(-(mean - mean.min()) / COST_PER_LOG_ODDS)
         return np.asarray(weights / weights.sum())
 
     @property
@@ -136,9 +136,9 @@ class StatureBelief:
 
     @property
     def possible(self) -> tuple[int, ...]:
-        """Numbers of the bodies that are worth trying again: one frame may mislead by `MISLED`."""
+        """Numbers of the bodies that are worth trying again: one frame may mislead by `SIZE_COST_SPREAD`."""
         mean = self.costs / max(self.frames, 1)
-        return tuple(np.flatnonzero(mean <= mean.min() + MISLED).tolist())
+        return tuple(np.flatnonzero(mean <= mean.min() + SIZE_COST_SPREAD).tolist())
 
     @property
     def likely(self) -> tuple[int, ...]:

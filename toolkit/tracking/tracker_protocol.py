@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from toolkit.fitting.priors import PoseTerm
-    from toolkit.tracking.passes import BothWays, Plan
+    from toolkit.tracking.passes import BidirectionalTracker, Plan
     from toolkit.tracking.planning import Planner
     from toolkit.tracking.sightings import PersonSightings
-    from toolkit.tracking.trajectory_choice import WayFile
+    from toolkit.tracking.trajectory_choice import TrajectoryStore
 
 Wanted = Literal["none", "offered", "welcome", "required"]
 
@@ -185,12 +185,12 @@ class JudgesPeople(Protocol):
     """
 
     @property
-    def judge(self) -> PersonJudge | None:
+    def judge(self) -> PersonClassifier | None:
         """See above."""
         ...
 
 
-def judge_of(tracker: Tracker) -> PersonJudge | None:
+def judge_of(tracker: Tracker) -> PersonClassifier | None:
     """The tracker's classifier of people and furniture, None if it has none."""
     return tracker.judge if isinstance(tracker, JudgesPeople) else None
 
@@ -233,9 +233,9 @@ class LooksBack(Tracker, Protocol):
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        way: WayFile,
+        way: TrajectoryStore,
         plan: Plan,
         first_pass: np.ndarray | None = None,
-    ) -> BothWays:
-        """Follows that person; see `BothWays`."""
+    ) -> BidirectionalTracker:
+        """Follows that person; see `BidirectionalTracker`."""
         ...

@@ -37,7 +37,7 @@ class Step:
     continues: bool = True
 
 
-class WayFile:
+class TrajectoryStore:
     """The steps of one way on disk, in any order of the frames.
 
     Parameters

@@ -19,7 +19,7 @@ EVENTS = "Live labels"
 
 
 @dataclass(frozen=True)
-class Guiding:
+class SensorGuideOptions:
     """Classes of motions and inertial sensors, as they are typed."""
 
     classes: Annotated[

@@ -17,7 +17,7 @@ from toolkit.io.errors import UsageError
 if TYPE_CHECKING:
     from toolkit.simulation.furniture import Box
     from toolkit.simulation.person import SimulatedPerson
-    from toolkit.simulation.simulate import Shot
+    from toolkit.simulation.simulate import CaptureSettings
 
 PEOPLE = "People (given once it holds for all of them, otherwise once for each CLIP)"
 ROOM = "Room"
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Cast:
+class SubjectOptions:
     """Who is recorded, as it is typed."""
 
     body: Annotated[
@@ -108,7 +108,7 @@ class Cast:
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """From where, in which room and with which sensor, as it is typed; see `Shot`."""
+    """From where, in which room and with which sensor, as it is typed; see `CaptureSettings`."""
 
     sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof"
     distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0
@@ -159,12 +159,12 @@ class Viewpoint:
         str, typer.Option(help="Errors of these sensors: mtx, phone or none.", rich_help_panel=SENSORS)
     ] = "mtx"
 
-    def shot(self, boxes: tuple[Box, ...]) -> Shot:
+    def shot(self, boxes: tuple[Box, ...]) -> CaptureSettings:
         """How it is recorded, with this furniture; raises UsageError where an option cannot be understood."""
-        from toolkit.simulation.simulate import Shot
+        from toolkit.simulation.simulate import CaptureSettings
 
         typed = {"height": _height(self.height), "inertial": _words(self.inertial or ""), "boxes": boxes}
-        return Shot(**{**vars(self), **typed})
+        return CaptureSettings(**{**vars(self), **typed})
 
 
 @spread
@@ -175,7 +175,7 @@ def simulate(
         typer.Argument(metavar="[CLIP]...", help="BVH or AMC files, one per person; none: an empty room."),
     ] = None,
     view: Viewpoint = Viewpoint(),
-    cast: Cast = Cast(),
+    cast: SubjectOptions = SubjectOptions(),
 ) -> None:
     """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
     from toolkit.app.cli.terminal import progress_bars

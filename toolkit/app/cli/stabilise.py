@@ -13,7 +13,7 @@ from toolkit.io.errors import UsageError
 
 
 @dataclass(frozen=True)
-class Moved:
+class InputPaths:
     """Where files of the run are now, as it is typed."""
 
     recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None
@@ -31,7 +31,7 @@ def stabilise(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
     ],
-    moved: Moved,
+    moved: InputPaths,
     rounds: Annotated[int, typer.Option(help="Most rounds of the loop.", min=1)] = 5,
     threshold: Annotated[float, typer.Option(help="Largest cost of a template: share of features that differ.")] = 0.1,
     segments: Annotated[

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 import typer
 
 from toolkit.app.cli.groups import spread
-from toolkit.app.cli.guiding import Guiding
+from toolkit.app.cli.guiding import SensorGuideOptions
 from toolkit.app.cli.options import SettingOption, given
 from toolkit.app.cli.reading import Joints, Reading, SegmentOption, people_of
 from toolkit.app.cli.terminal import say
@@ -110,7 +110,7 @@ def track(
         str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
     ] = "1",
     joints: Joints = Joints(),
-    guiding: Guiding = Guiding(),
+    guiding: SensorGuideOptions = SensorGuideOptions(),
     folders: Folders = Folders(),
     reading: Reading = Reading(),
 ) -> None:
@@ -136,7 +136,7 @@ def track(
 
 
 def _track_one(
-    path: Path, options: dict[str, Any], run: Path, tracking: Tracking, guiding: Guiding, resume: bool,
+    path: Path, options: dict[str, Any], run: Path, tracking: Tracking, guiding: SensorGuideOptions, resume: bool,
     how: dict[str, Any],
 ) -> None:  # fmt: skip
     """One recording into `run`. Exit code 1 where it is not done."""
@@ -181,7 +181,12 @@ def _track_one(
 
 
 def _track_batch(
-    recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, folders: Folders, how: dict[str, Any]
+    recordings: list[Path],
+    output: Path,
+    tracking: Tracking,
+    guiding: SensorGuideOptions,
+    folders: Folders,
+    how: dict[str, Any],
 ) -> None:
     """Several recordings; a line for each. Exit code 1 where one is not done."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars

@@ -12,19 +12,19 @@ import numpy as np
 from toolkit.people.evidence import furniture
 from toolkit.people.sighting import PeopleFinder, Sighting
 from toolkit.sensing.recording import Recording
-from toolkit.tracking.sightings import Kept, SightingFile
+from toolkit.tracking.sightings import SightingFile, StoredSighting
 
 BEFORE, AFTER = 2.0, 0.5
 """Seconds before a person was found in which they are looked for, and after it in which they have to be seen."""
 FEWEST = 3
 """Frames after it in which they have to be seen at least, by slow cameras; noise does not last."""
-OWN = 0.5
+MIN_OWN_FRACTION = 0.5
 """Of the pixels, which nobody else had: with fewer it is somebody else."""
 
 
 def sightings_before(
     recording: Recording, finder: PeopleFinder, sightings: SightingFile, people: Iterable[int]
-) -> Iterator[tuple[int, Kept]]:
+) -> Iterator[tuple[int, StoredSighting]]:
     """Frames before those in which `people` (ids) were found, each with what is seen of one of them.
 
     `finder` found them, and `sightings` were kept of all. The recording is read once and in order, for a compressed one
@@ -42,7 +42,7 @@ def sightings_before(
         if first == 0 or not set(since) <= set(own.frames.tolist()):
             continue
         held = {frame: held[frame] if frame in held else recording.depth(frame) for frame in range(end, start + 1)}
-        backwards = finder.afresh()
+        backwards = finder.redetect()
         if backwards is None:
             return
         for frame in range(start, end - 1, -1):
@@ -57,7 +57,7 @@ def sightings_before(
             if earlier is None or number in furniture(backwards.evidence):
                 break
             yielded.setdefault(frame, []).append(earlier.depth > 0)
-            yield frame, Kept.of(replace(earlier, id=person))
+            yield frame, StoredSighting.of(replace(earlier, id=person))
 
 
 def _same(known: Sighting | None, found: Mapping[int, Sighting]) -> int:
@@ -75,7 +75,7 @@ def _apart_from(others: Iterable[np.ndarray], sighting: Sighting | None) -> Sigh
         return None
     theirs = np.any([np.zeros(sighting.depth.shape, dtype=np.bool_), *others], axis=0)
     depth = np.where(theirs, np.float32(0.0), sighting.depth)
-    if np.count_nonzero(depth) <= OWN * np.count_nonzero(sighting.depth):
+    if np.count_nonzero(depth) <= MIN_OWN_FRACTION * np.count_nonzero(sighting.depth):
         return None
     unobserved = theirs if sighting.unobserved is None else sighting.unobserved | theirs
     return replace(sighting, depth=depth, unobserved=unobserved)

@@ -28,7 +28,7 @@ from toolkit.io.errors import DepthMocapError, RecordingError, TrackError, Usage
 from toolkit.io.files import locked
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.people.evidence import furniture
-from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.joint_masks import JointSource
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
@@ -38,7 +38,7 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.multi_person import Crowd, Row
+from toolkit.tracking.multi_person import MultiPersonTracker, Row
 from toolkit.tracking.tracker_protocol import LooksBack, Tracker, judge_of
 from toolkit.tracks import RunInfo
 
@@ -73,14 +73,14 @@ class Job(NamedTuple):
         """What finds the people."""
         return finder_of(self.recording, self.people, self.tracker.settings.sensing, judge_of(self.tracker))
 
-    def crowd(self) -> Crowd:
+    def crowd(self) -> MultiPersonTracker:
         """Follows the people from the first frame on."""
         recording = self.recording
-        return Crowd(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
+        return MultiPersonTracker(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
 
 
 def finder_of(
-    recording: Recording, people: int | None, sensing: SensingSettings, judge: PersonJudge | None = None
+    recording: Recording, people: int | None, sensing: SensingSettings, judge: PersonClassifier | None = None
 ) -> PeopleFinder:
     """What finds the one person whom the settings mean, or so many people, or with None all of them."""
     if people == 1:
@@ -254,7 +254,7 @@ def _warm_up(job: Job, report: RecordingProgress) -> None:
 
 def _follow(
     recording: Recording,
-    crowd: Crowd,
+    crowd: MultiPersonTracker,
     sink: RunSink,
     report: RecordingProgress,
     stop: threading.Event,
@@ -289,7 +289,7 @@ def _follow(
         )
 
 
-def _write(sink: RunSink, crowd: Crowd, rows: list[Row], watcher: EventStream | None) -> None:
+def _write(sink: RunSink, crowd: MultiPersonTracker, rows: list[Row], watcher: EventStream | None) -> None:
     sink.write(rows)
     if watcher is not None:
         for row in rows:
@@ -302,14 +302,14 @@ def _frame_rate(recording: Recording) -> float:
     return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
-def _remember(sink: RunSink, crowd: Crowd) -> None:
+def _remember(sink: RunSink, crowd: MultiPersonTracker) -> None:
     sink.keep()
     if crowd.sightings is not None:
         crowd.sightings.flush()
     save_checkpoint(sink.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
 
 
-def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
+def _restored(folder: Path, sink: RunSink, job: Job) -> MultiPersonTracker:
     """A crowd that goes on from the last frame whose state was written; the rows after it are found again.
 
     Where rows before it are gone, as after a loss of power, all are found again.

@@ -23,16 +23,16 @@ from toolkit.sensing.camera import Camera
 from toolkit.tracking.heading import directions_walked
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.person import PREDICTED
-from toolkit.tracking.sightings import Kept, SightingFile
+from toolkit.tracking.sightings import SightingFile, StoredSighting
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.tracker_protocol import LooksBack
-from toolkit.tracking.trajectory_choice import WayFile
+from toolkit.tracking.trajectory_choice import TrajectoryStore
 from toolkit.tracks import EMPTY, FrameResult
 
 FOLDER, BEFORE_FOUND = "second", "before"
 """Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
 STATE_FILE = "state.npz"
-TOLD = 0.5
+MIN_DETECTED_FRACTION = 0.5
 """Share of the frames in which a detector sees joints of whoever keeps still; of coats it does in a seventh."""
 MEMORY_SECONDS = 2.0
 """A killed run loses at most this much work: the state is written so often, seconds."""
@@ -80,7 +80,7 @@ class SecondPass:
         return SightingFile(self._folder, self._camera, frames)
 
     def begin(
-        self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence], before: Iterable[tuple[int, Kept]]
+        self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence], before: Iterable[tuple[int, StoredSighting]]
     ) -> None:
         """After the first pass, which learnt these bodies and gathered this evidence; `before` are frames before people
         were found, and what is seen of them.
@@ -143,7 +143,7 @@ class SecondPass:
             plan = planner.plan
         if plan is None:
             return  # too little was seen: the rows of the first pass stay
-        way = WayFile(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
+        way = TrajectoryStore(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
         both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
         if "plan" in self._resumed:
             both.restore_state(self._resumed["steps"])
@@ -160,10 +160,10 @@ class SecondPass:
             poses = self._sink.past(person)["pose"][seen.frames]
             energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
             own = replace(self.evidence[person], unlikely=float(np.median(energies)))
-            somebody = own.lifeless and seen.told_share() >= TOLD
+            somebody = own.lifeless and seen.detected_fraction() >= MIN_DETECTED_FRACTION
             self.evidence[person] = replace(own, unlikely=0.0) if somebody else own
 
-    def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
+    def _rows(self, person: int, way: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
         """All rows of a person; where they were out of sight the last pose, before that the first one."""
         spent = self._sink.past(person)["stage_ms"]
         predicted = self._tracker.source_names.index(PREDICTED)

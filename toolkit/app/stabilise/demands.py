@@ -13,7 +13,7 @@ from toolkit.fitting.priors import ResidualTerm
 from toolkit.io.spans import spans
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
-from toolkit.retrieval.priors.expectation import Told
+from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, LIMBS_OF_FEATURE
 from toolkit.retrieval.priors.marks import DEMANDED, FORWARDS, rests
 
@@ -76,7 +76,7 @@ class Demands:
         return ResidualTerm(WEIGHT, SIGMA, ENTRIES[limb], residuals)
 
 
-def marked_terms(source: SourceRun, told: Told, priors: np.ndarray) -> dict[int, list[ResidualTerm]]:
+def marked_terms(source: SourceRun, told: GapContext, priors: np.ndarray) -> dict[int, list[ResidualTerm]]:
     """Frame -> terms on the limbs that are hidden in it.
 
     Parameters
@@ -98,7 +98,7 @@ def marked_terms(source: SourceRun, told: Told, priors: np.ndarray) -> dict[int,
     return found
 
 
-def _resting(source: SourceRun, told: Told, resting: np.ndarray, leg: str) -> Mapping[int, ResidualTerm]:
+def _resting(source: SourceRun, told: GapContext, resting: np.ndarray, leg: str) -> Mapping[int, ResidualTerm]:
     """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
     found, sole = {}, Sole.of(source.body, leg)
     for span in spans(resting):

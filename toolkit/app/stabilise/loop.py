@@ -23,7 +23,7 @@ from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_f
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import allocate, unknown_rows
-from toolkit.retrieval.priors.expectation import Told
+from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.gap_trajectories import (
     KEPT,
     PRIOR_SPREAD,
@@ -110,7 +110,7 @@ class FilledGap:
         return set(self.sources) != {KEPT}
 
 
-class Known(NamedTuple):
+class LoopInputs(NamedTuple):
     """What all rounds know: the classes, labelled stretches or None, and MT priors."""
 
     classes: tuple[MotionClass, ...]
@@ -168,7 +168,7 @@ def stabilise(
         Segments that overlap, end after the track, or bear an unknown label.
     """
     settings = settings or StabiliseSettings()
-    known = Known(tuple(classes), segments, marks or marks_of_classes(classes))
+    known = LoopInputs(tuple(classes), segments, marks or marks_of_classes(classes))
     track, rounds = source.track, list[Round]()
     for number in range(settings.rounds):
         found = _round(source, track, known, settings, partial(progress, f"round {number + 1}"))
@@ -192,7 +192,11 @@ def _settled(before: Round, after: Round) -> bool:
 
 
 def _round(
-    source: SourceRun, track: Track, known: Known, settings: StabiliseSettings, progress: Callable[[int, int], None]
+    source: SourceRun,
+    track: Track,
+    known: LoopInputs,
+    settings: StabiliseSettings,
+    progress: Callable[[int, int], None],
 ) -> Round:
     gaps = find_gaps(track.confidence, source.present)
     told, annotation, labelled = _told(source, track, known, gaps, settings)
@@ -253,8 +257,8 @@ def _around(flags: np.ndarray, by: int) -> np.ndarray:
 
 
 def _told(
-    source: SourceRun, track: Track, known: Known, gaps: Sequence[Gap], settings: StabiliseSettings
-) -> tuple[Told, Annotation | None, tuple[Segment, ...]]:
+    source: SourceRun, track: Track, known: LoopInputs, gaps: Sequence[Gap], settings: StabiliseSettings
+) -> tuple[GapContext, Annotation | None, tuple[Segment, ...]]:
     """The track with its labels and where its limbs are hidden."""
     classes, segments = known.classes, known.segments
     rate = frame_rate_of(track.timestamps)
@@ -268,7 +272,7 @@ def _told(
     first = np.searchsorted(columns, np.arange(len(features)))
     unknown = unknown_rows({limb: flags[first] for limb, flags in hidden.items()}, len(features))
     allocation = allocate(features, labelled, classes, unknown).at(columns)
-    return Told(track.pose, track.timestamps, hidden, allocation, classes), annotation, labelled
+    return GapContext(track.pose, track.timestamps, hidden, allocation, classes), annotation, labelled
 
 
 def annotate(features: FeatureMatrix, classes: Sequence[MotionClass], threshold: float) -> Annotation | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.body.rotations import quaternions as quat
-from toolkit.inertial.calibrate import Take
+from toolkit.inertial.calibrate import CalibrationSequence
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import measured_limb, worlds_of
 from toolkit.output.rendering.overlay import draw_line
@@ -46,7 +46,7 @@ class LimbAxes:
                     draw_line(image, pixels[0], end, color, thickness)
 
 
-def limb_axes(calibration: Calibration, take: Take, level_rotation: np.ndarray) -> LimbAxes:
+def limb_axes(calibration: Calibration, take: CalibrationSequence, level_rotation: np.ndarray) -> LimbAxes:
     """The axes of every limb whose sensor is calibrated; `level_rotation` is R_level_camera, (3, 3)."""
     worlds = worlds_of(calibration, take)
     limbs = tuple(s.name for s in take.sensors if s.name in calibration.usable and s.name in worlds)

@@ -16,7 +16,7 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 
 
-class Joins(NamedTuple):
+class TransitionSettings(NamedTuple):
     """How parts are joined.
 
     Attributes
@@ -30,10 +30,10 @@ class Joins(NamedTuple):
     longest: float
 
 
-JOINS = Joins(1.5, 0.25, 1.5)
+JOINS = TransitionSettings(1.5, 0.25, 1.5)
 FILLER_SECONDS = (2.0, 5.0)
 """Least and greatest length of an excerpt of a filler."""
-HARD_JOINS = Joins(6.0, 0.02, 0.1)
+HARD_JOINS = TransitionSettings(6.0, 0.02, 0.1)
 """Joins that no person could perform: what is left of the parts' ends is all there is to see of them."""
 
 _LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
@@ -60,7 +60,7 @@ class Document:
         return relational_features(self.motion)
 
 
-def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Joins = JOINS) -> Document:
+def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: TransitionSettings = JOINS) -> Document:
     """Put motions one after the other as one actor would perform them.
 
     Each part is turned about y and shifted along the ground so that it begins where the last one ended, scaled to the
@@ -148,7 +148,10 @@ def _yaw(pose: np.ndarray) -> float:
 
 
 def _join(
-    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], rate: float, joining: Joins
+    before: tuple[np.ndarray, np.ndarray],
+    after: tuple[np.ndarray, np.ndarray],
+    rate: float,
+    joining: TransitionSettings,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frames strictly between the last one of a part and the first one of the next."""
     farthest = float(np.linalg.norm(after[0][0] - before[0][-1], axis=-1).max())

@@ -41,7 +41,7 @@ class Expected(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class GapContext:
     """A track as its gaps are filled.
 
     Attributes
@@ -60,7 +60,7 @@ class Told:
     classes: Sequence[MotionClass]
 
 
-def fill(told: Told, gap: Gap) -> tuple[Bridge, str]:
+def fill(told: GapContext, gap: Gap) -> tuple[Bridge, str]:
     """The angles of a limb over a gap, bridged from end to end, and what they come from."""
     rows = np.arange(gap.start, gap.stop)
     entries = ENTRIES[gap.limb]
@@ -80,7 +80,7 @@ def fill(told: Told, gap: Gap) -> tuple[Bridge, str]:
     return Bridge(np.clip(found.mean, limits[:, 0], limits[:, 1]), found.variance), expected.source
 
 
-def expect(told: Told, limb: str, frames: np.ndarray) -> Expected:
+def expect(told: GapContext, limb: str, frames: np.ndarray) -> Expected:
     """What is expected of a limb in some frames (D,), before its own angles around them are looked at.
 
     Sources are joined by inverse variance frame by frame; frames without any hold the mean of the others, and wander.
@@ -108,7 +108,7 @@ def expect(told: Told, limb: str, frames: np.ndarray) -> Expected:
     return Expected(mean[np.flatnonzero(known)[nearest]], spread, memory, " and ".join(sources))
 
 
-def class_motion(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
+def class_motion(told: GapContext, limb: str, frames: np.ndarray) -> Expected | None:
     """The class's mean motion, moved by what the limbs that are seen say about this one; NaN without a label."""
     entries = ENTRIES[limb]
     mean = np.full((len(frames), len(entries)), np.nan)
@@ -144,7 +144,7 @@ def _gain(covariance: np.ndarray, wanted: np.ndarray, hidden: np.ndarray) -> tup
     return seen, gain, np.sqrt(left)
 
 
-def repetitions(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
+def repetitions(told: GapContext, limb: str, frames: np.ndarray) -> Expected | None:
     """The person's own other stretches of the same label in which this limb was seen (thesis 6.4.1, 6.4.3)."""
     allocation, entries = told.allocation, ENTRIES[limb]
     mean = np.full((len(frames), len(entries)), np.nan)

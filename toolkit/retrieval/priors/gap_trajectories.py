@@ -11,7 +11,7 @@ from toolkit.fitting.priors import SPREAD, GaussianPrior
 from toolkit.kernels import linear
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.expectation import ROOT, Told, fill
+from toolkit.retrieval.priors.expectation import ROOT, GapContext, fill
 from toolkit.retrieval.priors.gaps import JOINED, Gap
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
 
@@ -79,7 +79,7 @@ def bad_frames(hidden: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.sum([hidden[limb] for limb in LIMBS], axis=0) >= MOST
 
 
-def whole_priors(told: Told, bad: np.ndarray) -> dict[int, GaussianPrior]:
+def whole_priors(told: GapContext, bad: np.ndarray) -> dict[int, GaussianPrior]:
     """Frame -> the class's whole pose, in bad frames (T,) that bear the label of a class with a motion."""
     precisions: dict[int, np.ndarray] = {}
     found = {}
@@ -96,7 +96,7 @@ def whole_priors(told: Told, bad: np.ndarray) -> dict[int, GaussianPrior]:
     return found
 
 
-def ways_through(told: Told, gaps: Sequence[Gap]) -> list[GapWays]:
+def ways_through(told: GapContext, gaps: Sequence[Gap]) -> list[GapWays]:
     """All ways through the gaps in which limbs are hidden, but for tracking again."""
     frames = len(told.times)
     wide = widened(gaps, frames)

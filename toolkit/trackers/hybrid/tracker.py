@@ -12,7 +12,7 @@ from toolkit.fitting.arms import ArmPoses
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
-from toolkit.people.hypothesis import PersonJudge
+from toolkit.people.hypothesis import PersonClassifier
 from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.initial_pose import InitialPoseVerifier
@@ -92,7 +92,7 @@ class HybridTracker(SearchingTracker):
         return "offered" if self._swarm else "none"
 
     @property
-    def judge(self) -> PersonJudge | None:
+    def judge(self) -> PersonClassifier | None:
         """See `JudgesPeople.judge`: the regressor."""
         return self._regressor
 

@@ -62,7 +62,7 @@ class InitialSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Initial:
+class InitialPoseEstimator:
     """A first pose (P,), level frame, its particles (N, P), and its log-probability (Eq. 7)."""
 
     pose: np.ndarray
@@ -70,7 +70,7 @@ class Initial:
     score: float
 
 
-class Start(NamedTuple):
+class InitialPose(NamedTuple):
     """A pose (P,), and where its crown, and perhaps left and right hand, ought to be: (1, 3) or (3, 3), level frame."""
 
     pose: np.ndarray
@@ -100,7 +100,7 @@ def initial_pose(
     frame: ParticleFrame,
     settings: InitialSettings,
     rng: np.random.Generator,
-) -> Initial | None:
+) -> InitialPoseEstimator | None:
     """The model moved to the head, arms by inverse kinematics, filtered on the same frame, and its probability (Eq. 7).
 
     The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork, and
@@ -134,9 +134,9 @@ def _heads(effectors: Effectors) -> np.ndarray:
 
 
 def _filtered(
-    upper: UpperBody, filtering: UpperFilter, start: Start, frame: ParticleFrame, settings: InitialSettings,
+    upper: UpperBody, filtering: UpperFilter, start: InitialPose, frame: ParticleFrame, settings: InitialSettings,
     rng: np.random.Generator,
-) -> Initial:  # fmt: skip
+) -> InitialPoseEstimator:  # fmt: skip
     """The pose that a start leads to on the same frame."""
     pose, wanted = start
     labelled = frame._replace(candidates=wanted[1:]) if len(wanted) > 1 else frame
@@ -148,26 +148,26 @@ def _filtered(
     crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
     found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]
     missed = linear.lengths(found - wanted) / SPREAD
-    return Initial(pose, particles, -0.5 * float((missed**2).mean()) - mean_cost(upper, pose, frame))
+    return InitialPoseEstimator(pose, particles, -0.5 * float((missed**2).mean()) - mean_cost(upper, pose, frame))
 
 
-def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleFrame) -> Start:
+def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleFrame) -> InitialPose:
     """A pose with crown and hands where the fork names them."""
     wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
     pose = standing_pose(upper, wanted[0])
     for side in range(2):
         pose = _best_arm(upper, pose, side, wanted[[1 + side]], frame, resting=False)
-    return Start(pose, wanted)
+    return InitialPose(pose, wanted)
 
 
 def unlabelled_start(
     upper: UpperBody, points: np.ndarray, head: np.ndarray, pose: np.ndarray, frame: ParticleFrame
-) -> Start:
+) -> InitialPose:
     """A `pose` (P,) with the crown at `head` (3,) and arms that rest or reach for the candidates on their sides."""
     others = sides_of(points[(points != head).any(axis=1)], pose)
     for side in range(2):
         pose = _best_arm(upper, pose, side, others[side], frame, resting=True)
-    return Start(pose, head[None])
+    return InitialPose(pose, head[None])
 
 
 def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.landmarks.graph import Workspace
 from toolkit.people.detection import find_heads
 from toolkit.people.sighting import Sighting
-from toolkit.people.view import Lens
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -80,7 +80,7 @@ class UpperViewer:
         self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
         self._step = max(1, camera.width // settings.arm_columns)
         self._camera = camera.subsampled(self._step)
-        self._lens = Lens(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
+        self._lens = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 
     def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
         """What is seen of an upper body; `crown` is how high its head reaches, metres, level frame.

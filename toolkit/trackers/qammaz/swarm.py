@@ -65,7 +65,7 @@ class SwarmSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SwarmResult:
     """What a swarm found.
 
     Attributes
@@ -87,7 +87,7 @@ def minimise(
     rng: np.random.Generator,
     *,
     perturbed: np.ndarray | None = None,
-) -> Found:
+) -> SwarmResult:
     """The best position that a swarm visits on its way (Qammaz, Eq. 7 and 8).
 
     Parameters
@@ -120,7 +120,7 @@ def minimise(
         own[better], own_costs[better] = positions[better], now[better]
         best = int(own_costs.argmin())
         history.append(float(own_costs[best]))
-    return Found(own[best].copy(), float(own_costs[best]), np.array(history))
+    return SwarmResult(own[best].copy(), float(own_costs[best]), np.array(history))
 
 
 def _perturb(
