@@ -17,7 +17,8 @@ from toolkit.body.shape import load_body
 from toolkit.database.canonical import mirrored
 from toolkit.io.errors import UsageError
 from toolkit.motion.angles import COLUMNS, joint_angles
-from toolkit.output.export.angles import coordinates, marker_set
+from toolkit.motion.opensim_coordinates import coordinates
+from toolkit.output.export.angles import marker_set
 from toolkit.output.export.document import DECIMALS, export_json
 from toolkit.output.export.origin import origin_of
 from toolkit.output.rendering import motions

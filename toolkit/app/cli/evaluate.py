@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from toolkit.app.cli.options import MovedRecording
 from toolkit.app.cli.terminal import say
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def evaluate(
@@ -19,7 +23,10 @@ def evaluate(
     references: Annotated[
         list[Path] | None,
         typer.Option(
-            "--reference", "-r", help="File, or folder matched by stem; each run's own recording without. Repeatable."
+            "--reference",
+            "-r",
+            help="Truth, skeleton or marker file (.trc, .c3d, .csv, .bvh, .mot), or folder matched by stem; default: "
+            "each run's own recording. Repeatable.",
         ),
     ] = None,
     output: Annotated[
@@ -34,13 +41,25 @@ def evaluate(
         ),
     ] = True,
     recording: MovedRecording = None,
+    markers: Annotated[
+        str | None,
+        typer.Option("--markers", help="Marker set of a marker file: a name, or a YAML file as in configs/markers."),
+    ] = None,
+    lag: Annotated[
+        float | None,
+        typer.Option("--lag", help="Seconds that added to a marker file's clock give the track's; default: estimated."),
+    ] = None,
 ) -> None:
     """Compare tracks with the truth or another skeleton, and fitted bodies with the depth: one table for all runs."""
     from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.evaluation.evaluate import evaluate_runs
+    from toolkit.evaluation.marker_files import is_marker_file
     from toolkit.evaluation.score_report import FILES, write_evaluation
     from toolkit.io.files import check_output
 
+    if references and any(map(is_marker_file, references)):
+        _validate(runs, references, output, markers, lag)
+        return
     if output is not None:
         for name in FILES:
             check_output(output / name, references or ())
@@ -58,3 +77,41 @@ def evaluate(
         return
     for path in write_evaluation(table, output):
         say(path)
+
+
+def _validate(
+    runs: list[Path], references: list[Path], output: Path | None, markers: str | None, lag: float | None
+) -> None:
+    """Compare one run with one marker file."""
+    from toolkit.app.cli.terminal import print_table
+    from toolkit.evaluation.marker_validation import validate
+    from toolkit.io.errors import UsageError
+    from toolkit.io.files import check_output
+    from toolkit.output.report import validation as page
+    from toolkit.tracks.runs import load_persons
+
+    if len(runs) != 1 or len(references) != 1:
+        raise UsageError(f"{len(runs)} runs and {len(references)} marker files; give one run and one marker file")
+    if output is not None:
+        for name in page.FILES:
+            check_output(output / name, references)
+    found = validate(load_persons(runs[0]), references[0], marker_set=markers, lag=lag)
+    for line in page.summary(found):
+        say(line)
+    for head, rows in ((page.JOINT_HEAD, page.joint_rows(found)), (page.ANGLE_HEAD, page.angle_rows(found))):
+        if rows:
+            print_table(_rich(head, rows))
+    if output is None:
+        say("the page with curves: --output FOLDER", file=sys.stderr)
+        return
+    for path in page.write_validation(found, output):
+        say(path)
+
+
+def _rich(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+    from rich.table import Table
+
+    table = Table(*head)
+    for row in rows:
+        table.add_row(*row)
+    return table
