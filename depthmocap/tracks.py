@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, overload
@@ -15,7 +16,7 @@ from toolkit.io.errors import UsageError
 from toolkit.io.progress import Count, silent
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.tracker_protocol import Tracker
-from toolkit.tracks import STATE_NAMES
+from toolkit.tracks import STATE_NAMES, RunInfo
 from toolkit.tracks.runs import Person, load_persons, person_runs
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from toolkit.evaluation.scores import EvaluationTable
+    from toolkit.output.rendering.open3d_geometry import Open3DFrame
+
+    Trackable = str | Path | np.ndarray | Recording | Any
+    """Any: PointCloud and RGBDImage of Open3D, and lists of them."""
 
 
 class Track:
@@ -35,13 +40,31 @@ class Track:
 
     joint_names: tuple[str, ...] = REPORTED
 
-    def __init__(self, person: Person) -> None:
+    def __init__(self, person: Person, open_recording: Callable[[], Recording] | None = None) -> None:
         self.person = person
+        self._open_recording = open_recording
 
     @classmethod
     def load(cls, run: str | Path) -> list[Track]:
         """All people of a run folder of `depthmocap track`; raises as `load_persons`."""
-        return [cls(person) for person in load_persons(run)]
+        people = load_persons(run)
+        opened = cache(RunInfo.load(person_runs(run)[0]).open_recording)
+        return [cls(person, opened) for person in people]
+
+    @property
+    def recording(self) -> Recording:
+        """The recording that was tracked; of a run folder it is opened at the first use.
+
+        Raises
+        ------
+        RecordingError
+            The recording of a run folder is gone or has changed.
+        UsageError
+            The track was made frame by frame, and no recording is kept.
+        """
+        if self._open_recording is None:
+            raise UsageError("a track made frame by frame keeps no recording; track it whole with depthmocap.track")
+        return self._open_recording()
 
     def __len__(self) -> int:
         return len(self.person.track)
@@ -107,6 +130,30 @@ class Track:
 
         return plot_person(self.person)
 
+    def to_open3d(self, frame: int) -> Open3DFrame:
+        """Return measured cloud, fitted body and skeleton of a frame as geometry of Open3D, camera frame, metres.
+
+        Raises
+        ------
+        UsageError
+            There is no such frame, or no recording; see `recording`.
+        RecordingError
+            The recording of a run folder is gone or has changed.
+        """
+        from toolkit.output.rendering.open3d_geometry import (
+            Open3DFrame,
+            body_geometries,
+            cloud_geometry,
+            skeleton_geometry,
+        )
+
+        if not 0 <= frame < len(self):
+            raise UsageError(f"frame {frame} is not one of the {len(self)} frames of the track; count from 0")
+        recording = self.recording
+        cloud = cloud_geometry(recording.depth(frame), recording.camera, recording.color(frame))
+        (body,) = body_geometries([self.person], frame)
+        return Open3DFrame(cloud, body, skeleton_geometry(self.person, frame))
+
     def export(self, path: str | Path, *, rig: str | None = None, origin: str | None = None) -> Path:
         """Write the track as .glb, .bvh, .c3d, .trc, .csv or .json; returns the file's path.
 
@@ -129,13 +176,11 @@ class Track:
 
 
 @overload
-def track(depth: str | Path | np.ndarray | Recording, *, people: Literal[1] = 1, **options: Any) -> Track: ...
+def track(depth: Trackable, *, people: Literal[1] = 1, **options: Any) -> Track: ...
 @overload
+def track(depth: Trackable, *, people: int | Literal["all"], **options: Any) -> Track | list[Track]: ...
 def track(
-    depth: str | Path | np.ndarray | Recording, *, people: int | Literal["all"], **options: Any
-) -> Track | list[Track]: ...
-def track(
-    depth: str | Path | np.ndarray | Recording,
+    depth: Trackable,
     *,
     intrinsics: Any = None,
     frame_rate: float | None = None,
@@ -155,11 +200,13 @@ def track(
     Parameters
     ----------
     depth : a recording's path (any that `depthmocap track` reads), a recording that is open, or an array (T, H, W):
-        whole numbers are millimetres, others metres, 0 or NaN = no measurement
-    intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file; needed for an array
+        whole numbers are millimetres, others metres, 0 or NaN = no measurement. Or a PointCloud or RGBDImage of Open3D,
+        or a list of them, a frame each; see `toolkit.recordings.open3d_frames.recording_of_open3d`
+    intrinsics : fx, fy, cx, cy in pixels, the path of a JSON file, or for Open3D's types its PinholeCameraIntrinsic;
+        needed for an array and for RGBDImage
     frame_rate : frames a second where there are no timestamps
     people : 1 follows the one person; a number or "all" several, in a list in order of appearance
-    timestamps, background : of an array: seconds (T,), and the depth of the empty scene (H, W)
+    timestamps, background : of an array or of Open3D's types: seconds (T,), and the depth of the empty scene (H, W)
     database : file of a pose database; the default one otherwise
     config : name or file of settings: hybrid, baak2013, swarm, qammaz, particles, lopez2011
     settings : single settings by dotted names, such as {"sensing.segment": "person"}
@@ -187,19 +234,22 @@ def track(
         if summary.interrupted:
             raise KeyboardInterrupt
         found = load_persons(run) if person_runs(run) else ()
-    tracks = [Track(replace(person, recording=recording.name)) for person in found]
-    return Track(replace(tracks[0].person, name=recording.name)) if people == 1 else tracks
+    tracks = [Track(replace(person, recording=recording.name), lambda: recording) for person in found]
+    return Track(replace(tracks[0].person, name=recording.name), lambda: recording) if people == 1 else tracks
 
 
 def _recording(
-    depth: str | Path | np.ndarray | Recording,
+    depth: Trackable,
     timestamps: np.ndarray | None,
     background: np.ndarray | None,
     options: dict[str, Any],
 ) -> Recording:
     """The recording that is meant."""
+    from toolkit.recordings.open3d_frames import is_open3d, recording_of_open3d
     from toolkit.recordings.opening import open_upright, recording_of
 
+    if is_open3d(depth):
+        return recording_of_open3d(depth, timestamps=timestamps, background=background, **options)
     if isinstance(depth, np.ndarray):
         return recording_of(depth, timestamps=timestamps, background=background, **options)
     if timestamps is not None or background is not None:

@@ -18,6 +18,7 @@ WRITTEN = {
     "05_render": ("film.webm", "contact_sheet.png", "fitted_depth.png"),
     "06_gestures": (),
     "07_find_motions": ("motions.index", "motions.npz", "labels/squat_2/report.html"),
+    "08_open3d_clouds": ("clouds.webm",),
 }
 
 
@@ -26,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("examples")
 
 
-def test_there_are_seven_examples_each_a_page() -> None:
+def test_there_are_eight_examples_each_a_page() -> None:
     assert [path.stem for path in EXAMPLES] == list(WRITTEN)
     assert all(len(path.read_text().splitlines()) <= 60 for path in EXAMPLES)
 

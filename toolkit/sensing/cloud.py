@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +44,31 @@ class Cloud:
         pixels = pixels[:count].copy()
         kernels.back_project(depth, pixels, camera.intrinsics, rotation, points)
         return cls(points, pixels, index, camera, rotation, depth)
+
+    @classmethod
+    def from_open3d(cls, cloud: Any, camera: Camera, rotation: np.ndarray) -> Cloud:
+        """Cloud of an Open3D point cloud, seen by an undistorted `camera`; the nearest point of a pixel counts.
+
+        Parameters
+        ----------
+        cloud : `open3d.geometry.PointCloud` or `open3d.t.geometry.PointCloud`, metres, frame of `camera`; points that
+            are not finite or lie behind the camera or outside its image are left out
+        camera, rotation : as in `from_depth`
+        """
+        tensors = hasattr(cloud, "point")
+        positions = cloud.point.positions.cpu().numpy() if tensors else np.asarray(cloud.points)
+        points = np.ascontiguousarray(positions, dtype=np.float64).reshape(-1, 3)
+        depth = np.zeros(camera.shape)
+        kernels.z_buffer(points[np.isfinite(points).all(axis=1)], camera.intrinsics, depth)
+        return cls.from_depth(depth, camera, rotation)
+
+    def to_open3d(self) -> Any:
+        """Return an `open3d.geometry.PointCloud` of the points, frame of the camera, metres, in the same order."""
+        import open3d as o3d
+
+        points = np.empty((len(self), 3))
+        kernels.back_project(self.depth, self.pixels, self.camera.intrinsics, np.eye(3), points)
+        return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
 
     def __len__(self) -> int:
         return len(self.points)

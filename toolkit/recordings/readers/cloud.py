@@ -8,6 +8,7 @@ the origin; everything downstream works on the pixel grid.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -86,21 +87,43 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
             raise RecordingError(f"{path} cannot be read as a point cloud; it is truncated or no PCD or PLY") from error
     if not len(points):
         raise RecordingError(f"{path} holds no point; it is empty, truncated or no PCD or PLY")
+    colors = cloud.point.colors.numpy() if "colors" in cloud.point else None
+    return usable_cloud(points, colors, _grid_of(header, len(points)), axes, str(path))
+
+
+def usable_cloud(
+    points: np.ndarray, colors: np.ndarray | None, grid: tuple[int, int] | None, axes: str, name: str
+) -> RawCloud:
+    """Return a cloud in the camera frame whose invalid points are 0.
+
+    Parameters
+    ----------
+    points : float64 (N, 3), file units, N at least 1; changed in place
+    colors : uint8, or floating point in [0, 1], (N, 3), or None
+    grid : height and width of the pixel grid, or None
+    axes : as in `ReaderOptions`
+    name : of the cloud, for errors
+
+    Raises
+    ------
+    RecordingError
+        No point is finite, or none lies in front of the camera.
+    """
     if axes == "graphics":
         points[:, 1:] *= -1.0
     points[(np.abs(points) > FARTHEST).any(axis=1)] = np.nan
-    usable = np.isfinite(points).all(axis=1) & (points[:, 2] > NEAREST)
-    if not np.isfinite(points).all(axis=1).any():
-        raise RecordingError(f"no point of {path} is finite; it holds no measurement")
+    finite = np.isfinite(points).all(axis=1)
+    usable = finite & (points[:, 2] > NEAREST)
+    if not finite.any():
+        raise RecordingError(f"no point of {name} is finite; it holds no measurement")
     if not usable.any() and (np.nan_to_num(points[:, 2]) < 0).any():
-        raise RecordingError(f"all points of {path} lie behind the camera; give --axes graphics if y is up there")
+        raise RecordingError(f"all points of {name} lie behind the camera; give --axes graphics if y is up there")
     if not usable.any():
-        raise RecordingError(f"no point of {path} lies in front of the camera; it holds no measurement")
+        raise RecordingError(f"no point of {name} lies in front of the camera; it holds no measurement")
     points[~usable] = 0.0
-    colors = cloud.point.colors.numpy() if "colors" in cloud.point else None
     if colors is not None and colors.dtype != np.uint8:
-        colors = np.rint(np.clip(colors, 0, 1) * 255).astype(np.uint8)
-    return RawCloud(points, colors, _grid_of(header, len(points)))
+        colors = np.rint(np.clip(np.nan_to_num(colors), 0, 1) * 255).astype(np.uint8)
+    return RawCloud(points, colors, grid)
 
 
 def _header(path: Path) -> dict[str, int]:
@@ -136,7 +159,7 @@ def _grid_of(header: dict[str, int], count: int) -> tuple[int, int] | None:
     return (height, width) if height > 1 and width > 1 and height * width == count else None
 
 
-def _camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
+def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
     """The camera behind an organised cloud (H * W, 3), by least squares of u and v against x/z and y/z.
 
     None where the points do not lie on a camera's pixel grid.
@@ -164,6 +187,7 @@ def _virtual_camera(points: np.ndarray) -> Camera:
 
     seen = points[points[:, 2] > 0]
     slopes = seen[:, :2] / seen[:, 2:]
+    slopes = slopes[np.lexsort(slopes.T)]  # Open3D returns the points of an image in varying order
     picked = slopes[np.linspace(0, len(slopes) - 1, min(SPACING_SAMPLES, len(slopes))).astype(np.int64)]
     gaps = cKDTree(slopes).query(picked, k=2)[0][:, 1] if len(slopes) > 1 else np.array([0.01])
     usual, wide = np.quantile(gaps, (0.5, 0.9))
@@ -176,36 +200,77 @@ def _virtual_camera(points: np.ndarray) -> Camera:
     return Camera(1 / pitch, 1 / pitch, cx, cy, width, height)
 
 
-class _CloudFrames(FrameSource):
-    """Depth images of clouds, one file each, in the files' unit (float64)."""
+class CloudFrames(FrameSource):
+    """Depth images of clouds in the clouds' unit (float64).
 
-    def __init__(self, files: list[Path], axes: str, camera: Camera, organised: bool) -> None:
-        self._files, self._axes, self._camera, self._organised = files, axes, camera, organised
-        self._held: tuple[int, RawCloud] | None = None
+    The camera is that of the options, of the pixel grid of the first cloud by least squares, or a virtual one.
+
+    Parameters
+    ----------
+    names : of the clouds, for errors
+    load : returns the cloud of a frame; None for a cloud without points, whose frame holds no measurement
+    first : the first cloud that has points
+    options : `intrinsics` and `size` of the camera
+    path : of the recording, for errors
+
+    Raises
+    ------
+    RecordingError
+        The options hold intrinsics without a size, and the cloud has no pixel grid.
+
+    Attributes
+    ----------
+    camera : before which the points lie
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        load: Callable[[int], RawCloud | None],
+        first: RawCloud,
+        options: ReaderOptions,
+        path: Path,
+    ) -> None:
+        self._names, self._load = names, load
+        found = None if first.grid is None else camera_of_grid(first.points, first.grid)
+        self._organised = found is not None
+        self._colored = self._organised and first.colors is not None
+        if found is not None and first.grid is not None:
+            self.camera = found if options.intrinsics is None else chosen_camera(options, first.grid, path)
+        elif options.intrinsics is None:
+            self.camera = _virtual_camera(first.points)
+        elif options.size is None:
+            raise RecordingError(f"{path} has no pixel grid; give --size WIDTH,HEIGHT together with --intrinsics")
+        else:
+            self.camera = chosen_camera(options, (options.size[1], options.size[0]), path)
+        self._held: tuple[int, RawCloud | None] | None = None
 
     def __len__(self) -> int:
-        return len(self._files)
+        return len(self._names)
 
     def depth(self, i: int) -> np.ndarray:
-        """Frame `i`, float64 (H, W), file units, 0 = nothing."""
-        cloud = self._cloud(i)
+        """Return frame `i`, float64 (H, W), the clouds' unit, 0 = no measurement."""
+        cloud, image = self._cloud(i), np.zeros(self.camera.shape)
+        if cloud is None:
+            return image
         if self._organised:
-            return cloud.points[:, 2].reshape(self._camera.shape)
-        image = np.zeros(self._camera.shape)
-        kernels.z_buffer(cloud.points, self._camera.intrinsics, image)
+            return cloud.points[:, 2].reshape(self.camera.shape)
+        kernels.z_buffer(cloud.points, self.camera.intrinsics, image)
         return image
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of an organised cloud, or None."""
-        colors = self._cloud(i).colors
-        return None if colors is None or not self._organised else colors.reshape(*self._camera.shape, 3)
+        """Return the colour of frame `i`, black without points; None for clouds without a grid or colour."""
+        cloud = self._cloud(i) if self._colored else None
+        if cloud is None or cloud.colors is None:
+            return np.zeros((*self.camera.shape, 3), dtype=np.uint8) if self._colored else None
+        return cloud.colors.reshape(*self.camera.shape, 3)
 
-    def _cloud(self, i: int) -> RawCloud:
+    def _cloud(self, i: int) -> RawCloud | None:
         if self._held is None or self._held[0] != i:
-            cloud = load_cloud(self._files[i], self._axes)
-            if self._organised and cloud.grid != self._camera.shape:
+            cloud = self._load(i)
+            if self._organised and cloud is not None and cloud.grid != self.camera.shape:
                 raise RecordingError(
-                    f"{self._files[i]} has the pixel grid {cloud.grid}, the first cloud has {self._camera.shape}; "
+                    f"{self._names[i]} has the pixel grid {cloud.grid}, the first cloud has {self.camera.shape}; "
                     "all frames must have one size"
                 )
             self._held = (i, cloud)
@@ -218,14 +283,6 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if not files:
         raise RecordingError(f"{path} holds no PCD or PLY file; give a cloud or a folder of clouds")
     first = load_cloud(files[0], options.axes)
-    found = None if first.grid is None else _camera_of_grid(first.points, first.grid)
-    if found is not None and first.grid is not None:
-        camera = found if options.intrinsics is None else chosen_camera(options, first.grid, path)
-    elif options.intrinsics is not None:
-        if options.size is None:
-            raise RecordingError(f"{path} has no pixel grid; give --size WIDTH,HEIGHT together with --intrinsics")
-        camera = chosen_camera(options, (options.size[1], options.size[0]), path)
-    else:
-        camera = _virtual_camera(first.points)
-    source = _CloudFrames(files, options.axes, camera, found is not None)
-    return recording_of_source(path, source, camera, options, FileFacts(unit="m"))
+    names = [str(file) for file in files]
+    source = CloudFrames(names, lambda i: load_cloud(files[i], options.axes), first, options, path)
+    return recording_of_source(path, source, source.camera, options, FileFacts(unit="m"))

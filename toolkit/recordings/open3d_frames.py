@@ -1,0 +1,161 @@
+"""Recordings of Open3D's own types in memory: point clouds, and images with depth and colour."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.io.errors import RecordingError, UsageError
+from toolkit.recordings.reader_options import ReaderOptions
+from toolkit.recordings.readers.base import FileFacts, chosen_camera, recording_of_source
+from toolkit.recordings.readers.cloud import GRID_POINTS, CloudFrames, RawCloud, camera_of_grid, usable_cloud
+from toolkit.sensing.recording import FrameSource, Recording, memory_path
+
+WIDEST = 2.5
+"""Width over height of an image, or height over width, up to which a number of points may be one (16:9 is 1.8)."""
+
+
+def is_open3d(frames: Any) -> bool:
+    """Return True for an object of Open3D, or a list or tuple that begins with one; Open3D is not imported."""
+    first = frames[0] if isinstance(frames, (list, tuple)) and frames else frames
+    return type(first).__module__.split(".")[0] == "open3d"
+
+
+def recording_of_open3d(
+    frames: Any,
+    *,
+    timestamps: np.ndarray | None = None,
+    background: np.ndarray | None = None,
+    name: str = "open3d",
+    **options: Any,
+) -> Recording:
+    """Return a recording of clouds or RGB-D images, one for each frame.
+
+    Parameters
+    ----------
+    frames : an `open3d.geometry` or `open3d.t.geometry` PointCloud or RGBDImage, or a list of one kind. Clouds are in
+        the frame of the camera that measured them, metres unless `depth_unit` says otherwise; NaN and infinite points
+        are no measurement, normals are not used, and a cloud without points is a frame without a measurement
+    timestamps : (T,), seconds; without them `frame_rate` counts, or 30 frames a second
+    background : (H, W), depth of the empty scene, of images alone
+    name : of the recording
+    options : of `ReaderOptions`; `intrinsics` may be an `open3d.camera.PinholeCameraIntrinsic`. Images need it. A
+        cloud whose points are the pixels of an image, row by row, is recognised and gives its intrinsics itself; any
+        other is projected into the camera of `intrinsics` and `size`, or without them into a virtual camera
+
+    Raises
+    ------
+    RecordingError
+        No frame holds a measurement, the frames differ in kind or size, or the intrinsics are missing.
+    UsageError
+        An option is unknown or wrong, or a frame is of no supported type.
+    """
+    several = list(frames) if isinstance(frames, (list, tuple)) else [frames]
+    kinds = sorted({type(frame).__name__ for frame in several})
+    if len(kinds) != 1 or kinds[0] not in ("PointCloud", "RGBDImage"):
+        raise UsageError(f"frames are of type {', '.join(kinds)}; give PointCloud or RGBDImage of Open3D, all of one")
+    chosen, path = _options(options), memory_path(name)
+    times = None if timestamps is None else np.asarray(timestamps, dtype=np.float64)
+    facts = FileFacts(unit="m", timestamps=times, background=background)
+    if kinds == ["RGBDImage"]:
+        images = _Images(several)
+        return recording_of_source(path, images, chosen_camera(chosen, images.shape, path), chosen, facts, name=name)
+    source = _cloud_frames(several, chosen, path)
+    return recording_of_source(path, source, source.camera, chosen, facts, name=name)
+
+
+def _options(options: dict[str, Any]) -> ReaderOptions:
+    """Reader options, with the numbers of an intrinsic object of Open3D in its place."""
+    camera: Any = options.get("intrinsics")
+    if not hasattr(camera, "get_focal_length"):
+        return ReaderOptions.from_mapping(options)
+    numbers = (*camera.get_focal_length(), *camera.get_principal_point())
+    sized = {"size": (camera.width, camera.height)} if camera.width > 0 and camera.height > 0 else {}
+    return ReaderOptions.from_mapping({**sized, **options, "intrinsics": numbers})
+
+
+def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> CloudFrames:
+    """Frames of clouds; the first one that has points decides on the camera."""
+
+    def loaded(i: int) -> RawCloud | None:
+        points, colors = _arrays(clouds[i])
+        return usable_cloud(points, colors, None, options.axes, f"cloud {i}") if len(points) else None
+
+    number = next((i for i, cloud in enumerate(clouds) if len(_arrays(cloud)[0])), None)
+    if number is None:
+        raise RecordingError(f"none of the {len(clouds)} clouds holds a point; give at least one measurement")
+    first = loaded(number)
+    assert first is not None
+    grid = _grid_of(first.points, options.size)
+    with_grid: Callable[[int], RawCloud | None] = loaded
+    if grid is not None:
+        count = grid[0] * grid[1]
+
+        def with_grid(i: int) -> RawCloud | None:
+            cloud = loaded(i)
+            return replace(cloud, grid=grid) if cloud is not None and len(cloud.points) == count else cloud
+
+    names = [f"cloud {i}" for i in range(len(clouds))]
+    return CloudFrames(names, with_grid, replace(first, grid=grid), options, path)
+
+
+def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Height and width of the image whose pixels the points (N, 3) are, row by row; None where they are none.
+
+    `size` (width, height) is tried alone if it is given, else every image of N pixels up to `WIDEST`.
+    """
+    count = len(points)
+    if count < GRID_POINTS:
+        return None
+    if size is not None:
+        sizes = [(size[1], size[0])] if size[0] * size[1] == count else []
+    else:
+        heights = np.arange(int(np.sqrt(count / WIDEST)), int(np.sqrt(count * WIDEST)) + 1)
+        sizes = [(int(h), count // int(h)) for h in heights if h > 1 and count % h == 0 and count // h > 1]
+    return next((grid for grid in sizes if camera_of_grid(points, grid) is not None), None)
+
+
+def _arrays(cloud: Any) -> tuple[np.ndarray, np.ndarray | None]:
+    """Points float64 (N, 3), a copy, and colours (N, 3) or None of a cloud of either kind."""
+    if hasattr(cloud, "point"):
+        points = cloud.point.positions.cpu().numpy() if "positions" in cloud.point else np.zeros((0, 3))
+        colors = cloud.point.colors.cpu().numpy() if "colors" in cloud.point else None
+    else:
+        points, colors = np.asarray(cloud.points), np.asarray(cloud.colors) if cloud.has_colors() else None
+    return np.array(points, dtype=np.float64), colors
+
+
+class _Images(FrameSource):
+    """Depth and colour of RGB-D images; whole numbers are millimetres, others metres."""
+
+    def __init__(self, images: Sequence[Any]) -> None:
+        self._images = images
+        first = _pixels(images[0].depth)
+        if first.ndim != 2 or not first.size:
+            raise RecordingError(f"the depth of image 0 has shape {first.shape}; give images (height, width)")
+        self.shape = first.shape
+
+    def __len__(self) -> int:
+        return len(self._images)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Return frame `i`, float32 (H, W), metres, 0 = no measurement."""
+        depth = _pixels(self._images[i].depth)
+        return depth if depth.dtype.kind == "f" else depth.astype(np.float32) / np.float32(1000.0)
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Return the colour of frame `i`, uint8 (H, W, 3); None for an image without one, grey or of another size."""
+        color = _pixels(self._images[i].color)
+        if color.shape != (*self.shape, 3):
+            return None
+        return color if color.dtype == np.uint8 else np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8)
+
+
+def _pixels(image: Any) -> np.ndarray:
+    """An image of either kind as an array (H, W) or (H, W, C)."""
+    array = image.cpu().numpy() if hasattr(image, "cpu") else np.asarray(image)
+    return array[..., 0] if array.ndim == 3 and array.shape[2] == 1 else array
