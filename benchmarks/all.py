@@ -70,9 +70,6 @@ COMMANDS: dict[str, str] = {
     "keyframe_search": "keyframes search {data}",
     "keyframe_ranking": "keyframes ranking {data}",
     "keyframe_learning": "keyframes learning {data}",
-    "fuzz": "fuzz --mutations 106200 --seed 1",
-    "failures": "failures --points 20",
-    "bad_calls": "bad_calls --calls 2000 --seed 24",
 }
 """Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`; what takes an hour comes early."""
 

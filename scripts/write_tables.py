@@ -11,7 +11,6 @@ import json
 import re
 import subprocess
 import sys
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -74,33 +73,12 @@ def compared(group: str, other: str) -> dict[str, Any]:
     return gain | {"own": own.mean(), "theirs": theirs.mean(), "better": int((own < theirs).sum()), "count": len(names)}
 
 
-CHANGED = {
-    ", revalued": "values of JSON and YAML",
-    ", resealed": "arrays and headers under a right checksum",
-    " folder, ": "a run that is shown or gone on with",
-    ", tracked": "recording, database and body of a run",
-    "": "bytes",
-}
-"""What a name of the benchmark `fuzz` holds, the first that fits -> what is changed of such files."""
-
-
-def damage() -> dict[str, Counter[str]]:
-    """What became of damaged files, by what was changed: the kinds of files, the changes, and each outcome."""
-    counts: dict[str, Counter[str]] = {said: Counter() for said in CHANGED.values()}
-    for name, outcomes in figures("fuzz").items():
-        own = counts[next(said for part, said in CHANGED.items() if part in name)]
-        own.update({"kinds": 1, "changes": sum(outcomes.values())})
-        own.update({outcome.split(":")[0]: count for outcome, count in outcomes.items()})
-    counts["all"] = sum(counts.values(), Counter())
-    return counts
-
-
 ENVIRONMENT = Environment(
     loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
 ENVIRONMENT.filters |= {"f": fixed, "pct": percent}
 ENVIRONMENT.globals |= {
-    "figures": figures, "results": results, "share": share, "column": column, "compared": compared, "damage": damage,
+    "figures": figures, "results": results, "share": share, "column": column, "compared": compared,
     "in_colour": in_colour,
 }  # fmt: skip
 TABLES: dict[str, Any] = {

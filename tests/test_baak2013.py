@@ -7,7 +7,6 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from benchmarks._rows import ROWS, LocalTracker, make_tracker
 from tests.database_helpers import small_database
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.app.config import load_settings
@@ -56,14 +55,6 @@ def test_the_config_builds_the_papers_tracker() -> None:
     tracker = follower()
     assert [search.name for search in tracker.searches] == ["local", "lookup"]
     assert SETTINGS.hypotheses == ("local", "extrema") and SETTINGS.extrema == 20 and SETTINGS.shape.seconds == 0.0
-
-
-@pytest.mark.parametrize("row", [name for name, (config, _) in ROWS.items() if config == "baak2013"])
-def test_the_rows_of_benchmarks_that_bear_the_papers_name_are_the_papers_tracker(row: str) -> None:
-    tracker = make_tracker(row, small_database())
-    assert isinstance(tracker, Baak2013Tracker) and isinstance(tracker, LocalTracker) == row.endswith("local")
-    wanted = ["lookup"] if row.endswith("lookup") else ["local", "lookup"]
-    assert [search.name for search in tracker.follower(CAMERA, LEVEL).searches] == wanted
 
 
 @pytest.mark.parametrize("pose", POSES[1:])

@@ -17,8 +17,8 @@ import pytest
 
 from tests.database_helpers import small_database
 from tests.fake_tracker import write_recording
-from tests.fuzz_files import classes_file
 from tests.run_helpers import write_run
+from tests.sample_files import classes_file
 from toolkit.app.cli.main import main
 from toolkit.body import skeleton
 from toolkit.io.files import sha256_of

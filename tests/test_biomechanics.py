@@ -18,7 +18,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.body.sole import soles
 from toolkit.motion.angles import joint_angles, sequence_angles
-from toolkit.motion.contact import contacts_of_soles, frames_in, ground_height, hysteresis, without_short
+from toolkit.motion.contact import contacts_of_soles, ground_height
 from toolkit.motion.gait import SIDES, walk_of
 from toolkit.motion.resting import at_rest
 from toolkit.motion.rising import rises_of
@@ -83,13 +83,6 @@ def test_through_gimbal_lock_the_angles_are_continuous_and_it_is_said() -> None:
     assert locked[60] and not locked[0] and locked.sum() == 15
     assert np.abs(np.diff(np.degrees(angles), axis=0)).max() < 3.0
     np.testing.assert_allclose(np.degrees(angles[[0, -1]]), [[30, -60, 10], [30, -60, 10]], atol=1e-6)
-
-
-def test_nothing_is_said_of_frames_in_which_nobody_is_there() -> None:
-    poses, known = np.zeros((3, skeleton.POSE_SIZE)), np.array([True, False, True])
-    degrees = joint_angles(BODY, poses, known).degrees
-    assert np.isnan(degrees[1]).all() and np.isfinite(degrees[[0, 2]]).all()
-    assert np.isnan(joint_angles(BODY, poses, np.zeros(3, dtype=bool)).degrees).all()
 
 
 @pytest.mark.parametrize("walk", [Walk(), Walk(0.8, 90.0, 0.2, 0.66), Walk(1.4, 120.0, 0.08, 0.6)])
@@ -193,21 +186,6 @@ def test_somebody_who_stands_still_does_not_tremble_and_who_walks_is_left_as_fou
     assert off["walk"][1] < 1.02 * off["walk"][0]
 
 
-def test_contacts_begin_where_both_limits_hold_and_short_ones_go() -> None:
-    enter = np.array([0, 0, 1, 0, 0, 0, 0], dtype=bool)
-    stay = np.array([0, 1, 1, 1, 0, 1, 0], dtype=bool)
-    np.testing.assert_array_equal(hysteresis(enter, stay), [False, True, True, True, False, False, False])
-    flags = np.array([0, 0, 1, 0, 0, 0, 1, 1, 1, 0, 1, 1], dtype=bool)
-    np.testing.assert_array_equal(without_short(flags, 2), [0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1])
-
-
-@pytest.mark.parametrize("step", [5e-324, 1e-9])
-def test_times_that_are_next_to_each_other_are_one_moment(step: float) -> None:
-    times = np.arange(5) * step
-    assert frames_in(1.0, times) == RATE
-    assert contacts_of_soles(np.zeros((5, 2, 2, 3)), times, 0.0, np.ones(5, dtype=bool)).all()
-
-
 @pytest.mark.parametrize(("rest", "seated"), [(1.0, True), (0.0, False)])
 def test_rises_are_counted_and_timed(rest: float, seated: bool) -> None:
     plan = Rising(count=3, duration=1.2, rest=rest)
@@ -217,17 +195,3 @@ def test_rises_are_counted_and_timed(rest: float, seated: bool) -> None:
     expected = plan.duration * (1.0 - 2.0 * np.arccos(1.0 - 2.0 * 0.05) / np.pi)
     for rise in found:
         assert rise.duration == pytest.approx(expected, abs=0.08)
-
-
-def test_who_only_stands_or_only_sits_rises_never() -> None:
-    poses = rising(BODY, Rising(count=1), RATE)
-    for rows in (np.repeat(poses[:1], 30, axis=0), np.repeat(poses[70:71], 30, axis=0), poses[:1]):
-        assert not rises_of(BODY, rows, np.arange(len(rows)) / RATE, np.ones(len(rows), dtype=bool))
-
-
-def test_a_third_angle_goes_on_beyond_180_degrees() -> None:
-    degrees = np.linspace(170.0, 200.0, 31)
-    turns = Rotation.from_rotvec(np.outer(np.radians(degrees), [0.0, 1.0, 0.0])).as_matrix()
-    angles, locked = sequence_angles(turns, "ZXY", np.ones(len(turns), dtype=bool))
-    np.testing.assert_allclose(np.degrees(angles[:, 2]), degrees, atol=1e-6)
-    assert not locked.any()

@@ -10,12 +10,11 @@ import pytest
 from tests.fake_tracker import FakeTracker
 from tests.support.subjects import LEVEL, camera_for, draw
 from toolkit.app.cli.main import main
-from toolkit.app.pipeline.scan import scan_recordings
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body
-from toolkit.body.shape import ShapeSpace, subject_body
+from toolkit.body.shape import ShapeSpace
 from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import BodyError, UsageError
 from toolkit.recordings.writer import save_recording
@@ -74,11 +73,6 @@ def test_a_body_of_another_mesh_a_damaged_one_and_none_are_refused(tmp_path: Pat
         load_body_file(tmp_path / "bad.npz")
 
 
-def test_a_body_that_is_not_of_the_shape_space_has_no_file(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match="not made by the shape space"):
-        save_body(subject_body("neutral"), tmp_path / "me.npz")
-
-
 def test_a_tracker_without_use_for_a_body_refuses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "REGISTERED", {})
     settings = type(FakeTracker().settings)
@@ -117,8 +111,3 @@ def test_recordings_of_a_t_pose_become_a_body(tmp_path: Path, capsys: pytest.Cap
     expected = ShapeSpace.load().body([0.5, -1.0])
     off = ((body.vertices - expected.vertices) * expected.normals).sum(axis=1)
     assert np.median(np.abs(off)) < 0.006 and "of the skin seen" in capsys.readouterr().out
-
-
-def test_yaws_that_are_not_one_for_each_view_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="2 views and 3 yaws"):
-        scan_recordings([tmp_path / "a.npz", tmp_path / "b.npz"], [0.0, 90.0, 180.0])

@@ -13,19 +13,15 @@ from typing import Any
 import pytest
 import typer
 
-from database_builder import build as builder
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from tests.run_helpers import run
 from toolkit.app.cli import bench
 from toolkit.app.cli.examples import EXAMPLES
 from toolkit.app.cli.main import app
-from toolkit.app.cli.options import numbers
 from toolkit.app.pipeline import TrackerRecipe
-from toolkit.database.default import default_database_path
-from toolkit.io.errors import UsageError
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.clock import StageClock
-from toolkit.tracks import EMPTY, TRACKED, FrameResult, Track
+from toolkit.tracks import FrameResult, Track
 
 VERBS = (
     "demo",
@@ -74,12 +70,6 @@ def test_help_names_every_verb_and_loads_nothing_that_takes_long() -> None:
     answer = subprocess.run([sys.executable, "-c", ALL_HELP], capture_output=True, text=True, check=True)
     assert all(f" {verb} " in answer.stdout for verb in VERBS)
     assert answer.stdout.splitlines()[-1] == "[]"
-
-
-@pytest.mark.parametrize("verb", VERBS)
-def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(verb, "--help") == 0
-    assert capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -139,18 +129,6 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert fake.asked == asked  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(("state", "verb", "other"), [(TRACKED, "export", "info"), (EMPTY, "info", "export")])
-def test_what_comes_next_is_of_the_run_or_of_a_recording_in_which_nobody_is_found(
-    state: int, verb: str, other: str, tmp_path: Path, fake: FakeTracker,
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    monkeypatch.setattr("tests.fake_tracker.TRACKED", state)
-    recording = write_recording(tmp_path / "take.npz")
-    assert run("track", recording, "--database", "d.npz", "--output", tmp_path / "o") == 0
-    following = capsys.readouterr().err.split("next:")[1]
-    assert f" {verb} " in following and f" {other} " not in following
-
-
 def test_several_recordings_go_to_folders_by_stem_and_a_failure_is_named(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -190,15 +168,6 @@ def test_ctrl_c_is_exit_code_1_and_says_how_to_go_on(
     assert run(*command, "--resume") == 0 and len(Track.load(output)) == 12
 
 
-def test_an_output_that_cannot_be_written_is_exit_code_1(
-    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recording = write_recording(tmp_path / "take.npz")
-    (tmp_path / "file").write_text("")
-    assert run("track", recording, "--database", "d", "--output", tmp_path / "file" / "run") == 1
-    assert "choose a folder that can be written" in capsys.readouterr().err
-
-
 def test_evaluate_prints_one_table_and_writes_files(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -209,22 +178,6 @@ def test_evaluate_prints_one_table_and_writes_files(
     printed = capsys.readouterr().out
     assert "one" in printed and "mean of 2" in printed
     assert sorted(p.name for p in (tmp_path / "eval").iterdir()) == ["table.csv", "table.json"]
-
-
-def test_a_track_is_exported_by_the_suffix_of_the_output(tmp_path: Path, fake: FakeTracker) -> None:
-    recording = write_recording(tmp_path / "take.npz")
-    assert run("track", recording, "--database", "d", "--output", tmp_path / "run") == 0
-    for suffix, first in (("csv", "time_s,state,pelvis_x_m"), ("bvh", "HIERARCHY")):
-        assert run("export", tmp_path / "run", "--output", tmp_path / f"track.{suffix}") == 0
-        assert (tmp_path / f"track.{suffix}").read_text().startswith(first)
-    assert run("export", tmp_path / "run", "--output", tmp_path / "track.txt") == 2
-
-
-def test_numbers_on_the_command_line_are_counted() -> None:
-    assert numbers("1,2.5", 2, "--x") == (1.0, 2.5)
-    for text in ("1", "1,2,3", "a,b", ""):
-        with pytest.raises(UsageError, match="--x is"):
-            numbers(text, 2, "--x")
 
 
 def test_a_benchmark_runs_with_its_own_arguments(
@@ -275,31 +228,3 @@ def test_a_finished_run_is_replaced_only_when_that_is_said(
     assert "add --overwrite" in capsys.readouterr().err
     assert (tmp_path / "run" / "track.npz").stat().st_mtime_ns == before
     assert run(*command, "--overwrite") == 0
-
-
-def test_without_a_database_that_of_the_package_is_taken_and_nothing_is_built(
-    tmp_path: Path, fake: FakeTracker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def build(*sources: object, **named: object) -> None:
-        raise AssertionError("a database is built unasked")
-
-    monkeypatch.setattr(builder, "build_database", build)
-    recording = write_recording(tmp_path / "take.npz")
-    assert run("track", recording, "--output", tmp_path / "run") == 0
-    assert fake.asked.database == default_database_path()  # type: ignore[attr-defined]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "take.npz"]
-
-
-def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(TrackerRecipe, "build", lambda *_: FakeTracker())
-    good = write_recording(tmp_path / "good.npz")
-    (tmp_path / "bad.npz").write_bytes(b"nothing")
-    command = ["track", good, tmp_path / "bad.npz", "--database", "d", "--output", tmp_path / "runs"]
-    assert run(*command) == 1
-    said = capsys.readouterr()
-    assert "12 frames" in said.out and "bad.npz: failed: " in said.err
-    write_recording(tmp_path / "bad.npz")
-    assert run(*command) == 0
-    assert "runs/bad: 12 frames" in capsys.readouterr().out.replace("\n", "")

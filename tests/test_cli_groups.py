@@ -59,10 +59,3 @@ def test_what_a_field_forbids_is_wrong_use(typed: list[str]) -> None:
     app = typer.Typer()
     app.command()(look)
     assert CliRunner().invoke(app, typed).exit_code == 2
-
-
-def test_help_shows_every_field() -> None:
-    app = typer.Typer()
-    app.command()(look)
-    shown = CliRunner().invoke(app, ["--help"]).output
-    assert all(word in shown for word in ("--distance", "--near", "--name", "--who", "Metres.", "Look at somebody."))

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from toolkit.app.config import READER, load_settings, parse_overrides, settings_text
 from toolkit.io.errors import SettingsError, UsageError
-from toolkit.sensing.sensing_settings import SensingSettings
 
 
 @dataclass(frozen=True)
@@ -93,14 +92,6 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         load_settings(Outer, "no_such_shipped_settings")
 
 
-def test_overrides_that_are_none_are_refused() -> None:
-    for pair in ("tau", "=1", "a=["):
-        with pytest.raises(SettingsError):
-            parse_overrides([pair])
-    with pytest.raises(SettingsError, match="has no settings inside"):
-        load_settings(Outer, None, {"name": "x", "name.tau": 1})
-
-
 @given(
     st.builds(
         Outer,
@@ -120,9 +111,3 @@ def test_written_settings_are_read_back_equal(settings: Outer) -> None:
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "config.yaml").write_text(settings_text(settings), encoding="utf-8")
         assert load_settings(Outer, Path(folder) / "config.yaml") == settings
-
-
-def test_the_settings_of_a_room_are_read_by_their_names() -> None:
-    assert load_settings(SensingSettings, None, {"half_resolution": True}).half_resolution
-    with pytest.raises(SettingsError, match="near"):
-        load_settings(SensingSettings, None, {"near": 9.0})

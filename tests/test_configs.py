@@ -12,7 +12,6 @@ import yaml
 
 from scripts.write_configs import HEADS, attributes_of, config_text
 from toolkit.app.config import load_settings, settings_text
-from toolkit.io.errors import SettingsError
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.head_hands import HeadHandSettings
@@ -57,12 +56,6 @@ def test_a_file_of_defaults_is_the_one_that_the_settings_classes_write(kind: typ
     assert load_settings(kind, name) == kind()
 
 
-def test_the_papers_variant_has_its_two_hypotheses_and_nothing_learnt() -> None:
-    settings = load_settings(HybridSettings, "baak2013")
-    assert settings.hypotheses == ("local", "extrema")
-    assert settings.shape.seconds == 0 and settings.fitting.prior_weight == 0.0 and settings.fitting.cloud_samples == 0
-
-
 @pytest.mark.parametrize("kind", HEADS)
 def test_a_tracker_has_at_most_25_settings(kind: type) -> None:
     assert len(settings_by_name(yaml.safe_load(settings_text(kind())))) <= 25
@@ -79,13 +72,6 @@ def test_what_is_written_beside_a_run_makes_the_same_settings_again(kind: type, 
         (tmp_path / "config.yaml").write_text(settings_text(settings), encoding="utf-8")
         assert load_settings(kind, tmp_path / "config.yaml") == settings
     assert load_settings(kind, None, changed).fitting == replace(kind().fitting, iterations=9)
-
-
-def test_constants_that_stay_are_written_nowhere_and_named_by_no_error() -> None:
-    assert "landmarks" not in settings_text(HybridSettings())
-    with pytest.raises(SettingsError, match="unknown setting magic; there are: tracker, seed") as told:
-        load_settings(HybridSettings, None, {"magic": 1})
-    assert "landmarks" not in str(told.value)
 
 
 def test_what_the_hybrid_tracker_hands_to_its_searches_comes_from_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:

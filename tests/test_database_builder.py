@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from database_builder import build, processes, reading, regressor
+from database_builder import build, reading, regressor
 from database_builder.build_report import database_text
 from database_builder.regressor import RegressorSettings
 from database_builder.sampling import farthest_first, pose_distance
@@ -23,7 +22,7 @@ from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
 from toolkit.io import files
-from toolkit.io.errors import DatabaseError, MocapError, OutputError, UsageError
+from toolkit.io.errors import MocapError, OutputError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS
 from toolkit.mocap.read import read_clip
@@ -154,19 +153,6 @@ def test_a_full_disk_is_one_sentence_and_the_forest_is_kept_in_the_place_of_its_
     assert grown == [1] and not work.exists()
 
 
-def test_a_bad_file_is_fatal_when_strict_and_nothing_is_written(mocap: Path, tmp_path: Path) -> None:
-    (mocap / "broken.bvh").write_text("HIERARCHY\nROOT hips\n{")
-    with pytest.raises(MocapError, match="broken.bvh cannot be used"):
-        build_database([mocap], tmp_path / "poses.npz", strict=True)
-    assert not (tmp_path / "poses.npz").exists()
-
-
-def test_only_bad_files_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "broken.bvh").write_text("nothing")
-    with pytest.raises(MocapError, match="no file can be used; broken.bvh: "):
-        build_database([tmp_path], tmp_path / "out" / "poses.npz")
-
-
 def test_an_interrupted_build_goes_on_where_it_was(
     mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -191,24 +177,6 @@ def test_an_interrupted_build_goes_on_where_it_was(
     np.testing.assert_array_equal(resumed.poses, build_database([mocap], tmp_path / "again.npz").database.poses)
 
 
-def test_a_killed_process_is_an_error_in_one_sentence() -> None:
-    with pytest.raises(DatabaseError, match="was killed"), processes.process_pool(2) as mapped:
-        list(mapped(os._exit, [1, 1]))
-
-
-def slow_touch(path: Path) -> None:
-    """Work of which much is left when somebody interrupts."""
-    time.sleep(0.05)
-    path.touch()
-
-
-def test_an_interrupt_leaves_the_work_of_a_pool_undone(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), processes.process_pool(2) as mapped:
-        for _ in mapped(slow_touch, [tmp_path / str(number) for number in range(200)]):
-            raise KeyboardInterrupt
-    assert len(list(tmp_path.iterdir())) < 150
-
-
 def test_a_kept_file_is_read_again_when_the_mocap_or_the_body_changed(mocap: Path, tmp_path: Path) -> None:
     def failed(stage: str, done: int, total: int) -> None:
         if stage == "look":
@@ -230,12 +198,6 @@ def test_a_kept_file_is_read_again_when_the_mocap_or_the_body_changed(mocap: Pat
     np.testing.assert_allclose(third.joints, tall.joint_positions(third.poses), atol=1e-5)
 
 
-def test_progress_names_every_stage_and_ends_complete(mocap: Path, tmp_path: Path) -> None:
-    seen: list[tuple[str, int, int]] = []
-    build_database([mocap], tmp_path / "poses.npz", progress=lambda *step: seen.append(step))
-    assert [stage for stage, done, total in seen if done == total] == ["read", "sample", "look"]
-
-
 def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "nothing").mkdir()
     with pytest.raises(MocapError, match="no motion file"):
@@ -246,13 +208,6 @@ def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
         build_database([], tmp_path / "poses.npz")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_without_permission_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "locked").mkdir(mode=0o500)
-    with pytest.raises(OutputError, match="cannot write"):
-        build_database(CLIPS, tmp_path / "locked" / "poses.npz")
-
-
 def test_an_output_that_cannot_be_written_is_an_error_before_work_starts(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot write"):
@@ -260,12 +215,6 @@ def test_an_output_that_cannot_be_written_is_an_error_before_work_starts(tmp_pat
     for name in ("poses.json", "poses"):
         with pytest.raises(UsageError, match=r"one \.npz file"):
             build_database(CLIPS, tmp_path / name)
-
-
-@pytest.mark.parametrize("options", [{"threshold": -0.1}, {"max_poses": 0}, {"workers": 0}])
-def test_options_that_cannot_work_are_refused(tmp_path: Path, options: dict[str, float]) -> None:
-    with pytest.raises(UsageError):
-        build_database(CLIPS, tmp_path / "poses.npz", **options)  # type: ignore[arg-type]
 
 
 def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
@@ -313,35 +262,3 @@ def test_a_database_does_not_replace_its_source(tmp_path: Path) -> None:
     write_bvh(tmp_path / "clip.npz", seed=0)
     with pytest.raises(UsageError, match="would be overwritten"):
         build_database([tmp_path / "clip.npz"], tmp_path / "clip.npz")
-
-
-def test_two_builds_of_one_output_do_not_disturb_each_other(mocap: Path, tmp_path: Path) -> None:
-    refused: list[str] = []
-
-    def second(stage: str, done: int, total: int) -> None:
-        if stage == "sample" and not refused:
-            with pytest.raises(OutputError, match=f"process {os.getpid()} on ") as error:
-                build_database([mocap], tmp_path / "poses.npz")
-            refused.append(str(error.value))
-
-    build_database([mocap], tmp_path / "poses.npz", progress=second)
-    assert len(refused) == 1 and not (tmp_path / "poses.work").exists()
-
-
-def test_a_backend_that_is_configured_around_reads_instead(tmp_path: Path) -> None:
-    import joblib
-
-    with joblib.parallel_config("threading"), processes.process_pool(2) as mapped:
-        assert set(mapped(lambda _: os.getpid(), range(4))) == {os.getpid()}
-
-
-def test_no_more_results_wait_than_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    import joblib
-
-    monkeypatch.setattr(processes, "WAITING", 2)
-    given: list[int] = []
-    with joblib.parallel_config("threading"), processes.process_pool(2) as mapped:
-        results = mapped(abs, (given.append(number) or number for number in range(100)))
-        next(results)
-        assert len(given) == 4
-        assert [*results] == [*range(1, 100)]

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import re
-import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.database_helpers import neutral, small_database, write_bvh
-from toolkit.app.cli.main import main
+from tests.database_helpers import neutral, small_database
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
-from toolkit.io.errors import DatabaseError, OutputError
+from toolkit.io.errors import DatabaseError
 
 ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored", "body_shape")
 
@@ -92,20 +89,6 @@ def test_a_file_that_does_not_fit_is_refused_with_the_reason(saved: Path, values
         PoseDatabase.load(changed(saved, **values))
 
 
-@pytest.mark.parametrize("values", [{"format_version": 99}, {"fingerprint": "0"}, {"offsets": None}])
-def test_the_command_that_builds_it_again_is_one_that_a_shell_takes(saved: Path, values: dict[str, Any]) -> None:
-    old = changed(saved, **values).rename(saved.with_name("my poses.npz"))
-    with pytest.raises(DatabaseError) as refused:
-        PoseDatabase.load(old)
-    (command,) = re.findall("`(.*)`", str(refused.value))
-    write_bvh(saved.with_name("walk.bvh"), 1)
-    words = [str(saved.with_name("walk.bvh")) if word == "MOCAP" else word for word in shlex.split(command)]
-    assert words.pop(0) == "depthmocap"
-    with pytest.raises(SystemExit) as done:
-        main([*words, "--no-seated", "--no-parts"])
-    assert not done.value.code and PoseDatabase.load(old).sources == ("walk.bvh",)
-
-
 def test_a_value_changed_behind_the_checksum_is_noticed(saved: Path) -> None:
     with np.load(saved) as archive:
         data = {name: archive[name] for name in archive.files}
@@ -128,17 +111,6 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
         PoseDatabase.load(tmp_path / "nothing.npz")
 
 
-def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DatabaseError, match="there is no pose database"):
-        PoseDatabase.load(tmp_path)
-
-
-def test_a_database_is_not_written_below_a_file(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot write"):
-        small_database().save(tmp_path / "file" / "poses.npz")
-
-
 def test_another_body_gets_its_own_joints_and_features() -> None:
     database, child = small_database(), load_body("child")
     theirs = database.for_body(child)
@@ -147,14 +119,6 @@ def test_another_body_gets_its_own_joints_and_features() -> None:
     assert theirs.body_name == "child" and theirs.torso_length < 0.85 * database.torso_length
     ratio = np.linalg.norm(theirs.features, axis=1) / np.linalg.norm(database.features, axis=1)
     assert 0.5 < np.median(ratio) < 0.9
-
-
-def test_a_body_of_twice_the_size_has_twice_the_features() -> None:
-    database = small_database()
-    doubled = database.for_body(neutral().scaled(2.0))
-    np.testing.assert_allclose(doubled.features, 2.0 * database.features, atol=1e-5)
-    back = doubled.for_body(neutral())
-    np.testing.assert_allclose(back.features, database.features, atol=1e-5)
 
 
 def test_the_first_poses_are_a_database_of_their_own() -> None:

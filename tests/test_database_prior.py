@@ -13,7 +13,6 @@ from database_builder.prior import learn_prior
 from tests.database_helpers import known_without, neutral, random_poses, small_database
 from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.shape import load_body
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase
 from toolkit.database.prior import HEIGHT, SITUATIONS, SIZE, UP, PosePrior, situations, variables
@@ -87,16 +86,6 @@ def test_everything_or_nothing_may_be_known() -> None:
     assert everything.mean.shape == (0,) and everything.covariance.shape == (0, 0)
 
 
-def test_the_same_limbs_hidden_twice_give_the_same_answer() -> None:
-    prior, rng = random_prior(np.random.default_rng(2)), np.random.default_rng(3)
-    first, second = rng.normal(0.0, 1.0, (2, SIZE))
-    known = known_without(LEGS)
-    once = prior.expected(first, known)
-    prior.expected(second, known)
-    again = prior.expected(first, known)
-    assert np.array_equal(once.mean, again.mean) and np.array_equal(once.covariance, again.covariance)
-
-
 def test_variables_are_the_joint_angles_the_vertical_and_the_height_of_the_pelvis() -> None:
     body = neutral()
     poses = random_poses(np.random.default_rng(4), 30)
@@ -148,17 +137,6 @@ def test_a_learnt_prior_knows_by_the_thighs_and_by_the_floor_who_sits() -> None:
         assert low < np.median(bends) < high
 
 
-def test_a_situation_with_few_poses_gets_no_component_and_too_few_poses_give_no_prior() -> None:
-    body = neutral()
-    poses = poses_of(("walk", "wave", "idle"), body)
-    prior = learn_prior(poses, body)
-    assert prior is not None and {SITUATIONS[s] for s in prior.situation} == {"standing"}
-    assert learn_prior(poses[:20], body) is None
-    assert prior.weights.sum() == pytest.approx(1.0)
-    again = learn_prior(poses, body)
-    assert again is not None and np.array_equal(prior.means, again.means)
-
-
 def test_a_prior_is_the_same_to_the_bit_for_any_number_of_threads() -> None:
     from threadpoolctl import threadpool_limits
 
@@ -201,9 +179,3 @@ def test_a_prior_that_does_not_fit_is_refused() -> None:
         PosePrior.of_arrays(arrays | {"covariances": np.full_like(arrays["covariances"], np.nan)})
     with pytest.raises(DatabaseError, match="situation of the pose prior is <U4"):
         PosePrior.of_arrays(arrays | {"situation": arrays["situation"].astype("U4")})
-
-
-def test_the_floor_tells_a_seated_child_from_a_standing_one() -> None:
-    child = load_body("child")
-    seated, standing = (variables(poses_of(names, child), child) for names in (SEATED_MOTIONS[:2], ("wave",)))
-    assert np.median(seated[:, HEIGHT]) < 0.7 < 0.9 < np.median(standing[:, HEIGHT])

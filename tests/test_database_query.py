@@ -55,13 +55,6 @@ def test_of_equal_distances_the_compiled_search_names_the_lowest_index_first() -
     np.testing.assert_array_equal(indices, [np.arange(6)])
 
 
-def test_leaves_hold_every_row_once() -> None:
-    rows = np.random.default_rng(0).normal(size=(3000, 15)).astype(np.float32)
-    order, starts = nearest.leaf_order(rows)
-    np.testing.assert_array_equal(np.sort(order), np.arange(3000))
-    assert np.diff(starts).max() <= nearest.LEAF and np.diff(starts).min() > 0 and starts[-1] == 3000
-
-
 def test_a_pose_is_its_own_nearest_neighbour() -> None:
     database = small_database()
     distances, indices = database.query(database.features[:10], 3)
@@ -76,13 +69,6 @@ def test_a_missing_end_effector_does_not_count() -> None:
     present = np.array([True, False, True, True, True])
     distances, indices = database.query(query, 2, present)
     assert indices[0, 0] == 4 and distances[0, 0] == 0.0
-
-
-def test_more_neighbours_than_poses_gives_all_poses() -> None:
-    database = small_database(count=7, seed=1)
-    distances, indices = database.query(database.features[:2], 100)
-    assert indices.shape == distances.shape == (2, 7)
-    np.testing.assert_array_equal(np.sort(indices[0]), np.arange(7))
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 
 from database_builder.sampling import farthest_first, pose_distance
 from toolkit.io.errors import DatabaseError, UsageError
-from toolkit.kernels.learning import farthest
 
 
 def plain_selection(points: np.ndarray, threshold: float, max_count: int) -> np.ndarray:
@@ -63,20 +61,6 @@ def test_the_selection_equals_plain_farthest_first_on_many_poses() -> None:
     np.testing.assert_array_equal(farthest_first(points, 0.01), expected)
 
 
-@njit
-def all_from(points: np.ndarray, origin: int) -> np.ndarray:
-    out = np.empty(len(points), np.float32)
-    for i in range(len(points)):
-        out[i] = farthest.squared_distance(points, i, points, origin)
-    return out
-
-
-@pytest.mark.parametrize("scale", [1e-20, 1e-3, 1.0, 1e3])
-def test_squared_distances_are_rounded_as_numpy_rounds_them(scale: float) -> None:
-    points = (scale * np.random.default_rng(1).normal(size=(2000, 60))).astype(np.float32)
-    np.testing.assert_array_equal(all_from(points, 7), np.sum((points - points[7]) ** 2, axis=1))
-
-
 def test_selected_poses_are_apart_and_cover_the_rest() -> None:
     joints = walk_of_poses(np.random.default_rng(5), 1500).reshape(-1, 20, 3)
     threshold = 0.02
@@ -84,14 +68,6 @@ def test_selected_poses_are_apart_and_cover_the_rest() -> None:
     pairs = pose_distance(joints[selected][:, None], joints[selected][None])
     assert pairs[~np.eye(len(selected), dtype=bool)].min() > threshold * (1 - 1e-6)
     assert pose_distance(joints[:, None], joints[selected][None]).min(axis=1).max() <= threshold * (1 + 1e-6)
-
-
-def test_the_literal_threshold_of_the_paper_is_eight_centimetres_per_joint() -> None:
-    joints = np.zeros((2, 20, 3))
-    joints[1, :, 0] = 0.0805
-    assert pose_distance(joints[0], joints[1]) == pytest.approx(0.018, rel=1e-3)
-    assert len(farthest_first(joints, 0.0179)) == 2
-    assert len(farthest_first(joints, 0.0181)) == 1
 
 
 def test_a_maximum_count_gives_the_beginning_of_the_full_selection() -> None:

@@ -8,9 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
@@ -19,8 +16,7 @@ from toolkit.body import skeleton
 from toolkit.evaluation import agreement, evaluate
 from toolkit.evaluation import joint_errors as joints
 from toolkit.evaluation import score_report as report
-from toolkit.evaluation.extrema_scores import TIPS, all_found, limbs_of_points
-from toolkit.evaluation.scores import EvaluationTable, RunScores
+from toolkit.evaluation.extrema_scores import all_found
 from toolkit.io.errors import RecordingError, TrackError, UsageError
 from toolkit.io.files import sha256_of
 from toolkit.recordings.writer import save_recording
@@ -75,14 +71,6 @@ def test_errors_are_distances_capped_at_one_metre() -> None:
     errors = joints.joint_errors(found, truth)
     assert errors[0, 3] == pytest.approx(0.25, abs=1e-6) and errors[1, 4] == 1.0
     assert np.delete(errors.ravel(), [3, 24]).max() == 0.0
-
-
-@settings(max_examples=30, deadline=None)
-@given(hnp.arrays(np.float64, (7, 20), elements=st.floats(0, 1)))
-def test_the_accuracy_curve_counts_and_never_falls(errors: np.ndarray) -> None:
-    curve = joints.accuracy(errors, joints.CURVE)
-    assert (np.diff(curve) >= 0).all()
-    np.testing.assert_allclose(curve, [(errors <= t).mean() for t in joints.CURVE])
 
 
 def test_unknown_truth_is_left_out_of_every_figure() -> None:
@@ -145,12 +133,6 @@ def test_each_end_effector_needs_an_extremum_of_its_own() -> None:
     assert not all_found(np.concatenate([close[:1], close[2:], close[2:3]]), close)
 
 
-def test_points_belong_to_the_limb_of_the_nearest_bone() -> None:
-    body = standing(1)[0].astype(np.float64)
-    assert limbs_of_points(body[TIPS] + 0.01, body).tolist() == [0, 1, 2, 3, 4]
-    assert limbs_of_points(body[[skeleton.REPORTED.index("spine")]], body).tolist() == [-1]
-
-
 def test_offsets_of_other_subjects_undo_a_constant_displacement_however_the_person_stands() -> None:
     rng = np.random.default_rng(0)
     offsets = rng.normal(scale=0.1, size=(20, 3))
@@ -172,28 +154,6 @@ def test_offsets_are_the_medians_of_all_other_subjects_together() -> None:
     ]
     # The medians of the others, along each axis: 0.32 m for a and b, 0.3 m for c, who is 35 mm away.
     assert agreement.agreement_with_offsets(runs, ["a", "b", "b", "c"]) == [0.0, 1.0, 0.0, 1.0]
-
-
-def test_offsets_are_never_fitted_on_the_own_subject() -> None:
-    found = standing()
-    nothing = agreement.local_differences(found, found)
-    assert np.isnan(agreement.agreement_with_offsets([nothing, nothing], ["1", "1"])).all()
-    assert np.isnan(agreement.agreement_with_offsets([nothing], [None])).all()
-
-
-def test_of_a_long_run_evenly_spaced_frames_are_kept() -> None:
-    found = np.repeat(standing().astype(np.float64)[:1], agreement.FRAMES + 500, axis=0)
-    moved = found + np.arange(len(found))[:, None, None] * 1e-3
-    kept = agreement.local_differences(found, moved)
-    assert len(kept) == agreement.FRAMES
-    lengths = np.linalg.norm(kept[:, 0], axis=1)
-    assert lengths[0] == 0 and lengths[-1] == pytest.approx(1e-3 * np.sqrt(3) * (len(found) - 1), rel=1e-4)
-    assert np.diff(lengths).max() < 2.1e-3 * np.sqrt(3)
-
-
-def test_the_subject_is_read_from_the_name_of_the_recording() -> None:
-    assert agreement.subject_of("a27_s8_t1_depth") == "8"
-    assert agreement.subject_of("holiday") is None
 
 
 def test_a_clear_difference_survives_the_bootstrap_and_noise_does_not() -> None:
@@ -305,28 +265,6 @@ def test_the_table_is_printed_and_written_as_csv_and_json(tmp_path: Path) -> Non
     assert len(read["curve_thresholds_mm"]) == len(read["mean"]["curve"])
 
 
-@pytest.mark.parametrize("is_truth", [True, False])
-def test_the_table_has_six_columns_that_fit_a_terminal_and_no_heading_needs_a_paper(is_truth: bool) -> None:
-    known = {"error_mm": 31.0, "a100": 0.97, "lost": 0.01, "extrema": 0.6} if is_truth else {"agreement": 0.9}
-    long = "a_recording_of_a_man_who_walks_around_a_table_take_0042"
-    figures = {"overlap": 0.85, "residual_mm": 11.0, "frame_ms": 123.4, "states": {"tracked": 1.0}, **known}
-    rows = [RunScores(name, f"runs/{name}", 450, 450, sources={"local": 1.0}, **figures) for name in (long, "short")]
-    table = EvaluationTable(rows)
-    console = Console(file=io.StringIO(), width=80)
-    console.print(table.to_rich())
-    printed = console.file.getvalue()  # type: ignore[attr-defined]
-    assert max(map(len, printed.splitlines())) <= 80 and len(table.to_rich().columns) <= 6 and "Eq." not in printed
-    headings = [column.header for column in table.to_rich().columns]
-    assert ("error mm" in headings) == is_truth and ("agrees within 100 mm %" in headings) != is_truth
-
-
-def test_a_row_is_called_by_its_run_folder_and_names_a_recording_of_another_name() -> None:
-    folders = {"a/run": "take", "a/take": "take", "a/run/person_01": "take/person_01"}
-    rows = [RunScores(recording, run, 1, 1) for run, recording in folders.items()]
-    names = list(EvaluationTable(rows).to_rich().columns[0].cells)
-    assert names == ["run (take)", "take", "run/person_01 (take)", "mean of 3"]
-
-
 def test_plots_are_written_where_there_is_anything_to_plot(tmp_path: Path) -> None:
     truth = standing()
     table = evaluate.evaluate_runs([write_run(tmp_path, truth, joints=truth)], surface=False)
@@ -377,12 +315,6 @@ def test_a_track_of_nobody_in_the_truth_has_no_error(tmp_path: Path) -> None:
         [write_people(tmp_path, [standing() + np.float32(0.3), standing()], standing()[None])]
     )
     assert table.rows[0].error_mm is None and table.rows[1].error_mm == pytest.approx(0.0, abs=1e-2)
-
-
-def test_runs_in_which_nobody_was_found_make_no_empty_table(tmp_path: Path) -> None:
-    save_people(tmp_path / "run", [])
-    with pytest.raises(UsageError, match="no person was found in .*run; there is nothing to compare"):
-        evaluate.evaluate_runs([tmp_path / "run"])
 
 
 def test_one_track_on_a_recording_of_several_is_compared_with_whom_it_follows(tmp_path: Path) -> None:

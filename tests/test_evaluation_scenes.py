@@ -15,7 +15,6 @@ from tests.support.calibration import calibration_error
 from tests.support.identities import identities_of
 from tests.support.scene_scores import scene_figures, score_scene
 from toolkit.body import skeleton
-from toolkit.io.errors import RecordingError
 from toolkit.people.known_people import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.tracks import EMPTY, TRACKED, Track
@@ -111,11 +110,6 @@ def test_whoever_need_not_be_followed_is_not_missed_and_a_track_on_them_is_not_f
     assert (found.misses, found.false) == (0, 0)
 
 
-def test_an_empty_scene_has_nothing_but_false_tracks() -> None:
-    found = identities_of(np.empty((3, 0, 1)), np.empty((3, 0), bool), np.array([[True], [True], [False]]))
-    assert (found.switches, found.misses, found.false) == (0, 0, 2)
-
-
 def test_a_calibrated_confidence_has_no_calibration_error_and_boasting_has() -> None:
     confidence = np.repeat([0.25, 0.75], 4)
     assert calibration_error(confidence, np.array([1, 0, 0, 0, 1, 1, 1, 0], bool)) == pytest.approx(0.0)
@@ -166,17 +160,3 @@ def test_a_track_of_nobody_is_counted_in_an_empty_room() -> None:
     assert (figures["recordings"], figures["recordings_tracked"], figures["false"]) == (2, 1, 4)
     assert figures["tracked"] == figures["numbers_right"] == 0.5
     assert figures["error_mm"] is figures["ece"] is None
-
-
-def test_a_track_that_was_interrupted_reports_nobody_from_then_on() -> None:
-    truth = moved(0.0)[None]
-    score = score_scene(recording_of(truth), [track_of(truth[0, :3])])
-    assert score.tracked.tolist() == [True, True, True, False]
-    assert score.identities.misses == 1
-
-
-def test_a_recording_without_truth_is_not_scored() -> None:
-    recording = recording_of(moved(0.0)[None])
-    recording.joints = None
-    with pytest.raises(RecordingError, match="no true joints"):
-        score_scene(recording, [])

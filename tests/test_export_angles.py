@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from tests.run_helpers import write_run
 from tests.support.walking import Walk, walking
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.io.errors import UsageError
 from toolkit.motion.angles import COLUMNS
 from toolkit.motion.motion_summary import as_plain, summary_of
 from toolkit.motion.resting import at_rest
@@ -64,16 +62,6 @@ def test_a_mot_has_the_coordinates_of_the_generic_model(run: Path, tmp_path: Pat
     assert found["arm_add_r"].mean() == pytest.approx(found["arm_add_l"].mean(), abs=2.0)
 
 
-def test_the_markers_are_those_of_an_exported_trc(run: Path, tmp_path: Path) -> None:
-    export_run(run, tmp_path / "walk.mot", as_tracked=True)
-    export_run(run, tmp_path / "walk.trc")
-    root = ElementTree.parse(tmp_path / "walk_markers.xml").getroot()
-    names = [marker.get("name") for marker in root.iter("Marker")]
-    assert names == [name for name in (tmp_path / "walk.trc").read_text().splitlines()[3].split("\t")[2:] if name]
-    frames = {marker.get("name"): marker.findtext("socket_parent_frame") for marker in root.iter("Marker")}
-    assert frames["left_elbow"] == "/bodyset/humerus_l" and frames["right_hip"] == "/bodyset/pelvis"
-
-
 def test_the_gait_of_a_run_is_a_file_of_figures(run: Path, tmp_path: Path) -> None:
     export_run(run, tmp_path / "gait.json", format="gait")
     (person,) = json.loads((tmp_path / "gait.json").read_text())["people"]
@@ -110,11 +98,6 @@ def ranges(figures: dict[str, Any]) -> set[str]:
     return {f"{low:.0f} to {high:.0f}" for low, high in sides}
 
 
-def test_gait_has_no_other_origin_than_the_floor(run: Path, tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="whose origin is the floor"):
-        export_run(run, tmp_path / "gait.json", format="gait", origin="camera")
-
-
 def test_a_page_shows_gait_and_says_where_there_is_none(run: Path, tmp_path: Path) -> None:
     text = gait_section("walk <b>", load_persons(run))
     assert "stride length" in text and "1.22 m" in text and "<polyline" in text and "<b>" not in text
@@ -122,11 +105,3 @@ def test_a_page_shows_gait_and_says_where_there_is_none(run: Path, tmp_path: Pat
     assert "too short for a stride" in gait_section("still", load_persons(still))
     nobody = write_run(tmp_path / "nobody", np.zeros((4, skeleton.POSE_SIZE)), absent=4)
     assert "the person does not walk" in gait_section("nobody", load_persons(nobody))
-
-
-def test_a_mot_of_nobody_is_refused(tmp_path: Path) -> None:
-    run = write_run(tmp_path / "nobody", np.zeros((4, skeleton.POSE_SIZE)), absent=4)
-    with pytest.raises(UsageError, match="in none of the frames"):
-        export_run(run, tmp_path / "a.mot")
-    export_run(run, tmp_path / "a.csv", format="angles")
-    export_run(run, tmp_path / "a.json", format="gait")

@@ -10,17 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.run_helpers import write_people, write_run
+from tests.run_helpers import write_run
 from tests.test_export import random_poses
 from toolkit.body import skeleton
 from toolkit.body.rotations.matrices import matrices
-from toolkit.body.shape import load_body
 from toolkit.body.sole import soles
 from toolkit.io.errors import UsageError
 from toolkit.mocap.amass import JOINTS
-from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import read_clip
-from toolkit.output.export.amass import OURS, amass_arrays
+from toolkit.output.export.amass import OURS
 from toolkit.output.export.origin import origin_of
 from toolkit.output.export.run import export_run
 from toolkit.tracks import RunInfo
@@ -67,14 +65,6 @@ def test_a_bvh_holds_the_nearest_pose_where_nobody_is_there_and_its_notes_say_so
     assert "ground at y = 0" in notes["axes"]
 
 
-def test_a_glb_says_in_its_notes_where_nobody_is_there(tmp_path: Path) -> None:
-    run = write_people(tmp_path / "run", random_poses(4))
-    export_run(run, tmp_path / "a.glb")
-    data = (tmp_path / "a.glb").read_bytes()
-    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
-    assert document["asset"]["extras"]["people"][1]["nobody_there"] == [[0, 0]]
-
-
 def test_who_is_in_no_frame_is_blank_in_tables_and_refused_where_a_format_cannot_say_so(
     tmp_path: Path,
 ) -> None:
@@ -104,12 +94,6 @@ def test_an_amass_motion_comes_back_exactly(tmp_path: Path) -> None:
             np.testing.assert_allclose(clip.rotations[:, j], np.broadcast_to(np.eye(3), (5, 3, 3)), atol=1e-15)
     hips = clip.world()[0][:, [clip.index("left_hip"), clip.index("right_hip")]].mean(axis=1)
     np.testing.assert_allclose(hips, person.track.pose[:, :3], atol=1e-12)
-
-
-def test_an_amass_file_has_the_fields_of_its_layout() -> None:
-    arrays = amass_arrays(perform("boxing", load_body("neutral")).poses, 30.0)
-    assert {"poses", "trans", "betas", "gender", "mocap_framerate"} <= set(arrays)
-    assert arrays["poses"].shape[1] == 156 and not arrays["betas"].any() and str(arrays["gender"]) == "neutral"
 
 
 def test_an_origin_that_a_format_does_not_have_is_refused(tmp_path: Path) -> None:

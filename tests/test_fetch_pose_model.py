@@ -49,11 +49,6 @@ def test_without_a_network_the_error_says_how_to_bring_the_wheel(monkeypatch: py
         fetch_pose_model()
 
 
-def test_joints_without_a_recording_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
-    main_exits(["joints"], 2)
-    assert "--fetch" in capsys.readouterr().err
-
-
 def main_exits(arguments: list[str], code: int) -> None:
     with pytest.raises(SystemExit) as stopped:
         main(arguments)

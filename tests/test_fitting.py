@@ -14,12 +14,12 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.fitting_settings import FittingSettings
-from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices, spread_rows
+from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.fitting.priors import GaussianPrior
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import HIDDEN, JointTerm
+from toolkit.fitting.terms import JointTerm
 from toolkit.io.errors import SettingsError
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
@@ -131,30 +131,6 @@ def test_joint_targets_have_the_gradient_of_their_robust_energy(body: Body, seed
     assert np.abs(slope).max() > 0.05
 
 
-def test_chosen_vertices_cover_every_part_and_all_tips(body: Body) -> None:
-    chosen = choose_vertices(body)
-    assert (np.diff(chosen) > 0).all()
-    assert set(body.end_effectors) <= set(chosen)
-    # The clavicles carry the smallest part of the skin.
-    assert np.bincount(body.part[chosen], minlength=len(skeleton.JOINTS)).min() >= 5
-    limbs = [skeleton.JOINT_NAMES.index(f"{s}_{j}") for s in ("left", "right") for j in ("elbow", "wrist", "knee")]
-    share_of_skin = np.isin(body.part, limbs).mean()
-    assert len(chosen) < len(body.vertices) / 2
-    assert np.isin(body.part[chosen], limbs).mean() > 0.8 * share_of_skin
-    # Spread out: wherever on the body, a chosen vertex is near.
-    assert cKDTree(body.vertices[chosen]).query(body.vertices)[0].max() < 0.12
-
-
-@pytest.mark.parametrize(("rows", "size", "count"), [(400, 27, 30), (50, 3, 50), (7, 3, 9), (0, 3, 4)])
-def test_rows_are_chosen_farthest_first_as_a_plain_loop_does(rows: int, size: int, count: int) -> None:
-    points = np.random.default_rng(rows).normal(size=(rows, size))
-    nearest, expected = np.linalg.norm(points - points.mean(axis=0), axis=1) if rows else np.empty(0), []
-    for _ in range(min(count, rows)):
-        expected.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[expected[-1]], axis=1))
-    assert spread_rows(points, count).tolist() == expected
-
-
 def test_a_body_is_placed_where_it_is_whatever_its_normals_are_taken_for(body: Body) -> None:
     placer = Placer(body, CAMERA, TILTED)
     other = load_body("child").normals
@@ -185,16 +161,6 @@ def test_refining_a_disturbed_pose_brings_back_the_one_in_the_image(
     assert np.array_equal(start, before)
 
 
-def test_refinement_gives_the_same_bits_again(body: Body, fit: Fit) -> None:
-    truth = standing(left_hip_rx=-0.5, left_knee_rx=0.8)
-    start = perturbed(truth, 6)
-    scene = scene_of(body, truth)
-    first = fit.refine(start, scene)
-    fit.refine(perturbed(truth, 7), scene)
-    assert np.array_equal(first, fit.refine(start, scene))
-    assert np.array_equal(first, Fit(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene_of(body, truth)))
-
-
 def test_joints_stay_within_their_limits_even_where_the_image_does_not(body: Body, fit: Fit) -> None:
     impossible = standing(left_elbow_ry=0.6, right_knee_rx=-0.5, cervical_rz=1.0)
     found = fit.refine(standing(left_elbow_ry=0.0, right_elbow_ry=0.7), scene_of(body, impossible), iterations=10)
@@ -202,16 +168,6 @@ def test_joints_stay_within_their_limits_even_where_the_image_does_not(body: Bod
     assert (found >= low - 1e-12).all() and (found <= high + 1e-12).all()
     assert found[entry("left_elbow_ry")] == pytest.approx(high[entry("left_elbow_ry")])
     assert found[entry("right_knee_rx")] == pytest.approx(low[entry("right_knee_rx")])
-
-
-def test_the_root_turns_on_beyond_half_a_turn(body: Body, fit: Fit) -> None:
-    truth = standing()
-    truth[4] = 3.1
-    start = truth.copy()
-    start[4] = -3.1  # 0.08 radians further on
-    found = fit.refine(start, scene_of(body, truth), iterations=15)
-    assert joint_error(body, found, truth) < 0.01
-    assert np.linalg.norm(found[3:6]) <= np.pi
 
 
 def test_regressed_joints_pull_an_arm_out_of_a_wrong_pose(body: Body, fit: Fit) -> None:
@@ -260,23 +216,6 @@ def test_no_measured_point_belongs_to_a_link_that_is_out_of_view(body: Body) -> 
 # Distance and confidence
 
 
-def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
-    settings = replace(SETTINGS, cloud_samples=0)
-    fit = Fit(body, CAMERA, HORIZONTAL, settings)
-    truth = standing()
-    cloud = cloud_of(body, truth)
-    extrema = cloud.points[:: len(cloud) // 20][:20].astype(np.float64)
-    scene = Scene(cloud, extrema, 0)
-    pose = perturbed(truth, 3)
-    found = fit.distance(pose, scene)
-    seen = fit.placer.place(body, pose).visible(settings.facing, HIDDEN, scene.seen, scene.intrinsics)
-    mesh = body.vertex_positions(pose)
-    to_cloud = cKDTree(cloud.points).query(mesh[fit.placer.chosen[seen]])[0]
-    to_mesh = cKDTree(mesh).query(extrema)[0]
-    expected = np.minimum(to_cloud, settings.unexplained).mean() + np.minimum(to_mesh, settings.unexplained).mean()
-    assert found == pytest.approx(expected, abs=1e-6)
-
-
 @pytest.mark.parametrize("samples", [0, 400])
 def test_a_pose_beyond_the_bound_is_given_up_and_no_other(body: Body, samples: int) -> None:
     fit = Fit(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
@@ -287,18 +226,6 @@ def test_a_pose_beyond_the_bound_is_given_up_and_no_other(body: Body, samples: i
     assert fit.compare(pose, scene, 1.001 * distance).distance == distance
     for bound in (0.0, 0.3 * distance, 0.7 * distance, 0.999 * distance):
         assert fit.compare(pose, scene, bound).distance == np.inf
-
-
-def test_samples_that_no_pose_explains_count_against_it(body: Body) -> None:
-    truth = standing(left_shoulder_rz=0.3)
-    arm_hidden = standing(left_shoulder_rz=-1.5, left_elbow_ry=-0.1)
-    cloud = cloud_of(body, truth)
-    distances = []
-    for samples in (0, 400):
-        fit = Fit(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
-        scene = Scene(cloud, np.zeros((0, 3)), samples)
-        distances.append(fit.distance(arm_hidden, scene) - fit.distance(truth, scene))
-    assert distances[1] > distances[0] + 0.005
 
 
 def test_the_true_pose_is_nearest_to_its_image(body: Body, fit: Fit) -> None:
@@ -368,27 +295,6 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, point
         assert found == pytest.approx(standing())
         assert compared.distance == pytest.approx(SETTINGS.unexplained), "of every vertex that the camera should see"
         assert (fit.confidence(compared) < 0.1).all()
-
-
-def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fit: Fit) -> None:
-    scene = scene_of(body, standing())
-    for place in ((0.0, 0.0, 2.0), (6.0, 0.0, -2.5), (0.0, 0.0, -0.1)):
-        lost = standing()
-        lost[:3] = place
-        assert np.isfinite(fit.refine(lost, scene)).all()
-        assert fit.distance(lost, scene) > 0.3
-
-
-def test_samples_are_spread_over_the_cloud_with_the_extrema_last(body: Body) -> None:
-    cloud = cloud_of(body, standing(), TILTED)
-    extrema = cloud.points[[5, 900]].astype(np.float64)
-    scene = Scene(cloud, extrema, 300)
-    assert scene.samples.shape == (302, 3) and scene.plain_samples == 300
-    assert scene.samples[300:] == pytest.approx((cloud.points @ cloud.rotation)[[5, 900]], abs=1e-6)
-    assert cKDTree(cloud.points @ cloud.rotation).query(scene.samples)[0].max() < 1e-6
-    assert cKDTree(scene.samples[:300]).query(cloud.points @ cloud.rotation)[0].max() < 0.15
-    assert len(Scene(cloud, extrema, 10**6).samples) == len(cloud) + 2
-    assert len(Scene(cloud, extrema, 0).samples) == 2
 
 
 # Shape

@@ -18,7 +18,6 @@ from toolkit.fitting.balls import Balls
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import balls_of
 from toolkit.fitting.scene import Scene
-from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import limbs
 from toolkit.tracking.search.arm_search import ArmSearch
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
@@ -60,16 +59,6 @@ def test_balls_lie_within_the_body(body: Body) -> None:
     radius = {skeleton.JOINT_NAMES[j]: r for j, r in zip(balls.joint, balls.radius, strict=True)}
     assert radius["left_elbow"] < radius["left_hip"] < radius["lumbar"]
     assert radius["left_elbow"] == pytest.approx(radius["right_elbow"], rel=0.1)
-
-
-def test_balls_that_touch_at_rest_or_are_neighbours_may_overlap(body: Body) -> None:
-    balls = Balls.of_body(body)
-    names = {frozenset(skeleton.JOINT_NAMES[balls.joint[b]] for b in pair) for pair in balls.apart}
-    assert {frozenset({"left_wrist", "thorax"}), frozenset({"left_elbow", "right_elbow"})} <= names
-    assert frozenset({"left_elbow", "left_shoulder"}) not in names and frozenset({"root", "left_hip"}) not in names
-    centres = body.joints[balls.joint] + balls.offset
-    gap = np.linalg.norm(centres[balls.apart[:, 0]] - centres[balls.apart[:, 1]], axis=1)
-    assert (gap > balls.radius[balls.apart].sum(axis=1)).all()
 
 
 def test_an_arm_in_the_trunk_is_pushed_out(body: Body) -> None:
@@ -193,23 +182,3 @@ def test_an_arm_in_the_wrong_place_is_found(body: Body, fit: Fit, poses: np.ndar
     assert joint_error(body, pose, truth) < 0.5 * joint_error(body, wrong, truth)
     assert again.sample_gaps.mean() < first.sample_gaps.mean()
     assert (wrong == given).all() and (wrong[ARM] != pose[ARM]).any()
-
-
-def test_right_arms_are_left_alone(body: Body, fit: Fit, poses: np.ndarray) -> None:
-    truth = standing()
-    scene = scene_of(body, truth)
-    found = fit.refine(truth, scene)
-    assert improved(fit, poses, found, scene) == ()
-
-
-def test_another_body_is_searched_with_its_own_arms(body: Body, poses: np.ndarray) -> None:
-    small, arms = body.scaled(0.7), ArmPoses(poses, body, 10)
-    arm, other = ArmPoses(poses, small, 10).of(small)[1].chain, arms.of(small)[1].chain
-    assert arm.radii == pytest.approx(other.radii) and arm.rest == pytest.approx(other.rest)
-    assert arm.radii == pytest.approx(0.7 * arms.of(body)[1].chain.radii)
-
-
-@pytest.mark.parametrize("values", [{"count": 0}, {"fitted": 200}, {"refined": 0}])
-def test_settings_without_sense_are_refused(values: dict[str, int]) -> None:
-    with pytest.raises(SettingsError, match="arms.count"):
-        ArmSettings(**values)

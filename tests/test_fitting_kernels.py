@@ -17,7 +17,7 @@ from toolkit.body.body import BELOW, Body
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
 from toolkit.kernels.fit import pairs, twists
-from toolkit.kernels.image import depth, raster
+from toolkit.kernels.image import raster
 from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.simulation.raycast import cast
@@ -59,18 +59,6 @@ def test_a_placed_body_is_the_body_s_own_pose_turned_to_the_camera(body: Body, s
     assert posed.normals == pytest.approx(turned / np.linalg.norm(turned, axis=1, keepdims=True), abs=1e-12)
 
 
-def test_the_axes_of_a_placed_body_are_those_about_which_its_joints_turn(body: Body) -> None:
-    pose, step = some_pose(1), 1e-6
-    posed = placed(body, pose)
-    for entry in range(3, skeleton.POSE_SIZE):
-        moved = pose.copy()
-        moved[entry] += step
-        joint = skeleton.DOF_JOINT[entry - 3]
-        turn = placed(body, moved).rotations[joint] @ posed.rotations[joint].T
-        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2 * step)
-        assert posed.axes[entry - 3] == pytest.approx(axis, abs=1e-5)
-
-
 # The z-buffer
 
 
@@ -104,19 +92,6 @@ def test_triangles_that_face_away_or_reach_behind_the_camera_are_not_drawn() -> 
     assert drawn(corners, away) == 0
     corners[2, 2] = -0.5
     assert drawn(corners, towards) == 0
-
-
-def test_of_two_surfaces_the_nearer_one_is_drawn_in_any_order() -> None:
-    square = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    points = np.concatenate([square + [0, 0, 3.0], square * 0.3 + [0, 0, 2.0]])
-    faces = np.array([[0, 2, 1], [0, 3, 2], [4, 6, 5], [4, 7, 6]])
-    projected = np.empty_like(points)
-    raster.project(points, np.array([40.0, 40.0, 20.0, 20.0]), projected)
-    inverse, triangle = np.empty((41, 41)), np.empty((41, 41), dtype=np.int32)
-    for order in ([0, 1, 2, 3], [2, 3, 0, 1]):
-        raster.rasterise(projected, faces[order], inverse, triangle)
-        assert inverse[20, 20] == pytest.approx(1 / 2) and inverse[10, 10] == pytest.approx(1 / 3)
-        assert order[triangle[20, 20]] >= 2 > order[triangle[10, 10]]
 
 
 # Pixel search
@@ -160,28 +135,12 @@ def test_the_pixel_search_finds_the_points_that_a_scan_of_all_finds(search) -> N
     assert [of_pixel[p] for p in pixels[:found].tolist()] == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_equally_near_points_are_all_found_once() -> None:
-    depth = np.full((5, 5), 2.0)
-    intrinsics = np.array([10.0, 10.0, 2.0, 2.0])
-    squared, pixels = np.empty(9), np.empty(9, dtype=np.int64)
-    found = nearest_pixels(0.0, 0.0, 2.0, depth, intrinsics, longest_ray(5, 5, intrinsics), 9.0, squared, pixels)
-    assert found == 9
-    assert pixels[0] == 12
-    assert set(pixels[1:5]) == {7, 11, 13, 17} and set(pixels[5:]) == {6, 8, 16, 18}
-
-
 def test_the_bound_of_the_search_holds_for_the_longest_ray_of_an_image_beside_the_axis() -> None:
     for intrinsics in ([30.0, 60.0, -10.0, 70.0], [12.0, 80.0, 20.0, 9.0]):
         u, v = np.meshgrid(np.arange(40), np.arange(30))
         fx, fy, cx, cy = intrinsics
         lengths = np.sqrt(1 + ((u - cx) / fx) ** 2 + ((v - cy) / fy) ** 2)
         assert longest_ray(30, 40, np.array(intrinsics)) == pytest.approx(lengths.max())
-
-
-@pytest.mark.parametrize("z", [0.05, 0.0, -1.0])
-def test_a_query_behind_the_camera_finds_nothing(z: float) -> None:
-    depth, intrinsics = np.full((5, 5), 0.1), np.array([10.0, 10.0, 2.0, 2.0])
-    assert nearest_pixels(0.0, 0.0, z, depth, intrinsics, 1.1, 2.0, np.empty(1), np.empty(1, dtype=np.int64)) == 0
 
 
 # Correspondences
@@ -235,20 +194,6 @@ def test_a_vertex_is_seen_where_it_faces_the_camera_and_nothing_is_before_it(ver
     assert out[0] == seen
 
 
-@pytest.mark.parametrize(("u", "hidden"), [(5.6, True), (6.4, True), (5.4, False), (6.6, False)])
-@pytest.mark.parametrize("along_v", [False, True])
-def test_a_vertex_is_looked_up_at_the_nearest_pixel_centre(u: float, hidden: bool, along_v: bool) -> None:
-    depth, out = np.zeros((11, 11)), np.empty(1, dtype=np.bool_)
-    depth[(6, 5) if along_v else (5, 6)] = 1.0
-    vertex = np.array([[0.0, (u - 5.0) / 5.0, 2.0] if along_v else [(u - 5.0) / 5.0, 0.0, 2.0]])
-    intrinsics = np.array([10.0, 10.0, 5.0, 5.0])
-    pairs.visible_vertices(
-        np.array([0]), vertex, -vertex / np.linalg.norm(vertex), depth, intrinsics,
-        np.zeros((11, 11), dtype=np.float32), intrinsics, 0.1, 0.03, out,
-    )  # fmt: skip
-    assert out[0] != hidden
-
-
 def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: Body) -> None:
     from open3d.core import Tensor
     from open3d.t.geometry import RaycastingScene
@@ -266,24 +211,6 @@ def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: B
     expected = (facing >= 0.1) & (before < 0.03)
     assert 60 < visible.sum() < len(visible) - 60
     assert (visible == expected).mean() > 0.97
-
-
-def test_skinned_normals_turn_with_the_body_and_stay_unit(body: Body) -> None:
-    turn = np.zeros(skeleton.POSE_SIZE)
-    turn[skeleton.ROOT_ROTATION] = 0.3, -1.0, 0.5
-    posed = placed(body, turn)
-    assert posed.normals == pytest.approx(body.normals @ posed.rotations[0].T, abs=1e-12)
-    posed = placed(body, some_pose(0))
-    assert np.linalg.norm(posed.normals, axis=1) == pytest.approx(1.0)
-    rigid = body.skin_weights.max(axis=1) > 0.999999
-    turned = np.einsum("nab,nb->na", posed.rotations[body.part[rigid]], body.normals[rigid])
-    assert posed.normals[rigid] == pytest.approx(turned, abs=1e-4)
-
-
-def test_a_placed_body_is_the_skinned_one_in_the_camera_frame(body: Body) -> None:
-    pose = some_pose(5)
-    posed = placed(body, pose)
-    assert posed.vertices == pytest.approx(body.vertex_positions(pose) @ TILTED, abs=1e-12)
 
 
 def test_samples_meet_the_nearest_drawn_point_and_its_nearest_corner(body: Body) -> None:
@@ -403,16 +330,6 @@ def test_blended_vertices_give_the_gradient_and_bound_the_curvature_from_above(b
     assert np.linalg.norm(system.vector - true_vector) < 0.02 * np.linalg.norm(true_vector)
 
 
-def test_vertices_without_a_target_add_nothing(body: Body) -> None:
-    posed = placed(body, some_pose(0))
-    chosen = posed.placer.chosen[:40]
-    residuals = np.full((40, 3), 0.02)
-    whole = surface_system(posed, chosen[:25], residuals[:25], 0.1)
-    residuals[25:, 0] = np.nan
-    part = surface_system(posed, chosen, residuals, 0.1)
-    assert np.array_equal(whole.matrix, part.matrix) and np.array_equal(whole.vector, part.vector)
-
-
 def test_cloud_pairs_pull_surface_points_to_their_samples(body: Body) -> None:
     posed = placed(body, some_pose(1))
     rng = np.random.default_rng(1)
@@ -495,37 +412,6 @@ def test_the_bounded_step_is_feasible_and_optimal_where_it_is_free(problem) -> N
         assert step == pytest.approx(lsq_linear(root, target, (low - 1e-15, high + 1e-15), tol=1e-13).x, abs=1e-7)
 
 
-def test_a_single_limit_in_the_way_is_solved_exactly() -> None:
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        half = rng.normal(size=(10, 6))
-        damped, vector = half.T @ half + 0.1 * np.eye(6), rng.normal(size=6)
-        plain = np.linalg.solve(damped, -vector)
-        limits = np.tile([-np.inf, np.inf], (6, 1))
-        limits[2] = sorted([0.0, plain[2] / 2])
-        step = np.empty(6)
-        twists.bounded_step(half.T @ half, vector, np.zeros(6), limits, np.full(6, 0.1), step)
-        rest = [0, 1, 3, 4, 5]
-        expected = np.empty(6)
-        expected[2] = plain[2] / 2
-        expected[rest] = np.linalg.solve(damped[np.ix_(rest, rest)], -vector[rest] - damped[rest, 2] * expected[2])
-        assert step == pytest.approx(expected, abs=1e-10)
-
-
-def test_a_pose_outside_its_limits_is_led_back() -> None:
-    step = np.empty(2)
-    limits = np.array([[-1.0, 1.0], [-1.0, 1.0]])
-    twists.bounded_step(np.eye(2), np.zeros(2), np.array([1.5, 0.0]), limits, np.zeros(2), step)
-    assert step.tolist() == [-0.5, 0.0]
-
-
-def test_a_matrix_that_is_not_positive_definite_gives_no_step() -> None:
-    step = np.full(2, 9.0)
-    limits = np.tile([-np.inf, np.inf], (2, 1))
-    twists.bounded_step(np.zeros((2, 2)), np.ones(2), np.zeros(2), limits, np.zeros(2), step)
-    assert step.tolist() == [0.0, 0.0]
-
-
 # What a joint rests on
 
 
@@ -564,11 +450,3 @@ def test_mean_gaps_are_capped_means(seed: int, cap: float) -> None:
     assert pairs.sample_gaps(points, vertex, samples, cap, gaps) == pytest.approx(capped.mean())
     np.testing.assert_allclose(gaps, capped)
     assert pairs.sample_gaps(points[:0], vertex[:0], samples[:0], cap, gaps[:0]) == 0.0
-
-
-@settings(deadline=None)
-@given(st.integers(1, 5000), st.integers(0, 600))
-def test_rows_are_spread_evenly(total: int, count: int) -> None:
-    rows = np.empty(min(count, total), dtype=np.int64)
-    depth.spread(total, rows)
-    assert rows.tolist() == np.linspace(0, total - 1, len(rows)).astype(np.int64).tolist()

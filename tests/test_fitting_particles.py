@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
@@ -20,9 +18,9 @@ from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, likel
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
 from toolkit.trackers.lopez2011.filter import UpperFilter
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
-from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands, sides_of, standing_pose
-from toolkit.trackers.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
-from toolkit.trackers.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
+from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands, standing_pose
+from toolkit.trackers.lopez2011.proposals import NEAR, diffusion
+from toolkit.trackers.lopez2011.sizing import shoulder_breadth, sized_body
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
@@ -58,21 +56,6 @@ def frame_of(depth: np.ndarray, candidates: np.ndarray = NOTHING) -> ParticleFra
 
 def hands_off(upper: UpperBody, found: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.linalg.norm(place_hands(upper, found) - place_hands(upper, truth), axis=1)
-
-
-@given(st.lists(st.floats(0.0, 1e4), min_size=1, max_size=50), st.floats(-1e4, 1e4))
-@settings(max_examples=100, deadline=None)
-def test_weights_sum_to_one_and_ignore_a_constant_in_all_costs(costs: list[float], constant: float) -> None:
-    weights = likelihood(np.array(costs))
-    assert weights.sum() == pytest.approx(1.0) and np.isfinite(weights).all()
-    np.testing.assert_allclose(likelihood(np.array(costs) + constant), weights, rtol=1e-6, atol=1e-12)
-
-
-@pytest.mark.parametrize(("alpha", "aimed"), [(1.0, 0), (0.5, 32), (0.25, 48), (0.0, 64)])
-def test_alpha_says_how_many_are_aimed_and_they_are_spread(alpha: float, aimed: int) -> None:
-    chosen = by_inverse_kinematics(64, alpha)
-    assert chosen.sum() == aimed
-    assert abs(int(chosen[:32].sum()) - aimed / 2) <= 1
 
 
 def test_the_true_pose_costs_least_among_a_thousand(upper: UpperBody) -> None:
@@ -146,13 +129,6 @@ def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_flo
     assert weights[1] / weights[0] == pytest.approx(expected)
 
 
-def test_one_seed_gives_one_pose_and_another_seed_another(upper: UpperBody) -> None:
-    frame = frame_of(depth_of(upper, pose_of(left_elbow_ry=-0.5)))
-    first, again, other = (filtered(upper, pose_of(), frame, 1, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).any()
-
-
 def test_neither_arm_is_favoured_in_a_mirror(upper: UpperBody) -> None:
     truth = pose_of(left_elbow_ry=-0.8)
     mirrored = pose_of(right_elbow_ry=0.8)
@@ -170,51 +146,6 @@ def test_neither_arm_is_favoured_in_a_mirror(upper: UpperBody) -> None:
     difference = errors[:, 0] - errors[:, 1]
     spread = errors.std(axis=(0, 1)) / np.sqrt(len(errors))
     assert (np.abs(difference.mean(axis=0)) < 4 * spread + 0.01).all()
-
-
-def test_a_gap_of_two_seconds_diffuses_no_farther_than_half_a_second(upper: UpperBody) -> None:
-    frame, filtering = frame_of(depth_of(upper, pose_of())), UpperFilter(ParticleSettings())
-    start = np.repeat(pose_of()[None], 64, axis=0)
-    two, half = (filtering.trunk(upper, start, pose_of(), frame, dt, np.random.default_rng(0)) for dt in (2.0, 0.5))
-    np.testing.assert_array_equal(two, half)
-
-
-@pytest.mark.parametrize("where", [[0.0, 0.0, 5.0], [40.0, 0.0, -1.5]])
-def test_a_person_behind_the_camera_or_beside_the_image_is_weighed_equally_everywhere(
-    upper: UpperBody, where: list[float]
-) -> None:
-    start = pose_of()
-    start[:3] = where
-    found = filtered(upper, start, frame_of(depth_of(upper, pose_of()), np.array([[0.0, 0.0, -1.5]])), 2)
-    assert np.isfinite(found).all()
-
-
-def test_when_all_candidates_are_out_of_reach_everything_is_diffused(upper: UpperBody) -> None:
-    truth = pose_of()
-    frame = frame_of(depth_of(upper, truth), np.array([[9.0, 9.0, -9.0]]))
-    filtering, rng = UpperFilter(ParticleSettings()), np.random.default_rng(0)
-    particles = np.repeat(truth[None], 64, axis=0)
-    assert not filtering.proposals.move_arm(upper, particles, 0, frame, 1 / 30, rng).any()
-
-
-def test_a_candidate_at_a_shoulder_leaves_a_finite_pose(upper: UpperBody) -> None:
-    truth = pose_of()
-    shoulder = upper.body.joint_positions(truth)[[skeleton.REPORTED.index("left_shoulder")]]
-    found = filtered(upper, truth, frame_of(depth_of(upper, truth), shoulder), 2)
-    assert np.isfinite(found).all()
-
-
-def test_one_measured_pixel_is_enough_to_go_on(upper: UpperBody) -> None:
-    depth = np.zeros(CAMERA.shape, dtype=np.float32)
-    depth[120, 160] = 1.5
-    assert np.isfinite(filtered(upper, pose_of(), frame_of(depth), 2)).all()
-
-
-def test_what_was_not_observed_costs_nothing(upper: UpperBody) -> None:
-    unobserved = np.ones(CAMERA.shape, dtype=np.bool_)
-    images = [ParticleImage.of(depth_of(upper, pose_of()), unobserved, CAMERA, columns, "x") for columns in (80, 160)]
-    pose = pose_of(left_shoulder_rz=0.5)
-    assert mean_cost(upper, pose, ParticleFrame(*images, NOTHING)) == pytest.approx(0, abs=0.1)
 
 
 def effectors_of(points: np.ndarray) -> Effectors:
@@ -275,16 +206,6 @@ def test_the_estimate_is_what_both_arms_layers_explain_best(upper: UpperBody, mo
     np.testing.assert_array_equal(found.estimate, particles[2])
 
 
-def test_one_particle_stays_and_every_second_pair_moves_less() -> None:
-    settings_ = ParticleSettings(count=4000)
-    poses = np.zeros((4000, skeleton.POSE_SIZE))
-    UpperFilter(settings_).proposals.move_trunk(poses, 1 / 30, np.random.default_rng(0))
-    assert not poses[0].any()
-    near = np.arange(4000) // 2 % 2 == 1
-    assert poses[near, 0].std() == pytest.approx(settings_.fine * ROOT_DIFFUSION[0], rel=0.1)
-    assert poses[~near, 0].std() == pytest.approx(ROOT_DIFFUSION[0], rel=0.1)
-
-
 def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody) -> None:
     depth = depth_of(upper, pose_of())
     head = upper.body.end_effector_positions(pose_of())[skeleton.END_EFFECTORS.index("head")]
@@ -306,20 +227,6 @@ def test_shoulders_and_arms_are_measured_and_give_a_body_of_that_size(upper: Upp
     small, large = sized_body([0.30], [0.5]), sized_body([0.42], [0.65])
     assert small is not None and large is not None
     assert small.height < load_body().height < large.height
-
-
-def test_an_arm_is_the_path_beyond_its_bend() -> None:
-    along = np.linspace(0.0, 0.35, 36)
-    up = np.stack([np.zeros(36), along, np.zeros(36)], axis=1)
-    out = np.stack([np.linspace(0.01, 0.6, 60), np.full(60, 0.35), np.zeros(60)], axis=1)
-    assert arm_length(np.concatenate([up, out])) == pytest.approx(0.6, abs=0.05)
-    assert arm_length(up[:3]) is None
-    assert shoulder_breadth(Cloud.from_depth(np.zeros(CAMERA.shape, dtype=np.float32), CAMERA, LEVEL)) is None
-
-
-def test_an_image_coarser_than_asked_for_is_an_error() -> None:
-    with pytest.raises(SettingsError, match="particles.arm_columns is 640, finer than the image, which has 320"):
-        ParticleImage.of(np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA, 640, "particles.arm_columns")
 
 
 @pytest.mark.parametrize(
@@ -354,18 +261,6 @@ def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None
         chosen = np.empty(count, dtype=np.int64)
         kernel.systematic(weights, rng.random(), chosen)
         states = states[chosen]
-
-
-@pytest.mark.parametrize("lean", [0.0, 60.0])
-@pytest.mark.parametrize("turn", [0.0, 100.0, 180.0, -150.0])
-def test_sides_are_told_by_where_the_body_faces_however_far_it_leans(lean: float, turn: float) -> None:
-    """The second entry of a rotation vector is the facing of upright bodies alone."""
-    body, pose = load_body("neutral"), np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_ROTATION] = Rotation.from_euler("xy", [lean, turn], degrees=True).as_rotvec()
-    tips = dict(zip(skeleton.END_EFFECTORS, body.end_effector_positions(pose), strict=True))
-    hands = np.stack([tips["left_hand"], tips["right_hand"]])
-    left, right = sides_of(hands, pose)
-    assert left.tolist() == hands[:1].tolist() and right.tolist() == hands[1:].tolist()
 
 
 def test_an_arm_reaches_for_the_candidates_of_its_own_side_only(

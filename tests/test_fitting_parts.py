@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +12,12 @@ from tests.fitting_helpers import whole_image
 from tests.support.plain_fitting import back_projected
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
-from toolkit.fitting import terms as terms_room
 from toolkit.fitting.fitting_settings import FittingSettings
-from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, WORSE, Comparison, Objective
+from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, Comparison, Objective
 from toolkit.fitting.placed import Placer
-from toolkit.fitting.refiner import ANGLE_DAMPING, CONVERGED, ROOT_DAMPING, Refiner, pair_terms
-from toolkit.fitting.scene import EXTREMUM_WEIGHT, Scene
+from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import CloudTerm, ContactTerm, Pairs
+from toolkit.fitting.terms import Pairs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, cropped
 
@@ -70,124 +67,7 @@ def test_the_part_of_an_image_that_holds_a_person_has_their_points_to_the_bit() 
 # The loop
 
 
-@dataclass
-class FakeSolve:
-    """Fills the steps that a test gives, one after the other, and keeps what it was asked."""
-
-    steps: list[np.ndarray]
-    asked: list[SimpleNamespace] = field(default_factory=list)
-
-    def __call__(
-        self, matrix: Any, vector: Any, pose: np.ndarray, limits: Any, damping: np.ndarray, step: np.ndarray
-    ) -> None:
-        self.asked.append(
-            SimpleNamespace(matrix=matrix.copy(), vector=vector.copy(), damping=damping, pose=pose.copy())
-        )
-        step[:] = self.steps[min(len(self.asked), len(self.steps)) - 1]
-
-
-@dataclass
-class FakePrior:
-    """Adds 3 to one entry of the normal equations."""
-
-    energies: list[np.ndarray] = field(default_factory=list)
-
-    def add(self, system: Any, pose: np.ndarray) -> None:
-        system.matrix[7, 7] += 3.0
-
-    def energy(self, pose: np.ndarray) -> float:
-        self.energies.append(pose)
-        return 0.75
-
-
-def step_of(**entries: float) -> np.ndarray:
-    step = np.zeros(skeleton.POSE_SIZE)
-    for name, value in entries.items():
-        step[skeleton.POSE_NAMES.index(name)] = value
-    return step
-
-
-def test_the_root_and_the_angles_have_their_own_damping(placer: Placer, scene: Scene) -> None:
-    solve = FakeSolve([step_of()])
-    Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
-    assert solve.asked[0].damping[:6] == pytest.approx(np.full(6, ROOT_DAMPING))
-    assert solve.asked[0].damping[6:] == pytest.approx(np.full(37, ANGLE_DAMPING))
-    assert ROOT_DAMPING != ANGLE_DAMPING > 0.0
-
-
-def test_a_fit_takes_its_steps_until_one_is_small(placer: Placer, scene: Scene) -> None:
-    large, small = step_of(left_elbow_ry=-0.2), step_of(left_elbow_ry=-0.5 * CONVERGED)
-    solve = FakeSolve([large, small, large])
-    pose = Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
-    assert len(solve.asked) == 2
-    assert pose == pytest.approx(standing() + large + small)
-    stubborn = FakeSolve([large])
-    Refiner(placer, SETTINGS, terms=(), solve=stubborn).refine(BODY, standing(), scene)
-    Refiner(placer, SETTINGS, terms=(), solve=stubborn).refine(BODY, standing(), scene, iterations=2)
-    assert len(stubborn.asked) == SETTINGS.iterations + 2
-
-
-def test_the_roots_turn_is_written_the_short_way(placer: Placer, scene: Scene) -> None:
-    solve = FakeSolve([step_of(root_ry=np.pi + 0.1), step_of()])
-    pose = Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
-    assert pose[skeleton.ROOT_ROTATION] == pytest.approx([0.0, -np.pi + 0.1, 0.0])
-
-
-def test_pose_terms_are_part_of_the_normal_equations_and_of_a_comparison(placer: Placer, scene: Scene) -> None:
-    prior, solve = FakePrior(), FakeSolve([step_of()])
-    Refiner(placer, SETTINGS, (prior,), terms=(), solve=solve).refine(BODY, standing(), scene)
-    assert solve.asked[0].matrix[7, 7] == 3.0
-    pose = standing()
-    assert Objective(placer, SETTINGS, (prior, prior)).compare(BODY, pose, scene).energy == 1.5
-    assert prior.energies[0] is pose
-
-
-@pytest.mark.parametrize(("weight", "contacts"), [(1.0, 1), (0.0, 0)])
-def test_no_self_penetration_is_a_term_unless_it_weighs_nothing(weight: float, contacts: int) -> None:
-    found = pair_terms(replace(SETTINGS, contact_weight=weight))
-    assert sum(isinstance(term, ContactTerm) for term in found) == contacts
-    assert len(found) == 2 + contacts
-
-
-def test_extrema_count_more_than_other_samples(placer: Placer, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    weights: list[np.ndarray] = []
-    kernels = SimpleNamespace(
-        nearest_model_points=terms_room.pairs.nearest_model_points,
-        add_pairs=lambda samples, points, vertex_of, weight, *rest: weights.append(weight.copy()),
-    )
-    monkeypatch.setattr(terms_room, "pairs", kernels)
-    system: Any = SimpleNamespace(reference=None, hessian=None, gradient=None)
-    CloudTerm(0.5, 0.12).add(system, placer.place(BODY, standing()), scene)
-    assert EXTREMUM_WEIGHT > 1.0
-    assert weights[0].tolist() == [1.0] * scene.plain_samples + [EXTREMUM_WEIGHT] * len(scene.extrema)
-
-
 # The comparison
-
-
-def test_a_pose_is_given_up_only_beyond_the_bound(placer: Placer, scene: Scene) -> None:
-    objective, off = Objective(placer, SETTINGS), standing() + step_of(root_tx=0.05, left_shoulder_rz=-0.5)
-    distance = objective.compare(BODY, off, scene).distance
-    assert np.isfinite(distance)
-    assert objective.compare(BODY, off, scene, distance * 1.0001).distance == distance
-    assert objective.compare(BODY, off, scene, distance * 0.9999) is WORSE
-
-
-def test_what_else_is_known_gives_a_pose_up_only_beyond_the_bound(placer: Placer) -> None:
-    scene = scene_of(placer, None)
-    alone = Objective(placer, SETTINGS).compare(BODY, standing(), scene).distance
-    known: Any = SimpleNamespace(cost=lambda _: 0.15)
-    scene.evidence = (known,)
-    distance = Objective(placer, SETTINGS).compare(BODY, standing(), scene).distance
-    assert distance == pytest.approx(alone + 0.15)
-    assert Objective(placer, SETTINGS).compare(BODY, standing(), scene, distance * 1.001).distance == distance
-
-
-def test_costs_are_the_distances_of_what_may_still_be_nearest(placer: Placer, scene: Scene) -> None:
-    objective = Objective(placer, SETTINGS)
-    poses = np.stack([standing() + step_of(root_tx=x) for x in (0.1, 0.02, 0.3)])
-    distances = [objective.compare(BODY, pose, scene).distance for pose in poses]
-    assert objective.costs(BODY, poses, scene).tolist() == [*distances[:2], np.inf]
 
 
 @pytest.mark.parametrize("distance", [0.001, NEAREST, 0.05, FARTHEST, 0.8])

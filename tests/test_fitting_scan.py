@@ -60,17 +60,6 @@ def test_offsets_know_what_the_shape_space_does_not(person: Body, scan: Scan) ->
     assert off(scan.body) < off(without)
 
 
-def test_offsets_are_zero_where_nothing_was_seen_and_small_elsewhere(scan: Scan) -> None:
-    assert scan.body.offsets is not None
-    assert not scan.body.offsets[~scan.seen].any() and np.abs(scan.body.offsets).max() <= 0.03
-
-
-def test_topology_and_weights_are_those_of_every_body(scan: Scan) -> None:
-    plain = ShapeSpace.load().body()
-    np.testing.assert_array_equal(scan.body.faces, plain.faces)
-    np.testing.assert_array_equal(scan.body.skin_weights, plain.skin_weights)
-
-
 def test_views_that_cannot_be_of_one_person_in_a_t_pose_are_refused(person: Body) -> None:
     front, side = view(person, 0.0), view(person, 90.0)
     child = ShapeSpace.load().body(ShapeSpace.load().typical(1.2))

@@ -71,24 +71,11 @@ def test_a_pose_costs_what_its_joints_are_beside_their_rays_joint_by_joint() -> 
     assert SightedJoints(sighted, CAMERA).cost(placed()) > 0.01
 
 
-def test_a_joint_near_its_ray_says_nothing_however_far_along_it() -> None:
-    points = joints()
-    points *= 1.3  # farther from the camera, in the same pixels
-    evidence = SightedJoints(seen(points), CAMERA)
-    assert evidence.cost(placed()) == pytest.approx(0.0, abs=1e-9)
-    assert not normal(evidence, placed()).vector.any()
-
-
 @pytest.mark.parametrize("confidence", [0.0, SURE - 0.01])
 def test_what_the_detector_is_not_sure_of_says_nothing(confidence: float) -> None:
     evidence = SightedJoints(seen(joints() + [0.3, 0.0, 0.0], confidence), CAMERA)
     assert evidence.cost(placed()) == 0.0
     assert not normal(evidence, placed()).vector.any()
-
-
-def test_pixels_that_are_not_known_say_nothing() -> None:
-    rows = np.full((20, 3), np.nan)
-    assert SightedJoints(Joints2D.of_rows(rows), CAMERA).cost(placed()) == 0.0
 
 
 def test_a_detector_that_took_the_back_for_the_front_costs_nothing() -> None:

@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
-from tests.mocap_helpers import ASF_ARM
 from tests.run_helpers import write_people, write_run
 from toolkit.app.cli.main import main
 from toolkit.app.pipeline import run as pipeline
 from toolkit.app.pipeline import track_recording
 from toolkit.body import skeleton
 from toolkit.io.archives import CHECKSUM, checksum_of
-from toolkit.io.errors import DepthMocapError, MocapError, OutputError, RecordingError, TrackError, UsageError
+from toolkit.io.errors import DepthMocapError, RecordingError, TrackError
 from toolkit.io.files import sha256_of
 from toolkit.recordings.opening import open_recording
 from toolkit.tracks import RunInfo
@@ -191,54 +190,6 @@ def test_a_recording_without_any_measurement_is_said(tmp_path: Path) -> None:
         track_recording(open_recording(path), FakeTracker(), tmp_path / "run")
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("--distance 1e9", "distance 1e.09 is impossible; give 0.1 to 60 metres"),
-        ("--tilt 1e9", "tilt 1e.09 is impossible"),
-        ("--tilt nan", "tilt nan is impossible"),
-        ("--frame-rate 1e-9", "frame rate 1e-09 is impossible"),
-        ("--height 1e9", "height 1e.09 is impossible"),
-        ("--yaw inf", "yaw inf is impossible"),
-        ("--stature 400", "stature 400 is impossible"),
-        ("--at 1e9,0", "no person can stand at"),
-        ("--enters -1", "enters -1 is impossible"),
-    ],
-)
-def test_a_scene_that_cannot_be_is_named(
-    options: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    import re
-
-    code = main_of("simulate", "jump", *options.split(), "--output", str(tmp_path / "take.npz"))
-    said = capsys.readouterr().err
-    assert code == 2 and re.search(words, said) and "Traceback" not in said
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_skeleton_without_ends_or_lengths_is_named(tmp_path: Path) -> None:
-    from tests.database_helpers import write_bvh
-    from toolkit.mocap.asf_amc import read_asf
-    from toolkit.mocap.bvh import read_bvh
-
-    (tmp_path / "arm.asf").write_text(ASF_ARM.replace("  end\n", "", 1).replace("end\n", "", 1))
-    with pytest.raises(MocapError, match="has no end|truncated"):
-        read_asf(tmp_path / "arm.asf")
-    write_bvh(tmp_path / "a.bvh", seed=0, frames=2)
-    lines = (tmp_path / "a.bvh").read_text().splitlines()
-    flat = [line.split("OFFSET")[0] + "OFFSET 0 0 0" if "OFFSET" in line else line for line in lines]
-    (tmp_path / "a.bvh").write_text("\n".join(flat) + "\n")
-    with pytest.raises(MocapError, match="one place"):
-        read_bvh(tmp_path / "a.bvh")
-
-
-def test_six_samples_of_a_sensor_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = "\n".join(f"{i / 100},1,0,0,0,0.1,0.2,0.3,0,9.8,0" for i in range(6))
-    (tmp_path / "s.csv").write_text(f"time,qw,qx,qy,qz,gx,gy,gz,ax,ay,az\n{rows}\n")
-    code = main_of("inertial", "read", str(tmp_path / "s.csv"), "--output", str(tmp_path / "s.npz"))
-    assert code in (0, 1, 2) and "Traceback" not in capsys.readouterr().err
-
-
 NAMES = (b"[/red].npz", b"$\\foo$.npz", b"a\nb.npz", b"\x1b[31mred.npz", b"caf\xe9.npz", b"=1+1.npz")
 
 
@@ -273,19 +224,6 @@ def main_of(*words: str) -> int:
     return 0
 
 
-def test_a_pipe_in_the_place_of_the_second_pass_is_not_waited_for(tmp_path: Path) -> None:
-    from tests.fuzz_files import body_file, database_file
-    from tests.fuzz_runs import _track, _tracker
-
-    recording = write_recording(tmp_path / "take.npz", 2)
-    database_file(tmp_path)
-    body_file(tmp_path)
-    (tmp_path / "run").mkdir()
-    os.mkfifo(tmp_path / "run" / "second")
-    with pytest.raises(OutputError, match="second"):
-        _track(recording, _tracker(tmp_path), tmp_path / "run")
-
-
 def test_a_word_without_end_in_a_cloud_is_one_sentence(tmp_path: Path) -> None:
     from toolkit.recordings.readers.cloud import load_cloud
 
@@ -296,13 +234,3 @@ def test_a_word_without_end_in_a_cloud_is_one_sentence(tmp_path: Path) -> None:
         (tmp_path / "a.ply").write_text(text)
         with pytest.raises(RecordingError, match="a word of more than"):
             load_cloud(tmp_path / "a.ply", "camera")
-
-
-def test_an_events_file_of_something_else_is_one_sentence(tmp_path: Path) -> None:
-    from toolkit.app.pipeline.events import EventStream
-
-    (tmp_path / "events.jsonl").write_text('{"time": "soon"}\n')
-    stream = EventStream((), (), tmp_path / "events.jsonl")
-    with pytest.raises(UsageError, match="time is 'soon'"):
-        stream._keep_until(1.0)
-    assert (tmp_path / "events.jsonl").read_text() == '{"time": "soon"}\n'

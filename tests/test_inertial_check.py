@@ -15,19 +15,18 @@ from benchmarks._inertial_figures import (
     offset_figures,
     signals_of,
     swept_figures,
-    told_apart,
 )
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.test_inertial_clock import typed
 from toolkit.app.cli.main import main
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
-from toolkit.evaluation.orientations import THRESHOLDS, check_runs, found_frames, read_truth
+from toolkit.evaluation.orientations import THRESHOLDS, check_runs, read_truth
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
 from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
-from toolkit.inertial.workflow import calibrate_runs, paired
-from toolkit.io.errors import InertialError, TrackError, UsageError
+from toolkit.inertial.workflow import calibrate_runs
+from toolkit.io.errors import InertialError
 
 ELBOW = skeleton.POSE_NAMES.index("left_shoulder_rz")
 
@@ -65,13 +64,6 @@ def test_frames_are_counted_against_each_truth_at_each_threshold():
     at = {float(threshold): place for place, threshold in enumerate(THRESHOLDS)}
     assert (found["precision"][at[10.0]], found["recall"][at[10.0]]) == (1.0, 1.0)
     assert found["recall"][at[60.0]] == 0.5
-
-
-def test_values_tell_frames_apart_as_often_as_pairs_are_in_order():
-    values, wrong = np.array([1.0, 2.0, 2.0, 3.0, np.nan]), np.array([False, False, True, True, True])
-    pairs = [(a > b) + 0.5 * (a == b) for a in (2.0, 3.0) for b in (1.0, 2.0)]
-    assert told_apart(values, wrong) == np.mean(pairs)
-    assert told_apart(values, np.zeros(5, dtype=bool)) is None
 
 
 def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
@@ -156,24 +148,6 @@ def test_sensors_without_north_find_their_heading_in_every_run(tmp_path, heading
     assert (max(np.nanmedian(d.full) for d in check.distances) < 8.0) == (heading == "own")
 
 
-def test_lost_and_empty_frames_are_left_out(tmp_path):
-    simulated = sensors_of(noise="mtx")
-    state = np.zeros(len(poses_of()))
-    state[30:60] = 1
-    run = write_run(tmp_path / "run", wrong_poses(1.0, 2.0), state)
-    (check,) = check_runs([run], [simulated.sensors])
-    assert check.errors == ()
-    assert all(np.isnan(d.full[30:60]).all() for d in check.distances)
-
-
-def test_runs_and_sensor_files_have_to_go_together():
-    with pytest.raises(UsageError, match="3 sensor files for 2 runs"):
-        paired(["a", "b"], ["x", "y", "z"])
-    with pytest.raises(UsageError, match="called alike"):
-        paired(["p/a", "q/a"], ["x"])
-    assert paired(["a", "b"], ["x"]) == [("a", "x"), ("b", "x")]
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     (
@@ -186,27 +160,6 @@ def test_known_errors_that_cannot_be_are_refused(tmp_path, text, message):
     (tmp_path / "truth.csv").write_text(text)
     with pytest.raises(InertialError, match=message):
         read_truth(tmp_path / "truth.csv")
-
-
-def test_a_run_of_another_body_and_an_empty_one_are_refused(tmp_path):
-    run = write_run(tmp_path / "run", poses_of())
-    info = json.loads((run / "run.json").read_text())
-    (run / "run.json").write_text(json.dumps({**info, "body_fingerprint": "0123"}))
-    with pytest.raises(TrackError, match="another body .*0123"):
-        check_runs([run], [sensors_of().sensors])
-    empty = write_run(tmp_path / "empty", poses_of(), np.full(len(poses_of()), 2))
-    with pytest.raises(InertialError, match="holds 0 tracked frames"):
-        check_runs([empty], [sensors_of().sensors])
-
-
-def test_a_threshold_that_finds_nothing_is_refused():
-    with pytest.raises(UsageError, match="a threshold of 200"):
-        check_runs([], [], threshold=200.0)
-
-
-def test_found_frames_are_those_within_errors():
-    found = found_frames(curve([0] * 5 + [80] * 10 + [0] * 5), 45.0)
-    assert np.flatnonzero(found).tolist() == list(range(5, 15))
 
 
 def test_the_verbs_calibrate_and_check_as_typed(tmp_path, capsys):

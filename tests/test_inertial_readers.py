@@ -7,7 +7,7 @@ import pytest
 
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.readers import read_file, read_files
-from toolkit.inertial.readers.base import SensorOptions, unwrapped
+from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.errors import InertialError, UsageError
 
@@ -42,16 +42,6 @@ def test_an_mt_file_is_timed_by_its_counter_which_wraps_and_skips(tmp_path):
     np.testing.assert_allclose(quat.angle(stream.rotations, TURNED), 0.0, atol=1e-5)
     np.testing.assert_allclose(stream.acceleration[0], [1, 2, 9])
     np.testing.assert_array_equal(sensors.world_up, [0, 0, 1])
-
-
-def test_a_newer_mt_file_has_angles_and_a_frame(tmp_path):
-    rows = ["1\t10\t20\t30", "2\t11\t20\t30"]
-    text = MT_HEADER + "// Coordinate system: NED\n" + "\n".join(["PacketCounter\tRoll\tPitch\tYaw", *rows])
-    sensors = read_file(write(tmp_path / "new.txt", text))
-    np.testing.assert_allclose(
-        quat.angle(sensors.streams[0].rotations[0], quat.from_euler(np.radians([[10.0, 20.0, 30.0]]))), 0.0, atol=1e-7
-    )
-    np.testing.assert_array_equal(sensors.world_up, [0, 0, -1])
 
 
 @pytest.mark.parametrize(
@@ -181,15 +171,6 @@ def test_a_bad_total_capture_file_is_refused(tmp_path, text, message):
 STO_HEAD = "DataRate=100.0\nDataType=Quaternion\nversion=3\nOpenSimVersion=4.1\nendheader\n"
 
 
-def test_a_sto_file_parts_cells_by_tabs_and_numbers_by_commas(tmp_path):
-    rows = [f"{0.01 * i:.2f}\t{','.join(f'{v:.6f}' for v in q)}\t1,0,0,0" for i, q in enumerate(TURNED)]
-    text = STO_HEAD + "\n".join(["time\tfemur_r_imu\tpelvis_imu", *rows])
-    sensors = read_file(write(tmp_path / "orientations.sto", text))
-    assert sensors.names == ("femur_r_imu", "pelvis_imu")
-    np.testing.assert_allclose(quat.angle(sensors.streams[0].rotations, TURNED), 0.0, atol=1e-5)
-    np.testing.assert_allclose(quat.angle(sensors.streams[1].rotations, quat.IDENTITY), 0.0, atol=1e-5)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     (
@@ -304,8 +285,3 @@ def test_files_that_are_missing_unknown_or_of_two_worlds_are_refused(tmp_path):
         read_files([up, down])
     with pytest.raises(UsageError, match="no sensor file is named"):
         read_files([])
-
-
-def test_a_counter_that_wraps_goes_on_and_disorder_is_left_alone():
-    np.testing.assert_array_equal(unwrapped(np.array([65535, np.nan, 1])), [65535, np.nan, 65537])
-    np.testing.assert_array_equal(unwrapped(np.array([5, 4, 6])), [5, 4, 6])

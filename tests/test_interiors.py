@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.io.errors import UsageError
 from toolkit.simulation.interiors.mesh import Mesh, box, cushion, joined, moved, post, slab
 from toolkit.simulation.interiors.pieces import GLASS, PIECES, SEATS
-from toolkit.simulation.interiors.room import KINDS, furnished, named_room
+from toolkit.simulation.interiors.room import KINDS, furnished
 
 
 def volume(mesh: Mesh) -> float:
@@ -40,20 +39,6 @@ def test_every_piece_stands_on_the_floor_and_is_as_large_as_furniture(kind: str)
         assert all(0.0 <= part.reflectance <= 1.0 for part in parts)
 
 
-class Sparing(np.random.Generator):
-    """Nothing that is put somewhere by chance is put there."""
-
-    def random(self, size: int | None = None) -> float | np.ndarray:  # type: ignore[override]
-        return 0.9 if size is None else np.full(size, 0.9)
-
-
-@pytest.mark.parametrize("kind", PIECES)
-def test_every_part_of_a_piece_has_a_surface_whatever_chance_leaves_out(kind: str) -> None:
-    for seed in range(5):
-        parts = PIECES[kind](Sparing(np.random.PCG64(seed)))
-        assert parts and all(len(part.mesh.vertices) and len(part.mesh.faces) for part in parts)
-
-
 @pytest.mark.parametrize("kind", SEATS)
 def test_a_seat_is_as_high_as_it_is_told(kind: str) -> None:
     for seat in (0.3, 0.5):
@@ -77,12 +62,6 @@ def test_a_room_holds_camera_and_people_and_keeps_their_space_free(kind: str, se
         assert (points > room.low[[0, 2]] - 0.05).all() and (points < room.high[[0, 2]] + 0.05).all()
 
 
-def test_rooms_of_a_seed_are_alike_and_others_are_not() -> None:
-    first, again, other = (furnished("office", np.random.default_rng(seed)).surfaces() for seed in (4, 4, 5))
-    assert np.array_equal(first.mesh.vertices, again.mesh.vertices)
-    assert first.mesh.vertices.shape != other.mesh.vertices.shape
-
-
 def test_faces_know_their_material_and_piece_and_pieces_can_be_left_out() -> None:
     room = furnished("living", np.random.default_rng(2))
     whole = room.surfaces()
@@ -101,13 +80,3 @@ def test_floor_walls_and_ceiling_have_the_finish_of_the_room() -> None:
     assert floor.any() and ceiling.any() and not (floor | ceiling).all()
     expected = np.where(floor, 0.2, np.where(ceiling, 0.8, 0.5)).astype(np.float32)
     assert np.array_equal(found.reflectance, expected)
-
-
-def test_rooms_have_names_and_seeds() -> None:
-    assert named_room("office:7") == ("office", 7) and named_room("corridor") == ("corridor", 0)
-    with pytest.raises(UsageError, match="no room is called 'kitchen'; use one of office, living"):
-        named_room("kitchen:1")
-    with pytest.raises(UsageError, match="the seed 'x'"):
-        named_room("office:x")
-    with pytest.raises(UsageError, match="no room is called"):
-        furnished("garden", np.random.default_rng(0))

@@ -13,10 +13,10 @@ from tests.fake_tracker import FakeTracker
 from toolkit.app.pipeline import track_recording
 from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source
 from toolkit.body import skeleton
-from toolkit.io.errors import ModelError, RecordingError, UsageError
+from toolkit.io.errors import ModelError, UsageError
 from toolkit.people.image_joints.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points
 from toolkit.people.image_joints.pose_model import MODEL_FILE, PoseModel
-from toolkit.people.joint_masks import GivenJoints, NoJoints
+from toolkit.people.joint_masks import GivenJoints
 from toolkit.people.survey import find_people
 from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
@@ -93,12 +93,6 @@ def test_of_two_ears_the_one_that_is_seen_is_the_head(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[0, 0, HEAD], (10, 12, 0.8), atol=1e-6)
 
 
-def test_files_come_in_natural_order(tmp_path: Path) -> None:
-    folder = folder_of(tmp_path / "json", *(one(truth(i)) for i in range(12)))
-    found = read_joints(folder, 12, CAMERA)
-    np.testing.assert_allclose(found[0, 10, WRIST], truth(10)[WRIST], atol=1e-5)
-
-
 def test_fewer_files_are_matched_by_the_number_of_their_frame(tmp_path: Path) -> None:
     folder = folder_of(tmp_path / "json")
     for i in (2, 5):
@@ -121,32 +115,6 @@ def test_joints_found_at_another_size_are_scaled_to_the_depth(tmp_path: Path) ->
     larger = rows * [2, 2, 1] + [0.5, 0.5, 0]
     found = read_joints(folder_of(tmp_path / "json", one(larger)), 1, CAMERA, (128, 96))
     np.testing.assert_allclose(found[0, 0, WRIST], rows[WRIST], atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("frames", "said"),
-    [
-        ([], "holds no"),
-        ([one(truth())] * 2, "2 files for 1 frames"),
-        (["{"], "json"),
-        ([{"version": 1.3}], "no list 'people'"),
-        ([[1, 2]], "no list 'people'"),
-        ([{"people": [{}]}], "no list of numbers"),
-        ([{"people": [{"pose_keypoints_2d": [1.0] * 74}]}], "74 numbers; there are formats of 75 .BODY_25."),
-        ([{"people": [{"pose_keypoints_2d": ["x"] * 75}]}], "no list of numbers"),
-        (['{"people": [{"pose_keypoints_2d": [NaN, 1, 1]}]}'], "NaN"),
-        ([one(truth() / [64, 48, 1])], "pixels .OpenPose: keypoint_scale 0."),
-        ([one(truth() * [3, 3, 1])], "--joints-size"),
-    ],
-)
-def test_a_folder_that_cannot_be_right_is_refused_with_a_reason(tmp_path: Path, frames: list[Any], said: str) -> None:
-    with pytest.raises(RecordingError, match=said):
-        read_joints(folder_of(tmp_path / "json", *frames), 1, CAMERA)
-
-
-def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="--joints is one of"):
-        read_joints(tmp_path / "nowhere", 1, CAMERA)
 
 
 def take(path: Path, *, color: bool = False, joints: bool = False) -> Recording:
@@ -197,26 +165,6 @@ def test_a_model_of_another_checksum_is_refused(no_model: Path) -> None:
     (no_model / MODEL_FILE).write_bytes(b"something else")
     with pytest.raises(ModelError, match=r"SHA-256.*joints --fetch.*--joints"):
         PoseModel.load()
-
-
-def test_without_the_runtime_the_error_names_the_package_and_the_option(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "ai_edge_litert.interpreter", None)
-    with pytest.raises(ModelError, match=r"pip install .ai-edge-litert.*--joints"):
-        PoseModel(b"")
-
-
-def test_a_tracker_that_only_welcomes_joints_goes_without_the_model(tmp_path: Path, no_model: Path) -> None:
-    assert isinstance(joint_source(take(tmp_path / "take.npz"), JointChoice(), "welcome"), NoJoints)
-
-
-def test_no_joints_at_all_are_a_choice(tmp_path: Path, no_model: Path) -> None:
-    recording = take(tmp_path / "take.npz", joints=True)
-    assert isinstance(joint_source(recording, JointChoice("none"), "required"), NoJoints)
-
-
-def test_joints_in_colour_need_colour(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="has no colour.*--joints depth"):
-        joint_source(take(tmp_path / "take.npz"), JointChoice("colour"), "required")
 
 
 def test_joints_for_a_tracker_without_use_for_them_are_refused(tmp_path: Path) -> None:

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from toolkit.body import skeleton
 from toolkit.io.errors import RecordingError
-from toolkit.people.joint_masks import GivenJoints, NoJoints
+from toolkit.people.joint_masks import GivenJoints
 from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows, rotated_rows
+from toolkit.sensing.joints2d import Joints2D, lift
 from toolkit.sensing.stream import Frame
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
@@ -50,11 +50,6 @@ def test_joints_of_a_recording_come_back_as_they_were_written(tmp_path: Path) ->
     (middle,) = recording.joints_2d(1)
     assert middle.confidence[LEFT_KNEE] == 0 and np.isnan(middle.pixels[LEFT_KNEE]).all()
     assert [len(frame.joints) for frame in recording.stream()] == [1, 1, 1]
-
-
-def test_a_recording_without_joints_has_none(tmp_path: Path) -> None:
-    recording = open_recording(stored(tmp_path / "take.npz", None))
-    assert recording.joints_2d(0) == () and recording.image_joints is None
 
 
 def test_joints_of_several_people_come_back(tmp_path: Path) -> None:
@@ -91,11 +86,6 @@ def test_a_mirrored_stream_flips_the_pixels_and_swaps_the_names(tmp_path: Path) 
     np.testing.assert_allclose(joints.pixels[RIGHT_HAND], (CAMERA.width - 1 - 5.0, 30.0))
 
 
-def test_mirroring_twice_changes_nothing() -> None:
-    rows = np.random.default_rng(0).uniform(0, 40, (4, 20, 3))
-    np.testing.assert_allclose(mirrored_rows(mirrored_rows(rows, 64), 64), rows)
-
-
 @pytest.mark.parametrize("degrees", [90, 180, 270])
 def test_turned_images_turn_their_joints_with_the_depth(tmp_path: Path, degrees: int) -> None:
     rows, depth = np.stack([rows_at(20, 15)]), np.zeros((1, *CAMERA.shape), dtype=np.uint16)
@@ -106,13 +96,6 @@ def test_turned_images_turn_their_joints_with_the_depth(tmp_path: Path, degrees:
     recording = open_recording(path, rotate=degrees)
     u, v = recording.joints_2d(0)[0].pixels[LEFT_HAND].astype(int)
     assert recording.depth(0)[v, u] == 2000
-
-
-@given(st.integers(0, 7))
-def test_four_quarter_turns_are_none(turns: int) -> None:
-    rows = np.random.default_rng(turns).uniform(0, 40, (20, 3))
-    there = rotated_rows(rows, CAMERA, turns % 4)
-    np.testing.assert_allclose(rotated_rows(there, CAMERA.rotated(turns), -turns % 4), rows)
 
 
 def sighting(number: int, columns: slice, camera: Camera = CAMERA) -> Sighting:
@@ -142,23 +125,6 @@ def test_everybody_gets_the_joints_on_their_own_cut_out() -> None:
 def test_joints_of_somebody_else_are_nobodys() -> None:
     (alone,) = given_to((person_at(55),), [sighting(1, slice(8, 20))])
     assert alone.joints is None
-
-
-def test_of_two_people_with_equal_claim_the_first_counts() -> None:
-    (alone,) = given_to((person_at(11), person_at(12)), [sighting(1, slice(8, 20))])
-    assert alone.joints is not None and abs(alone.joints.pixels[0, 0] - 11) < 1e-4
-
-
-def test_a_joint_outside_the_image_is_unknown() -> None:
-    rows = rows_at(11, 20)
-    rows[LEFT_HAND, :2] = -40.0, 20.0
-    (alone,) = given_to((Joints2D.of_rows(rows),), [sighting(1, slice(8, 20))])
-    assert alone.joints is not None and alone.joints.confidence[LEFT_HAND] == 0
-
-
-def test_a_frame_without_joints_leaves_the_sightings_as_they_are() -> None:
-    before = [sighting(1, slice(8, 20))]
-    assert given_to((), before) == tuple(before) == NoJoints().add(Frame(before[0].depth, 0.0), before)
 
 
 def test_joints_are_undistorted_and_halved_as_the_depth_is() -> None:

@@ -120,35 +120,6 @@ def body_at(x: float, **more: Any) -> dict[str, Any]:
     return {"joint_positions": points.tolist(), **more}
 
 
-def test_bodies_without_numbers_are_followed_by_where_they_are(tmp_path: Path) -> None:
-    frames = [
-        [body_at(0.0), body_at(1.0)],
-        [body_at(1.02), body_at(0.01)],
-        [body_at(0.03)],
-        [body_at(0.02), body_at(1.1)],
-    ]
-    found = read_k4abt(kinect_file(tmp_path / "a.json", frames))
-    assert len(found.ids) == 2
-    np.testing.assert_allclose(found.positions[0, :, 0, 0], [0.0, 0.01, 0.03, 0.02], atol=1e-9)
-    np.testing.assert_allclose(found.positions[1, :, 0, 0], [1.0, 1.02, np.nan, 1.1], atol=1e-9)
-    assert np.isnan(found.confidence).all() and np.isnan(found.orientations).all()
-
-
-@pytest.mark.parametrize(("number", "reason"), [('"x"', "frame 0"), ("[1]", "frame 0"), ("1e999", "is no JSON")])
-def test_a_body_whose_number_is_none_is_an_error_of_one_sentence(tmp_path: Path, number: str, reason: str) -> None:
-    path = kinect_file(tmp_path / "a.json", [[body_at(0.0, body_id="ID")]])
-    path.write_text(path.read_text().replace('"ID"', number))
-    with pytest.raises(RecordingError, match=reason):
-        read_k4abt(path)
-
-
-def test_older_versions_and_lists_of_confidence_are_read(tmp_path: Path) -> None:
-    names = [{"SPINE_NAVEL": "SPINE_NAVAL"}.get(name, name) for name in k4abt.NAMES]
-    frames = [[body_at(0.0, body_id=7, confidence_level=[1] * 32)]]
-    found = read_k4abt(kinect_file(tmp_path / "a.json", frames, joint_names=names))
-    assert found.ids == (7,) and found.confidence[0, 0].tolist() == [1.0] * 32
-
-
 def test_a_skeleton_of_other_frames_finds_the_recordings_by_their_times(tmp_path: Path) -> None:
     found = read_k4abt(kinect_file(tmp_path / "a.json", [[body_at(0.1 * i, body_id=1)] for i in range(5)]))
     times = 100.0 + np.arange(4) / 30.0
@@ -178,14 +149,6 @@ def test_of_a_camera_on_its_side_the_file_has_the_frame_of_the_camera_as_it_stoo
     export_k4abt(tmp_path / "turned.json", [replace(person, turns=1)])
     again = rotated_points(read_k4abt(tmp_path / "turned.json").joints[0], 1)
     np.testing.assert_allclose(again, person.track.joints, atol=1e-5)
-
-
-def test_frames_in_all_of_which_nobody_is_there_are_written_without_bodies(tmp_path: Path) -> None:
-    run = write_run(tmp_path / "run", random_poses(3), absent=3)
-    export_run(run, tmp_path / "bodies.json", format="k4abt")
-    frames = json.loads((tmp_path / "bodies.json").read_text())["frames"]
-    assert [frame["bodies"] for frame in frames] == [[], [], []]
-    assert not len(read_k4abt(tmp_path / "bodies.json").joints)
 
 
 def test_a_person_alone_has_the_number_one_and_is_not_written_while_absent(tmp_path: Path) -> None:

@@ -143,16 +143,3 @@ def test_dynamics_and_area_are_those_of_higra_on_a_cloud() -> None:
     found = summits_of(values, graph.neighbours, graph.more, np.ones(len(cloud)))
     np.testing.assert_array_equal(np.sort([d for d, _ in found.values()]), higra_dynamics(values, edges))
     assert max(area for _, area in found.values()) == len(cloud)
-
-
-def test_a_branch_has_the_area_of_its_nodes_where_it_meets_a_higher_one() -> None:
-    values = np.array([3.0, 1.0, 5.0, 2.0, 4.0, 0.0])
-    found = summits_of(values, *table_of([(i, i + 1) for i in range(5)], 6), np.arange(1.0, 7.0))
-    assert found == {2: (5.0, 21.0), 4: (2.0, 5.0), 0: (2.0, 1.0)}
-
-
-def test_nodes_that_take_no_part_hang_nowhere() -> None:
-    neighbours, more = table_of([(0, 1), (1, 2)], 3)
-    parents = np.empty(3, dtype=np.int64)
-    component_tree.max_tree(np.array([3.0, 9.0, 2.0]), np.array([0, 2]), neighbours, more, parents)
-    assert parents.tolist() == [0, -1, 2]

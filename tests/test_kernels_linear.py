@@ -53,10 +53,6 @@ def test_products_are_those_of_numpy_wherever_the_arrays_lie(
         assert np.asarray(function(*(shifted(array, offset) for array in arrays))).tobytes() == found.tobytes()
 
 
-def test_no_rows_add_up_to_zero() -> None:
-    np.testing.assert_array_equal(linear.combined(np.empty(0), np.empty((0, 4, 3))), np.zeros((4, 3)))
-
-
 def test_points_of_any_shape_type_and_layout_are_rotated() -> None:
     points, rotation = RNG.normal(size=(2, 5, 3)).astype(np.float32), RNG.normal(size=(3, 3)).T
     expected = points.astype(np.float64) @ rotation
@@ -96,9 +92,3 @@ def test_principal_axes_are_orthonormal_and_give_the_matrix_back(values: list[fl
     np.testing.assert_allclose(found, np.linalg.eigvalsh(matrix), atol=1e-13 * scale * 10)
     np.testing.assert_allclose(axes.T @ axes, np.eye(3), atol=1e-13)
     np.testing.assert_allclose(axes @ np.diag(found) @ axes.T, matrix, atol=1e-13 * scale * 10)
-
-
-def test_the_axes_of_a_diagonal_matrix_are_the_coordinates() -> None:
-    values, axes = linear.principal_axes(np.diag([3.0, 1.0, 2.0]))
-    assert values.tolist() == [1.0, 2.0, 3.0]
-    assert np.abs(axes).tolist() == [[0, 0, 1], [1, 0, 0], [0, 1, 0]]

@@ -106,17 +106,6 @@ def test_arms_over_a_base_cost_as_much_as_the_whole_picture_drawn_anew(upper: Up
         assert costs[n] == pytest.approx(plain_cost(drawn_balls(balls[n], radii, bases[base_of[n]]), tile), abs=1e-6)
 
 
-def test_balls_lie_where_the_joints_carry_them(upper: UpperBody) -> None:
-    pose = some_pose(np.random.default_rng(3))
-    balls = np.empty((1, len(upper.whole.radii), 3))
-    particles.place_balls(pose[None], upper.whole, balls)
-    placed = upper.body.place(pose)
-    for ball, joint, offset in zip(balls[0], upper.whole.ball_joint, upper.whole.ball_offset, strict=True):
-        np.testing.assert_allclose(
-            LEVEL.T @ (placed.rotations[joint] @ offset + placed.origins[joint]), ball, atol=1e-12
-        )
-
-
 def test_the_cost_of_a_trunk_is_that_of_its_picture(upper: UpperBody) -> None:
     rng = np.random.default_rng(4)
     seen, drawn = np.empty(SMALL.shape), np.empty(SMALL.shape)
@@ -125,21 +114,6 @@ def test_the_cost_of_a_trunk_is_that_of_its_picture(upper: UpperBody) -> None:
     particles.trunk_costs(pose[None], upper.whole, tile, costs)
     particles.draw(pose, upper.whole, tile.intrinsics, drawn)
     assert costs[0] == pytest.approx(plain_cost(drawn, tile), abs=1e-6)
-
-
-def test_a_window_outside_of_everything_costs_nothing(upper: UpperBody) -> None:
-    tile, costs = tile_of(np.zeros(SMALL.shape), (0, 0, 0, 0)), np.empty(1)
-    bases = np.zeros((1, *SMALL.shape))
-    balls = np.zeros((1, 2, 3)) + [0.0, 0.0, 1.0]
-    particles.overlay_costs(balls, np.array([0.1, 0.1]), np.zeros(1, dtype=np.int64), bases, tile, costs)
-    assert costs[0] == 0.0
-
-
-def test_overlaps_are_counted_squared_in_units_of_the_radii() -> None:
-    balls = np.array([[[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [5.0, 0.0, 1.0]]])
-    costs = np.empty(1)
-    particles.overlap_costs(balls, np.array([0.1, 0.1, 0.1]), np.array([[0, 1], [1, 2]]), 0.8, costs)
-    assert costs[0] == pytest.approx((0.8 - 0.5) ** 2)
 
 
 @given(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra
 
-from tests.landmark_helpers import LEVEL, body_cloud, cloud_of, figure
+from tests.landmark_helpers import body_cloud, cloud_of, figure
 from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
@@ -14,14 +14,11 @@ from toolkit.io.errors import SegmentationError, SettingsError
 from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.extrema import extrema_of_graph
 from toolkit.landmarks.graph import grid_graph
-from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011.effectors import (
     GRAPH,
     Effectors,
     EffectorSettings,
     Fork,
-    direction,
     find_effectors,
     find_fork,
 )
@@ -85,14 +82,6 @@ def test_the_three_of_the_fork_are_right_and_swap_in_a_mirror() -> None:
     assert find_fork(flipped) == Fork(fork.head, fork.right_hand, fork.left_hand)
 
 
-def test_candidates_move_with_the_image() -> None:
-    cloud = cloud_of(figure())
-    camera = cloud.camera
-    moved = Camera(camera.fx, camera.fy, camera.cx + 7, camera.cy - 5, camera.width, camera.height)
-    shifted = Cloud.from_depth(np.roll(cloud.depth, (-5, 7), axis=(0, 1)), moved, LEVEL)
-    np.testing.assert_allclose(find_effectors(shifted).points, find_effectors(cloud).points, atol=1e-5)
-
-
 def test_a_path_is_a_shortest_one() -> None:
     cloud = cloud_of(figure())
     graph = grid_graph(cloud, GRAPH)
@@ -110,26 +99,6 @@ def test_a_path_is_a_shortest_one() -> None:
         assert sum(steps) == pytest.approx(exact[node])
 
 
-def test_a_direction_is_measured_from_upwards_to_the_right() -> None:
-    path = np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0], [0.2, 0.2, 0.0], [9.0, 0.2, 0.0]])
-    assert direction(path) == pytest.approx(np.pi / 4)
-    assert direction(path[:1]) == 0.0
-
-
-def test_there_is_no_fork_of_two_or_of_prongs_that_lie_together() -> None:
-    straight = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
-    assert find_fork(Effectors(np.zeros((2, 3)), np.zeros(3), np.zeros(3), (straight, straight))) is None
-    assert find_fork(Effectors(np.zeros((3, 3)), np.zeros(3), np.zeros(3), (straight, straight, straight))) is None
-
-
-def test_one_measured_pixel_is_its_own_source_and_has_no_candidates() -> None:
-    depth = np.zeros((240, 320), dtype=np.float32)
-    depth[100, 100] = 1.5
-    for tree in (False, True):
-        effectors = find_effectors(cloud_of(depth), EffectorSettings(tree=tree))
-        assert len(effectors) == 0 and find_fork(effectors) is None
-
-
 def test_an_empty_cloud_is_an_error() -> None:
     with pytest.raises(SegmentationError, match="no points"):
         find_effectors(cloud_of(np.zeros((240, 320), dtype=np.float32)))
@@ -145,15 +114,6 @@ def test_an_empty_cloud_is_an_error() -> None:
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         EffectorSettings(**values)  # type: ignore[arg-type]
-
-
-def test_the_summit_is_the_highest_point_above_the_source() -> None:
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[:3] = [0.0, 0.0, -2.0]
-    effectors = find_effectors(body_cloud(load_body(), pose))
-    crown = tips(pose)["head"]
-    assert np.linalg.norm(effectors.summit - crown) < 0.12
-    assert abs(effectors.summit[0] - effectors.source[0]) < 0.15
 
 
 def test_lopez2011_takes_the_fork_by_the_cosines_of_neighbouring_prongs() -> None:

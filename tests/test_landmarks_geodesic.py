@@ -11,7 +11,6 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
-from benchmarks.lookup import extrema_rows
 from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
 from toolkit.io.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
@@ -174,13 +173,6 @@ def test_the_first_five_extrema_of_a_stretched_figure_are_its_end_effectors() ->
     assert (found.distances <= found.from_source[found.nodes] * cloud_graph.UNIT).all()
 
 
-def test_later_passes_visit_a_small_share_of_the_nodes() -> None:
-    cloud = cloud_of(figure())
-    visited = geodesic_extrema(cloud, 20).visited
-    assert visited[0] == len(cloud)
-    assert visited[1:].sum() < 3 * visited[0]
-
-
 def plain_grid_edges(depth: np.ndarray, threshold: float) -> dict[tuple[int, int], int]:
     cloud = cloud_of(depth)
     points = cloud.points.astype(np.float64)
@@ -275,35 +267,6 @@ def test_components_are_joined_to_the_largest_by_their_closest_pair() -> None:
     assert not unreachable[found.nodes].any()
 
 
-def test_a_node_takes_any_number_of_bridges() -> None:
-    leaves = 40
-    ends = np.stack([np.arange(1, leaves + 1), np.zeros(leaves, dtype=int)], axis=1).astype(np.int32)
-    graph = graph_of(leaves + 1, ends, np.arange(1, leaves + 1, dtype=np.int32), width=8)
-    assert edges_of(graph).keys() == {(a, b) for a, b in ends} | {(b, a) for a, b in ends}
-    found = extrema_of_graph(graph, np.zeros((leaves + 1, 3), np.float32), 3, 0)
-    assert found.nodes.tolist() == [leaves, leaves - 1, leaves - 2]
-
-
-@settings(max_examples=30, deadline=None)
-@given(random_graphs())
-def test_the_sparse_matrix_of_a_graph_holds_each_edge_in_both_directions(graph_and_source: tuple[Graph, int]) -> None:
-    graph, _ = graph_and_source
-    assert (graph.matrix() != cloud_graph.UNIT * matrix_of(graph)).nnz == 0
-
-
-def test_ties_fall_to_the_lowest_node_and_fewer_extrema_are_found_where_there_are_fewer() -> None:
-    ends = np.array([[0, 1], [0, 2], [0, 3]], dtype=np.int32)
-    found = extrema_of_graph(graph_of(6, ends, np.full(3, 7, np.int32)), np.zeros((6, 3), np.float32), 10, 0)
-    assert found.nodes.tolist() == [1, 2, 3]
-    assert found.visited.tolist() == [4, 1, 1]
-
-
-def test_a_cloud_of_one_point_has_no_extremum() -> None:
-    depth = np.zeros((240, 320), dtype=np.float32)
-    depth[100, 100] = 2.0
-    assert len(geodesic_extrema(cloud_of(depth), 5)) == 0
-
-
 def test_an_empty_cloud_and_wrong_arguments_are_refused_in_one_sentence() -> None:
     with pytest.raises(SegmentationError, match="no points"):
         geodesic_extrema(cloud_of(np.zeros((240, 320))), 5)
@@ -342,13 +305,6 @@ def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:
     torso = np.flatnonzero(cloud.points[:, 2] < -2.5)
     hips = centre - [0.0, SETTINGS.source_drop, 0.0]
     assert source == torso[np.linalg.norm(cloud.points[torso] - hips, axis=1).argmin()]
-
-
-def test_the_benchmark_finds_equal_extrema_and_visits_on_rendered_people() -> None:
-    (row,) = extrema_rows(sizes=(1500,), frames=3)
-    assert row["equal_to_scipy"] == 1.0
-    assert row["visited_mean"][0] == pytest.approx(row["nodes"], rel=0.02)
-    assert row["visited_mean"][1:].max() < 0.5 * row["visited_mean"][0]
 
 
 @pytest.mark.data

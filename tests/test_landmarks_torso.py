@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,9 +9,8 @@ from tests.landmark_helpers import body_cloud, cloud_of, figure, paint
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE
 from toolkit.io.errors import SegmentationError
-from toolkit.kernels.cloud import torso
 from toolkit.landmarks.centre import HEIGHT, WIDTH, cloud_centre
-from toolkit.landmarks.facing import FACING_TIME, FacingEstimate, camera_yaw, estimate_facing, smoothed_facing
+from toolkit.landmarks.facing import FacingEstimate, camera_yaw, estimate_facing, smoothed_facing
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 SETTINGS = LandmarkSettings()
@@ -58,18 +55,6 @@ def test_the_mean_shift_is_that_of_plain_numpy(seed: int) -> None:
     start = np.array([0.4, 0.0, -2.0])
     axes = np.array([WIDTH, HEIGHT, WIDTH])
     assert cloud_centre(points, start) == pytest.approx(plain_mean_shift(points.astype(float), start, axes), abs=1e-6)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_moments_of_a_ball_are_those_of_numpy(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    points = rng.normal([1.0, 2.0, -8.0], 0.1, (500, 3)).astype(np.float32)
-    centre = np.array([1.02, 2.0, -8.0])
-    mean, covariance = np.empty(3), np.empty((3, 3))
-    inside = np.linalg.norm(points.astype(float) - centre, axis=1) < 0.15
-    assert torso.ball_moments(points, centre, 0.15, mean, covariance) == inside.sum()
-    assert mean == pytest.approx(points[inside].mean(axis=0, dtype=float), abs=1e-9)
-    assert covariance == pytest.approx(np.cov(points[inside].T.astype(float), bias=True), abs=1e-9)
 
 
 @pytest.mark.parametrize("arms", ["both", "left", "forward"])
@@ -151,12 +136,6 @@ def test_a_forward_lean_does_not_turn_the_facing() -> None:
         assert degrees_between(found.yaw, 0.4) < 3.0
 
 
-def test_the_turn_away_from_the_camera_is_what_the_gain_multiplies() -> None:
-    points = chest(np.random.default_rng(0), 0.2, 0.002)
-    plain, gained = (estimate_facing(points, CHEST, replace(PLANE, turn_gain=gain)).yaw for gain in (1.0, 2.0))
-    assert gained - camera_yaw(CHEST) == pytest.approx(2.0 * (plain - camera_yaw(CHEST)))
-
-
 def test_an_arm_before_the_torso_lowers_the_weight() -> None:
     rng = np.random.default_rng(1)
     points = chest(rng, 0.0, 0.003)
@@ -166,19 +145,6 @@ def test_an_arm_before_the_torso_lowers_the_weight() -> None:
     occluded = estimate_facing(points, CHEST, PLANE)
     assert free.weight > 0.8
     assert occluded.weight < 0.4 * free.weight
-
-
-def test_a_narrow_strip_has_no_weight() -> None:
-    points = chest(np.random.default_rng(1), 0.0, 0.003)
-    strip = points[np.abs(points[:, 0] - 0.3) < 0.05]
-    assert estimate_facing(strip, CHEST, PLANE).weight == 0.0
-
-
-def test_too_few_or_equal_points_say_nothing_and_point_at_the_camera() -> None:
-    centre = np.array([1.0, 0.0, -1.0])
-    for points in (np.zeros((0, 3), np.float32), np.tile(centre.astype(np.float32), (100, 1))):
-        found = estimate_facing(points, centre)
-        assert found == FacingEstimate(pytest.approx(-np.pi / 4), 0.0)
 
 
 def test_a_person_at_the_image_border_who_faces_the_camera_has_the_yaw_towards_it() -> None:
@@ -202,27 +168,6 @@ def test_the_smoothing_does_not_depend_on_the_frame_rate(first: float, then: flo
     assume_far = degrees_between(first, then) < 179.0
     if assume_far:
         assert degrees_between(*yaws) < 1e-5
-
-
-def test_an_estimate_without_weight_leaves_the_facing_as_it_was() -> None:
-    direction = towards(0.5)
-    for _ in range(100):
-        direction = smoothed_facing(direction, FacingEstimate(-2.0, 0.0), 0.03, np.zeros(3))
-        assert np.arctan2(*direction) == pytest.approx(0.5)
-
-
-def test_the_smoothing_settles_on_a_steady_facing_within_three_time_constants_across_the_seam() -> None:
-    direction = towards(np.radians(170))
-    for _ in range(30):
-        direction = smoothed_facing(direction, FacingEstimate(np.radians(-170), 1.0), FACING_TIME / 10, np.zeros(3))
-        assert abs(np.degrees(np.arctan2(*direction))) > 169
-    assert degrees_between(np.arctan2(*direction), np.radians(-170)) < 1.5
-
-
-def test_the_first_frame_trusts_the_estimate_by_its_weight() -> None:
-    centre = np.array([0.0, 0.0, -2.0])
-    for weight, low, high in ((1.0, 0.79, 0.8), (0.0, -0.01, 0.01), (0.5, 0.1, 0.7)):
-        assert low < np.arctan2(*smoothed_facing(None, FacingEstimate(0.795, weight), 0.0, centre)) < high
 
 
 @pytest.mark.data

@@ -69,11 +69,6 @@ def test_importing_the_library_loads_nothing_that_takes_long() -> None:
     assert all(getattr(depthmocap, name) is not None for name in depthmocap.__all__)
 
 
-def test_the_module_is_the_command() -> None:
-    done = subprocess.run([sys.executable, "-m", "depthmocap", "--version"], capture_output=True, text=True, check=True)
-    assert done.stdout.strip()
-
-
 @pytest.mark.parametrize("unit", ["millimetres", "metres"])
 def test_a_track_of_arrays_is_bit_for_bit_that_of_a_run_folder(
     frames: np.ndarray, fake: dict[str, float], tmp_path: Path, unit: str
@@ -127,13 +122,6 @@ def test_without_pandas_the_error_says_what_to_type(sways: depthmocap.Track, mon
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(depthmocap.DepthMocapError, match="pip install pandas"):
         sways.to_dataframe()
-
-
-def test_a_track_becomes_a_plot_and_files(sways: depthmocap.Track, tmp_path: Path) -> None:
-    sways.plot().savefig(tmp_path / "a.png")
-    assert (tmp_path / "a.png").stat().st_size > 10_000
-    assert sways.export(tmp_path / "a.glb").stat().st_size > 1000
-    assert np.isnan(sways.joints[-1]).all() and np.isfinite(sways.joints[0]).all()
 
 
 def test_a_track_is_scored_against_the_truth(sways: depthmocap.Track) -> None:

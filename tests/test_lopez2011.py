@@ -37,15 +37,6 @@ def frame_of(upper: UpperBody, pose: np.ndarray, candidates: np.ndarray) -> Part
     return ParticleFrame(image, image, candidates)
 
 
-def test_what_the_paper_says_in_numbers() -> None:
-    assert (SETTINGS.effectors.count, SETTINGS.effectors.tree) == (3, True)
-    assert PARTICLES.count == 256 and PARTICLES.trunk_columns == PARTICLES.arm_columns == 160
-    prongs = np.radians([SETTINGS.effectors.narrowest, SETTINGS.effectors.widest])
-    np.testing.assert_allclose(np.cos(prongs), [0.9, 0.5], atol=1e-4)
-    assert not SETTINGS.refined and not SETTINGS.initial.unlabelled
-    assert [UpperFilter(PARTICLES).first_arm(turn) for turn in range(3)] == [1, 1, 1]
-
-
 def test_all_particles_but_one_diffuse_by_one_gaussian() -> None:
     poses = np.zeros((4000, skeleton.POSE_SIZE))
     UpperFilter(PARTICLES).proposals.move_trunk(poses, 1 / 30, np.random.default_rng(0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from database_builder.build import Sampling, build_database
-from tests.database_helpers import moving_clip, neutral, small_database
+from tests.database_helpers import moving_clip, neutral
 from tests.support.amass import write_amass
 from toolkit.io.errors import MocapError
 from toolkit.mocap.amass import is_amass, read_amass
@@ -72,16 +72,3 @@ def test_what_is_no_motion_is_named(tmp_path: Path, changes: dict[str, object], 
     path = write_amass(tmp_path / "walk.npz", moving_clip("walk", seed=3), **changes)
     with pytest.raises(MocapError, match=words):
         read_clip(path)
-
-
-def test_a_pickle_in_a_motion_is_left_alone(tmp_path: Path) -> None:
-    path = write_amass(tmp_path / "walk.npz", moving_clip("walk", seed=3), labels=np.array([{}], dtype=object))
-    assert len(read_clip(path)) == 60
-
-
-def test_other_npz_files_are_no_motions(tmp_path: Path) -> None:
-    small_database().save(tmp_path / "poses.npz")
-    (tmp_path / "broken.npz").write_bytes(b"PK\x03\x04")
-    assert not is_amass(tmp_path / "poses.npz") and not is_amass(tmp_path / "broken.npz")
-    with pytest.raises(MocapError, match="holds no motion file"):
-        find_clips(tmp_path)

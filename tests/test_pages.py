@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import base64
-import csv
-import io
 from html.parser import HTMLParser
 
-import numpy as np
-
-from toolkit.io.html import csv_of, page, picture, png_of, table
+from toolkit.io.html import page, table
 
 
 class Read(HTMLParser):
@@ -52,18 +47,3 @@ def test_a_name_with_a_tag_stays_text_and_parts_stay_html() -> None:
     read = Read(page("<b>run</b>", ["<p>said</p>"], about=": a page"))
     assert "b" not in read.tags and "p" in read.tags
     assert "<b>run</b>" in read.words and "<b>run</b>: a page" in read.words and "said" in read.words
-
-
-def test_a_figure_is_a_picture_inside_the_page() -> None:
-    from matplotlib.figure import Figure
-
-    png = png_of(Figure(figsize=(2.0, 1.0)), dpi=50)
-    (found,) = Read(picture(png, "what's shown")).pictures
-    assert found["alt"] == "what's shown"
-    data = base64.b64decode(str(found["src"]).removeprefix("data:image/png;base64,"))
-    assert data == png and np.frombuffer(data[16:24], ">u4").tolist() == [100, 50]
-
-
-def test_a_csv_comes_back_whatever_is_in_it() -> None:
-    rows = [["a,b", 'say "x"'], ["", "two\nlines"]]
-    assert list(csv.reader(io.StringIO(csv_of(("one", "two"), rows)))) == [["one", "two"], *rows]

@@ -7,7 +7,6 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.body.skeleton import REPORTED
-from toolkit.io.errors import RecordingError
 from toolkit.people.description import describe
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import PredictedBody
@@ -19,7 +18,6 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.sensing_settings import SensingSettings
-from toolkit.simulation.raycast import cast
 
 UP = np.array([0.0, -1.0, 0.0])
 
@@ -65,13 +63,6 @@ def test_an_empty_room_holds_nobody():
         assert finder.find(depth, k / 30, {}) == ()
 
 
-def test_a_frame_without_any_measurement_holds_nobody():
-    finder = MultiPersonFinder(KINECT, UP)
-    assert finder.find(np.zeros(KINECT.shape, dtype=np.uint16), 0.0, {}) == ()
-    depth, _ = scene(KINECT, ((0.0, 3.0),))
-    assert [s.id for s in finder.find(depth, 0.1, {})] == [1]
-
-
 def test_identities_outlast_two_people_who_cross():
     finder, seen = MultiPersonFinder(KINECT, UP), []
     for k in range(40):
@@ -114,15 +105,6 @@ def test_a_second_person_who_enters_is_number_two_within_half_a_second():
     assert ids[:5] == [(1,)] * 5 and ids[12:] == [(1, 2)] * 8
 
 
-def test_no_more_people_than_asked_for_are_told_apart_and_that_is_said_once(caplog):
-    depth, _ = scene(KINECT, ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6)))
-    finder = MultiPersonFinder(KINECT, UP, most=2)
-    with caplog.at_level("WARNING"):
-        assert [len(finder.find(depth, k / 30, {})) for k in range(8)] == [2] * 8
-    (told,) = [record.getMessage() for record in caplog.records]
-    assert "2 people are followed already; raise --people" in told
-
-
 def test_a_restored_finder_goes_on_bit_for_bit():
     frames = [scene(KINECT, ((-0.6 + 0.05 * k, 2.3), (0.6 - 0.05 * k, 3.0)))[0] for k in range(12)]
     finder, other = MultiPersonFinder(KINECT, UP), MultiPersonFinder(KINECT, UP)
@@ -137,11 +119,6 @@ def test_a_restored_finder_goes_on_bit_for_bit():
             np.testing.assert_array_equal(a.unobserved, b.unobserved)
 
 
-def test_frames_of_another_camera_are_refused():
-    with pytest.raises(RecordingError, match="expected uint16"):
-        MultiPersonFinder(KINECT, UP).find(scene(TOF)[0], 0.0, {})
-
-
 def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
     whole = np.array([[0, 1000, 2000, 3000, 1500]], dtype=np.uint16)
     own = np.array([[0, 0, 2.0, 0, 0]], dtype=np.float32)
@@ -149,14 +126,6 @@ def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
     assert unobserved_pixels(whole, own, holes).tolist() == [[True, True, False, False, True]]
     assert unobserved_pixels(whole, own, None).tolist() == [[False, True, False, False, True]]
     assert unobserved_pixels(whole[:, 2:4], own[:, 2:4], None) is None
-
-
-def test_a_hole_larger_than_what_was_measured_of_a_person_is_space_and_a_smaller_one_may_be_hair():
-    whole = np.array([[0, 2000, 2000, 0, 0, 0, 2000, 0, 0]], dtype=np.uint16)
-    own = np.where(np.arange(9) < 3, whole, 0).astype(np.float32) / 1000
-    assert hole_sizes(whole).tolist() == [[1, 0, 0, 3, 3, 3, 0, 2, 2]]
-    mask = unobserved_pixels(whole, own, hole_sizes(whole))
-    assert mask[0, [0, 7, 8]].all() and not mask[0, 3:6].any()
 
 
 @pytest.mark.data
@@ -253,16 +222,6 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
     assert min(overlaps(predicted=True)) > min(overlaps(predicted=False))
 
 
-def test_a_body_that_lost_its_person_claims_nothing():
-    depth, who = scene(KINECT, ((-0.6, 2.6), (0.6, 2.9)))
-    finder = MultiPersonFinder(KINECT, UP)
-    finder.find(depth, 0.0, {})
-    first = {s.id: truth_of(s, who) for s in finder.find(depth, 0.03, {})}
-    bodies = {1: placed(-0.6, 2.6), 2: placed(0.6, 2.9)}
-    swapped = {i: bodies[3 - number] for i, (number, _) in first.items()}
-    assert {s.id: truth_of(s, who) for s in finder.find(depth, 0.07, swapped)} == first
-
-
 @pytest.mark.parametrize(("tilt", "height"), VIEWS)
 def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_expected(tilt, height):
     up, rotation = up_of_tilt(tilt), level_rotation(up_of_tilt(tilt))
@@ -313,14 +272,6 @@ def test_somebody_hidden_for_minutes_keeps_the_number():
     assert max(max(i, default=0) for i in ids) == 2, "nobody is taken for somebody new"
 
 
-def test_frames_of_two_places_in_turn_give_no_endless_row_of_people():
-    one, two = scene(KINECT, ((-0.5, 2.4),))[0], scene(KINECT, ((0.6, 3.4),))[0]
-    finder = MultiPersonFinder(KINECT, UP)
-    for k in range(30):
-        finder.find(one if k % 2 else two, k / 30, {})
-    assert len(finder.people) <= 2
-
-
 def test_a_figure_that_never_moves_is_furniture_and_said_to_be(tmp_path):
     frames = [scene(KINECT, ((-0.8 + 0.05 * k, 2.4), (0.7, 3.2)), height=1.2, wall=4.0, floor=True) for k in range(20)]
     recording = recorded(tmp_path, [depth for depth, _ in frames])
@@ -343,15 +294,3 @@ def test_a_camera_that_was_moved_between_is_said(tmp_path, caplog):
 
     assert "camera was moved" in filmed(0.8, "moved")
     assert not filmed(0.0, "fixed")
-
-
-def test_a_very_small_and_a_very_tall_person_are_found():
-    for scale in (0.32, 1.35):  # 0.55 m and 2.3 m
-        body = neutral()[0]
-        vertices = body.vertex_positions(standing(0.0, 2.8, 1.2)) @ level_rotation(UP)
-        feet = vertices[:, 1].max()
-        vertices = (vertices - (0, feet, 2.8)) * scale + (0, feet, 2.8)
-        depth = np.rint(1000 * cast(vertices, body.faces, KINECT).depth).astype(np.uint16)
-        sightings = MultiPersonFinder(KINECT, UP).find(depth, 0.0, {})
-        assert [s.id for s in sightings] == [1]
-        assert overlap(sightings[0].depth > 0, depth > 0) > 0.9

@@ -51,35 +51,11 @@ def test_colour_is_a_witness_where_somebody_is_seen(tmp_path):
         assert ("--joints colour" in look.lines[4]) == told
 
 
-@pytest.mark.parametrize(
-    ("height", "distance", "where"), [(1.45, 1.0, "chest"), (1.2, 1.5, "waist"), (1.2, 2.0, "knees")]
-)
-def test_it_says_where_the_image_cuts_somebody_off(tmp_path, height, distance, where):
-    look = describe(open_recording(recorded(tmp_path, [scene(KINECT, ((0.0, distance),), height=height)[0]])))
-    assert f"cut off at the {where}" in look.lines[3]
-    assert look.lines[2] == "room: none, people are cut out already"
-
-
 def test_a_camera_on_its_side_is_noticed(tmp_path):
     upright = scene(KINECT, ((0.0, 2.6),), height=1.5, wall=4.0, floor=True)[0]
     path = recorded(tmp_path, [np.rot90(upright)], KINECT.rotated(3))
     assert "--rotate 90" in describe(open_recording(path)).lines[4]
     assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]
-
-
-def test_a_file_that_knows_up_is_not_told_to_turn(tmp_path, monkeypatch):
-    monkeypatch.setattr("toolkit.people.description.turns_with_heads", lambda *arguments: 3)
-    empty = [np.zeros(KINECT.shape, dtype=np.uint16)]
-    turned = describe(open_recording(recorded(tmp_path, empty))).lines[4]
-    assert "--rotate 270" in turned and "--depth-unit" in turned
-    knows = recorded(tmp_path, empty, up_camera=up_of_tilt(0.2))
-    assert "no person is seen" in describe(open_recording(knows)).lines[4]
-
-
-def test_nobody_in_view_is_said(tmp_path):
-    look = describe(open_recording(recorded(tmp_path, [np.zeros(KINECT.shape, dtype=np.uint16)])))
-    assert look.lines[3] == "people: 0 in the first 3 s" and "no person is seen" in look.lines[4]
-    assert picture(look).shape == (*KINECT.shape, 3)
 
 
 def test_the_picture_shows_everybody_in_their_own_colour(tmp_path):
@@ -104,10 +80,3 @@ def test_the_verb_prints_a_line_for_each_thing_and_person_and_writes_the_picture
     assert lines.pop(4).startswith("  1 at ")
     assert [line.split(":")[0] for line in lines] == ["camera", "up", "room", "people", "advice", "picture"]
     assert cv2.imread(str(tmp_path / "look.png")).shape == (*KINECT.shape, 3)
-
-
-def test_the_picture_never_replaces_the_recording(tmp_path, capsys):
-    path = recorded(tmp_path, [scene(KINECT, ((0.0, 2.6),))[0]])
-    with pytest.raises(SystemExit) as done:
-        main(["info", str(path), "--output", str(path)])
-    assert done.value.code == 2 and "choose another output" in capsys.readouterr().err

@@ -12,16 +12,15 @@ import pytest
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.io.errors import SegmentationError
 from toolkit.people import stills
-from toolkit.people.candidates import KNEE_REACH, apart, beside, headless, in_a_mirror, shaped_alone
-from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE, Head
+from toolkit.people.candidates import in_a_mirror, shaped_alone
+from toolkit.people.detection import Head
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
-from toolkit.people.selected_person import ID, SelectedPersonFinder, meant_person
+from toolkit.people.selected_person import meant_person
 from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.people.stills import LEAST_HEIGHT, large_enough, people_and_furniture
+from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import Plane
-from toolkit.people.unassigned import attach_limbs
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -84,30 +83,6 @@ def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
     assert not shaped_alone(view, lens, head)
 
 
-@pytest.mark.parametrize("turn", [0.0, 1.1, 2.5])
-def test_beside_and_apart_are_horizontal_distances_whichever_way_round(turn):
-    place = np.array([0.2, 0.4, -2.0])
-    away = np.array([np.sin(turn), 0.0, np.cos(turn)])
-    for distance, near in ((REACH_STILL - 0.01, True), (REACH_STILL + 0.01, False)):
-        assert beside(place, [place + distance * away - (0.0, 3.0, 0.0)]) == near
-    assert not beside(place, [])
-    assert apart(place, place + (SHOULDER_DISTANCE + 0.01) * away)
-    assert not apart(place, place + (SHOULDER_DISTANCE - 0.01) * away)
-    # What lies lower than it lies beside is a knee or a back, within a knee's reach.
-    low = np.array([0.0, -1.0, 0.0])
-    assert not apart(place, place + low + (KNEE_REACH - 0.01) * away)
-    assert apart(place, place + low + (KNEE_REACH + 0.01) * away)
-
-
-def test_bodies_that_hang_under_a_known_head_are_not_headless():
-    depth_mm, who = scene(KINECT, ((-0.8, 3.0), (0.8, 3.0)))
-    lens, view = view_of(depth_mm)
-    bodies = [whole(who, lens) == k for k in (1, 2)]
-    left = headless(view, bodies, [np.array([-0.8, 0.0, -2.95])])
-    assert len(left) == 1 and left[0] is bodies[1]
-    assert len(headless(view, bodies, [])) == 2
-
-
 @pytest.mark.parametrize(
     ("place", "mirrored"),
     [((0.5, 0.4, -4.0), True), ((0.5, 0.4, -2.0), False), ((1.5, 0.4, -4.0), False), ((0.5, 0.4, -3.2), False)],
@@ -140,17 +115,6 @@ def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_cla
         assert (own == 3 + number).mean() > 0.97
         assert not (own == 6 - number).sum() > 5, "pixels of one body's rim"
     assert not seeds[truth == 0].any()
-
-
-def test_what_is_farther_from_every_body_than_the_gate_and_what_is_taken_stay_as_they_are():
-    depth_mm, who = scene(KINECT, ((0.0, 2.5),))
-    lens, view = view_of(depth_mm)
-    seeds = np.zeros(view.depth.shape, dtype=np.int32)
-    body_seeds(view, lens, {1: predicted(0.0, 3.0)}, seeds)
-    assert not seeds.any()
-    seeds[whole(who, lens) == 1] = 9
-    body_seeds(view, lens, {1: predicted(0.0, 2.5)}, seeds)
-    assert set(np.unique(seeds)) == {0, 9}
 
 
 def test_torsos_that_stayed_are_seeds_and_outstretched_hands_are_not():
@@ -191,17 +155,6 @@ def test_two_in_an_image_are_two_and_whom_the_judge_speaks_against_is_furniture(
     truth = whole(who, lens)
     for number, place in enumerate([*people, *furniture], start=1):  # furniture keeps its pixels
         assert (labels[truth == (1 if place[0] < 0 else 2)] == number).mean() > 0.9
-
-
-def test_large_enough_is_area_and_height():
-    depth_mm, who = scene(KINECT, ((0.0, 2.5),))
-    lens, view = view_of(depth_mm)
-    body = whole(who, lens) == 1
-    rows = np.flatnonzero(body.any(axis=1))
-    band = body & (np.arange(len(body)) < rows[0] + 8)[:, None]
-    assert large_enough(view, lens, body)
-    assert not large_enough(view, lens, band)
-    assert np.ptp(view.points[band][:, 1]) < LEAST_HEIGHT
 
 
 # Who is meant.
@@ -247,13 +200,6 @@ class Frames:
 SMALL, LARGE = slice(10, 30), slice(60, 110)
 
 
-@pytest.mark.parametrize(("subject", "meant"), [("largest", 2), ("nearest", 1)])
-def test_of_two_it_is_the_larger_one_or_the_nearer(subject, meant):
-    finder = FakePeople([{1: (SMALL, 2.0), 2: (LARGE, 4.0)}] * 4)
-    sensing = SensingSettings(subject=subject)
-    assert meant_person(Frames(np.arange(4) / 10), finder, sensing) == meant
-
-
 @pytest.mark.parametrize(("together", "refused"), [(2, False), (3, True)])
 def test_two_are_one_too_many_who_are_seen_together_for_more_than_half_of_the_time(together, refused):
     frames = [{2: (LARGE, 3.0)} | ({1: (SMALL, 3.0)} if k < together else {}) for k in range(4)]
@@ -276,20 +222,6 @@ def test_a_seed_means_whoever_is_at_the_pixel_in_the_first_frame_that_shows_anyb
         meant_person(recording, FakePeople(frames), SensingSettings(segment="seed:0,0"))
 
 
-def test_where_nobody_is_seen_some_id_is_meant():
-    assert meant_person(Frames(np.arange(2) / 10), FakePeople([{}, {}]), SensingSettings()) == ID
-
-
-def test_one_of_several_has_the_id_1_and_is_told_as_the_one_they_are():
-    finder = FakePeople()
-    one = SelectedPersonFinder(finder, 3)
-    (sighting,) = one.find(np.zeros(KINECT.shape, np.uint16), 0.0, {ID: "body"})
-    assert sighting.id == ID and sighting.depth[0, 0] == 3.0
-    assert finder.told == {3: "body"}
-    (empty,) = SelectedPersonFinder(finder, 7).find(np.zeros(KINECT.shape, np.uint16), 0.0, {})
-    assert empty.id == ID and not empty.depth.any() and finder.told == {}
-
-
 # Cameras on their side.
 
 
@@ -300,17 +232,6 @@ def test_the_vertical_of_a_file_says_how_often_the_image_has_to_be_turned(turns)
     assert quarter_turns(recording) == turns
     recording.options = {"rotate": 90}
     assert quarter_turns(recording) == 0
-
-
-@pytest.mark.parametrize(("above", "turns"), [(0.0, 1), (0.8, 0)], ids=["on the floor", "above it"])
-def test_a_floor_of_a_turned_image_has_somebody_standing_on_it(above, turns):
-    empty, _ = scene(KINECT, (), floor=True, wall=5.0, height=1.2)
-    depth, who = scene(KINECT, ((0.0, 3.2),), height=1.2 - above)
-    turned = np.ascontiguousarray(np.rot90(np.where(who == 1, depth, empty)))
-    vertical = SimpleNamespace(source="assumed")
-    camera = KINECT.rotated(-1)
-    recording = SimpleNamespace(options={}, vertical=vertical, camera=camera, background=None, depth=lambda _: turned)
-    assert quarter_turns(recording) == turns
 
 
 def with_a_post(depth_mm: np.ndarray, left: float, right: float, top: float, bottom: float, z: float) -> np.ndarray:
@@ -331,27 +252,3 @@ def test_a_raised_hand_is_a_part_of_the_person_if_the_judge_says_that_it_is_of_o
     people, furniture, labels = people_and_furniture(view, lens, judge=FakeJudge(odds))
     assert [place.tolist() for place in people] == [head.tolist()] and len(furniture) == parts
     assert labels[view.points[..., 0] < -0.04].max() == 1 + parts
-
-
-def test_a_door_has_no_shape_by_the_person_who_holds_it(monkeypatch):
-    depth_mm, _ = scene(KINECT, ((0.0, 2.5),))
-    door, head = np.array([-0.5, 0.5, -2.4]), np.array([0.0, HEAD_HEIGHT - 1.2, -2.5])
-    shut = with_a_post(depth_mm, -0.55, -0.45, -0.6, 0.8, 2.4)
-    lens, view = view_of(with_a_post(shut, -0.55, -0.2, 0.1, 0.2, 2.45))
-    monkeypatch.setattr(stills, "find_heads", lambda *_, **__: [Head(door, 1.0, False), Head(head, 1.0, False)])
-    monkeypatch.setattr(stills, "looks_like_person", lambda _view, lens, mask, _head: lens.area(view.depth[mask]) > 0.3)
-    people, furniture, _ = people_and_furniture(view, lens, judge=FakeJudge(1.2))
-    assert [place.tolist() for place in people] == [head.tolist()]
-    assert [place.tolist() for place in furniture] == [door.tolist()]
-
-
-@pytest.mark.parametrize(("odds", "attached"), [(2.5, True), (1.5, False)])
-def test_an_arm_before_the_chest_is_its_persons_where_the_judge_is_sure_of_it(odds, attached):
-    depth_mm, _ = scene(KINECT, ((-0.5, 2.5),))
-    lens, view = view_of(with_a_post(depth_mm, -0.55, -0.45, -0.1, 0.2, 2.1))
-    arm, body = np.abs(view.depth - 2.1) < 0.02, view.depth > 2.2
-    labels = np.where(body, 1, 0).astype(np.int32)
-    found = attach_limbs(view, lens, labels, 1, FakeJudge(odds))
-    assert (found[body] == 1).all() and (found[arm] == int(attached)).all() and arm.any()
-    assert not labels[arm].any()
-    assert not attach_limbs(view, lens, np.where(body, 2, 0).astype(np.int32), 1, FakeJudge(odds))[arm].any()

@@ -12,11 +12,9 @@ import pytest
 from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, scene
 from toolkit.app.pipeline.run_writer import RunSink
-from toolkit.io.errors import SegmentationError, TrackError
-from toolkit.people import multi_person as several
+from toolkit.io.errors import SegmentationError
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.people.hypothesis import (  # fmt: skip
-    HEAD_HEIGHT,
     LOW,
     LOWEST,
     SEATED,
@@ -24,18 +22,15 @@ from toolkit.people.hypothesis import (  # fmt: skip
     alone_log_odds,
     log_odds,
     lowness,
-    possible_height,
 )
-from toolkit.people.joint_masks import GivenJoints, on_cut_out
+from toolkit.people.joint_masks import GivenJoints
 from toolkit.people.known_people import known_again, match_heads
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings, empty_scene
-from toolkit.people.survey import find_people, find_person
+from toolkit.people.survey import find_person
 from toolkit.people.tracks import KnownPerson
-from toolkit.people.unassigned import attach_islands
-from toolkit.people.view import CoarseCamera
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import Joints2D
@@ -45,7 +40,6 @@ from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo
 from toolkit.tracks.runs import load_people
 
 UP = np.array([0.0, -1.0, 0.0])
-ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 HEAD = np.array([0.0, 0.3, -2.5])
 
 
@@ -75,42 +69,6 @@ def test_a_head_where_nothing_ever_moved_is_a_chairs_unless_theirs_was_there(way
     assert match_heads([somebody()], [HEAD + (way, 0.0, 0.0)], 0.1, [resting]) == found
 
 
-def test_somebody_is_expected_where_the_velocity_leads_for_half_a_second():
-    person = somebody(velocity=(1.0, 0.0, 0.0))
-    assert person.expected(0.2)[0] == pytest.approx(0.2)
-    assert person.expected(3.0)[0] == pytest.approx(0.5)
-
-
-def test_a_velocity_is_averaged_over_a_fifth_of_a_second():
-    person = somebody()
-    for k in range(1, 4):
-        person = person.seen(HEAD + (k / 30, 0.0, 0.0), HEAD, 0.5, k / 30)  # 1 m/s from now on
-    assert person.velocity[0] == pytest.approx(1 - (1 - 1 / 6) ** 3)
-    assert somebody().seen(HEAD + (0.5, 0.0, 0.0), HEAD, 0.5, 0.5).velocity[0] == pytest.approx(1.0)
-
-
-def test_what_is_left_of_somebody_half_hidden_says_nothing_of_where_they_go():
-    person, middle = somebody(velocity=(1.0, 0.0, 0.0)), HEAD - (0, 0.4, 0)
-    person = person.seen(HEAD, middle, 0.5, 0.05)  # who has stood still for a moment
-    hidden = person.seen(None, middle - (0.4, 0.0, 0.0), 0.2, 1.05)
-    assert hidden.velocity.tolist() == person.velocity.tolist() != [1.0, 0.0, 0.0]
-    whole = person.seen(None, middle - (0.4, 0.3, 0.0), 0.5, 0.1)
-    assert whole.velocity[0] < 0.0 and whole.head.tolist() == pytest.approx([-0.4, 0.3, -2.5])
-
-
-def test_what_was_measured_of_somebody_is_forgotten_by_a_tenth_a_second():
-    person = somebody(area=0.5)
-    assert person.seen(HEAD, HEAD, 0.2, 2.0).area == pytest.approx(0.5 * 0.8)
-    assert person.seen(HEAD, HEAD, 0.6, 2.0).area == 0.6
-
-
-def test_a_standing_height_is_learnt_fast_at_first_and_slowly_afterwards():
-    raised = HEAD + (0.0, 0.2, 0.0)
-    assert somebody().seen(raised, HEAD, 0.5, 0.1).tallest == pytest.approx(0.5)
-    assert somebody(first=-10.0).seen(raised, HEAD, 0.5, 0.1).tallest == pytest.approx(0.32)
-    assert somebody().seen(HEAD - (0, 0.5, 0), HEAD, 0.5, 0.1).tallest == pytest.approx(0.3)
-
-
 def test_whoever_comes_back_is_whom_the_height_fits_best_and_nobody_taller():
     people = [somebody((0.0, 0.3, -2.5), 1), somebody((0.1, 0.1, -2.5), 2)]
     assert known_again(people, np.array([0.2, 0.28, -2.5]), 5.0).id == 1
@@ -125,54 +83,7 @@ def test_whoever_comes_back_may_sit_but_had_the_time_to_get_there():
     assert known_again(people, far, 1.0) is None and known_again(people, far, 1.1).id == 1
 
 
-def test_of_two_who_may_have_sat_down_it_is_the_nearer():
-    people = [somebody((-1.0, 0.5, -2.5), 1), somebody((0.4, 0.3, -2.5), 2)]
-    assert known_again(people, np.array([0.5, -0.3, -2.5]), 5.0).id == 2
-
-
 # What hangs on nobody.
-
-
-def patches(*boxes):
-    """A view with rectangles (v0, v1, u0, u1, metres) and nothing else."""
-    lens = CoarseCamera(KINECT, UP, SensingSettings())
-    depth = np.zeros(lens.camera.shape, dtype=np.float32)
-    for v0, v1, u0, u1, z in boxes:
-        depth[v0:v1, u0:u1] = z
-    return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
-
-
-TORSO = (40, 90, 60, 90, 2.5)
-
-
-@pytest.mark.parametrize(
-    ("island", "taken"),
-    [
-        ((60, 66, 95, 101, 2.3), True),
-        ((60, 61, 95, 97, 2.3), False),
-        ((60, 66, 120, 126, 2.3), False),
-        ((60, 72, 92, 152, 2.3), False),
-    ],
-    ids=["a hand", "noise", "out of reach", "as large as half a person"],
-)
-def test_small_pieces_near_somebody_are_theirs(island, taken):
-    lens, view = patches(TORSO, island)
-    labels = np.zeros(view.depth.shape, dtype=np.int32)
-    labels[TORSO[0] : TORSO[1], TORSO[2] : TORSO[3]] = 1
-    far = [np.array([9.0, 0.5, -2.5])]
-    attached, bodies = attach_islands(view, lens, labels, far, cut_out=False)
-    assert (attached[island[0], island[2]] == 1) == taken
-    assert not bodies
-
-
-def test_a_piece_of_a_persons_size_is_theirs_whose_head_is_above_it():
-    lens, view = patches((50, 100, 60, 90, 2.5))
-    nobody = np.zeros(view.depth.shape, dtype=np.int32)
-    top = view.points[50, 75].astype(np.float64)
-    for aside, taken in ((0.2, True), (1.0, False)):
-        places = [top + (aside, 0.2, 0.0)]
-        attached, bodies = attach_islands(view, lens, nobody, places, cut_out=False)
-        assert (attached[70, 75] == 1) == taken and len(bodies) == (not taken)
 
 
 # Whose joints.
@@ -196,12 +107,6 @@ def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are
         frame = Frame(np.zeros(KINECT.shape, np.uint16), 0.0, (joints_at(seen),))
         first, second = GivenJoints(KINECT).add(frame, cut_outs())
         assert first.joints is None and (second.joints is not None) == given
-
-
-def test_a_joint_beside_the_contour_counts_as_on_it_two_pixels_away():
-    depth = cut_outs()[0].depth
-    counted = [on_cut_out(joints_at([(u, 50.0)]), depth).sum() for u in (47.0, 48.0, 99.0, 101.0, 102.0)]
-    assert counted == [0, 1, 1, 1, 0]
 
 
 # Mirrors.
@@ -232,63 +137,7 @@ def test_who_comes_in_feet_first_keeps_their_number_when_the_head_is_seen():
     assert finder.people[0].head_seen and len(finder.people) == 1
 
 
-@pytest.mark.parametrize(
-    ("head", "theirs"), [((0.1, 0.2, -2.5), True), ((0.1, -0.75, -2.5), False), ((1.2, 0.2, -2.5), False)]
-)
-def test_a_head_is_that_of_a_leg_below_it_only(head, theirs):
-    leg = KnownPerson(1, np.array([0.0, -0.8, -2.5]), np.zeros(3), 0.0, 0.0, -0.8, np.zeros(3), 0.2, head_seen=False)
-    assert leg.may_have(np.array(head)) == theirs
-    assert not leg.with_head(np.array(head)).may_have(np.array(head)), "a person has one head"
-
-
 # Who counts at once.
-
-
-def known_room():
-    """The surroundings of a room whose empty scene is known."""
-    lens, empty = MultiPersonFinder(KINECT, UP).lens, scene(KINECT, (), **ROOM)[0]
-    return replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-ROOM["height"])
-
-
-@pytest.mark.parametrize("near", [(0.3, 2.3), (0.5, 2.3)])
-def test_who_comes_in_before_another_counts_at_once_by_their_own_share_of_the_surface(near):
-    finder, ids = MultiPersonFinder(KINECT, UP, known_room()), []
-    for k in range(7):
-        depth, who = scene(KINECT, ((0.0, 2.6), near)[: 1 + (k > 2)], **ROOM)
-        ids.append({s.id: int(np.bincount(who[s.depth > 0]).argmax()) for s in finder.find(depth, k / 15, {})})
-    assert ids == [{1: 1}] * 3 + [{1: 1, 2: 2}] * 4
-
-
-@pytest.mark.parametrize(("theirs", "count"), [(False, 2), (True, 1)])
-def test_what_was_on_somebodys_surface_a_frame_ago_is_nobody_who_counts_at_once(theirs, count):
-    """An elbow of somebody who bends has a head's and a person's shape, too."""
-    finder = MultiPersonFinder(KINECT, UP, known_room())
-    alone, both = (scene(KINECT, ((0.0, 2.6), (0.3, 2.3))[:people], **ROOM)[0] for people in (1, 2))
-    for k in range(3):
-        assert len(finder.find(alone, k / 15, {})) == 1
-    if theirs:
-        depth, room = (finder.lens.coarse(image) for image in (both, scene(KINECT, (), **ROOM)[0]))
-        finder.restore_state(finder.export_state() | {"depth": depth, "labels": np.int32(np.abs(depth - room) > 0.2)})
-    assert len(finder.find(both, 3 / 15, {})) == count
-
-
-@pytest.mark.parametrize(("odds", "shaped", "since"), [(2.0, False, 0), (0.5, False, 2), (-1.0, True, 0)])
-def test_who_moves_before_a_known_room_counts_at_once_by_shape_or_by_the_judges_word(monkeypatch, odds, shaped, since):
-    monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)
-    finder, depth = (
-        MultiPersonFinder(KINECT, UP, known_room(), judge=Says(odds)),
-        scene(KINECT, ((0.0, 2.6),), **ROOM)[0],
-    )
-    assert [len(finder.find(depth, k / 15, {})) for k in range(4)] == [0] * since + [1] * (4 - since)
-
-
-@pytest.mark.parametrize("shaped", [True, False])
-def test_a_part_without_a_persons_shape_gives_way_to_the_head_above_it(monkeypatch, shaped):
-    """What looked like a head was the hip of somebody whom the border cut."""
-    monkeypatch.setattr(several, "shaped_alone", lambda *_: shaped)
-    finder = MultiPersonFinder(KINECT, UP, known_room(), judge=Says(2.0))
-    finder.find(scene(KINECT, ((0.0, 2.6),), **ROOM)[0], 0.0, {})
-    assert finder.people[0].may_have(finder.people[0].head + (0.0, 0.5, 0.0)) == (not shaped)
 
 
 # What is dropped.
@@ -318,42 +167,6 @@ def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odd
     assert again.evidence == finder.evidence
 
 
-def test_nobody_is_furniture_where_nothing_but_people_is_measured():
-    finder = MultiPersonFinder(KINECT, UP, judge=Says(-4.0))
-    for k in range(5):
-        finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 3, {})
-    assert finder.people and finder.evidence == {}
-
-
-def test_somebody_half_hidden_is_believed_unless_the_judge_speaks_against_them():
-    assert Evidence(0, 0, 0.0).log_odds > 0
-    assert Evidence(10, 5, 0.0).log_odds > 0 > Evidence(10, 5, -20.0).log_odds
-    assert Evidence(10, 0, 10.0).log_odds > 0 > Evidence(10, 0, 0.0).log_odds
-
-
-def test_evidence_says_in_a_line_what_its_log_odds_are_made_of_and_comes_back_from_a_file():
-    evidence = {1: Evidence(4, 3, 6.0), 3: Evidence(2, 0, -4.0), 7: Evidence()}
-    assert furniture(evidence) == {3}
-    assert evidence[1].text() == "a person's shape in 3 of 4 looks, pixels +1.5, in all +5.8 log odds of a person"
-    assert evidence[7].text() == "never looked at closely"
-    assert restore_evidence(export_evidence(evidence)) == evidence
-    assert restore_evidence(export_evidence({})) == {}
-    with pytest.raises(TrackError, match="evidence"):
-        restore_evidence({**export_evidence(evidence), "looks": np.array([-1, 0, 0])})
-
-
-@pytest.mark.parametrize("moves", [True, False])
-def test_a_look_notes_whether_anything_ever_moves_at_the_head(tmp_path, moves):
-    depth = [scene(KINECT, ((0.06 * k * moves, 2.5),), height=1.2, wall=4.0, floor=True)[0] for k in range(16)]
-    save_recording(tmp_path / "take.npz", depth=depth, camera=KINECT, timestamps=np.arange(16) / 10, up_camera=UP)
-    recording = open_recording(tmp_path / "take.npz")
-    finder = find_people(recording, judge=Says(3.0))
-    for k in range(16):
-        finder.find(depth[k], k / 10, {})
-    (own,) = finder.evidence.values()
-    assert own.looks >= 4 and own.rested == (0 if moves else own.looks)
-
-
 @pytest.mark.parametrize(
     ("rested", "unlikely", "dropped"), [(6, 0.05, True), (5, 0.05, False), (6, 0.03, False), (6, 0.0, False)]
 )
@@ -364,13 +177,6 @@ def test_what_never_moves_and_stands_as_nobody_does_is_furniture_whatever_its_sh
     assert ("nothing moves and nobody stands like that" in own.text()) == dropped
     assert restore_evidence(export_evidence({2: own})) == {2: own}
     assert [Evidence(n, n, 2.5 * n, n, 0.05).lifeless for n in range(6)] == [False] * 4 + [True] * 2
-
-
-def test_a_head_is_no_lower_and_no_higher_above_the_floor_than_heads_are():
-    low, high = HEAD_HEIGHT
-    heights = [low - 0.1, low + 0.1, high - 0.1, high + 0.1]
-    assert [possible_height(np.array([0.0, h - 1.2, -2.0]), -1.2) for h in heights] == [False, True, True, False]
-    assert possible_height(np.array([0.0, -5.0, -2.0]), None)
 
 
 def test_a_head_of_nobody_who_sits_or_stands_is_low_and_that_speaks_against_a_person():
@@ -455,12 +261,3 @@ def test_the_pixel_of_a_seed_says_who_is_meant_and_nobody_there_is_an_error(tmp_
     assert finder.find(recording.depth(0), 0.0, {})[0].depth[v, u] > 0
     with pytest.raises(SegmentationError, match="no person is found at the pixel"):
         find_person(recording, SensingSettings(segment="seed:310,10"))
-
-
-def test_two_who_are_there_together_are_an_error_unless_it_is_said_who_is_meant(tmp_path):
-    room = {"height": 1.2, "wall": 4.0, "floor": True}
-    depth = [scene(KINECT, ((-0.9 + 0.05 * k, 2.9), (0.9 - 0.05 * k, 2.2)), **room)[0] for k in range(10)]
-    path = tmp_path / "together.npz"
-    save_recording(path, depth=depth, camera=KINECT, timestamps=np.arange(10) / 10, up_camera=UP)
-    with pytest.raises(SegmentationError, match="2 people are in view; give --people all"):
-        find_person(open_recording(path))

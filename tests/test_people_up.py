@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, person_alone, scene, up_of_tilt
-from toolkit.io.errors import UsageError
-from toolkit.people.vertical import assumed_up, floor_height
+from toolkit.people.vertical import floor_height
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, rotated_points
@@ -59,19 +58,6 @@ def test_without_a_floor_people_who_stand_tell_up(tmp_path, tilt):
     assert degrees(vertical.up_camera, (0, -1, 0)) > 10
 
 
-def test_a_wall_tells_how_far_the_camera_is_tilted():
-    frame, _ = scene(KINECT, tilt=0.35, height=1.5, wall=3.5)
-    assert degrees(assumed_up([frame], KINECT), up_of_tilt(0.35)) < 4
-
-
-def test_the_image_is_upright_where_nothing_says_otherwise(tmp_path):
-    vertical = open_recording(recorded(tmp_path, [person_alone(KINECT)] * 2)).vertical
-    assert vertical.source == "assumed" and vertical.up_camera.tolist() == [0, -1, 0]
-    empty = [np.zeros(KINECT.shape, dtype=np.uint16)]
-    (tmp_path / "empty").mkdir()
-    assert open_recording(recorded(tmp_path / "empty", empty)).vertical.source == "assumed"
-
-
 @pytest.mark.parametrize("turns", [1, 2, 3])
 def test_a_turned_camera_sees_the_turned_points_in_the_turned_image(turns):
     camera = Camera(210.0, 230.0, 80.0, 70.0, 176, 144, (0.1, -0.05, 0.004, -0.003, 0.01))
@@ -115,16 +101,3 @@ def test_a_camera_on_its_side_is_found_by_its_vertical_or_by_the_floor(tmp_path,
     assert recording.options == {"rotate": 90 * turns}
     np.testing.assert_array_equal(recording.depth(0), frames[0])
     assert open_upright(path, rotate=0, up_camera=(0, -1, 0)).options.get("rotate", 0) == 0
-
-
-def test_a_camera_that_stands_upright_is_left_as_it_is(tmp_path):
-    frames = [scene(KINECT, ((0.2, 3.0),), tilt=0.2, height=1.5, wall=4.0, floor=floor)[0] for floor in (True, False)]
-    for i, frame in enumerate(frames):
-        (tmp_path / str(i)).mkdir()
-        assert open_upright(recorded(tmp_path / str(i), [frame, frame])).options == {}
-
-
-def test_a_turn_that_is_no_quarter_is_refused(tmp_path):
-    path = recorded(tmp_path, [person_alone(KINECT)])
-    with pytest.raises(UsageError, match="rotate is 45; give 90, 180 or 270"):
-        open_recording(path, rotate=45)

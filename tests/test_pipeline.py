@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import logging
 import os
 import signal
@@ -20,7 +19,7 @@ from toolkit.io.files import sha256_of
 from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_recording
 from toolkit.tracking.clock import StageClock
-from toolkit.tracks import FrameResult, RunInfo, Track, TrackWriter
+from toolkit.tracks import FrameResult, RunInfo, Track
 
 ROOT = Path(__file__).parents[1]
 
@@ -57,13 +56,6 @@ def test_a_run_folder_holds_one_row_per_frame_and_what_made_it(tmp_path: Path) -
     assert info.shape == [0.5] and info.scale == 13.0  # as fitted at the end
     assert "weight: 0.5" in (run / "config.yaml").read_text() and "12 of 12 frames" in (run / "log.txt").read_text()
     assert seen[0] == ("compiling", 0, 3) and seen[-1] == ("tracking", 12, 12)
-
-
-def test_the_first_frame_is_tracked_afresh_after_the_warm_up(tmp_path: Path) -> None:
-    recording = open_recording(write_recording(tmp_path / "take.npz"))
-    for warm_up in (True, False):
-        track_recording(recording, FakeTracker(), tmp_path / str(warm_up), warm_up=warm_up)
-    np.testing.assert_array_equal(Track.load(tmp_path / "True").pose, Track.load(tmp_path / "False").pose)
 
 
 def test_a_killed_run_is_resumed_to_the_same_track(tmp_path: Path) -> None:
@@ -130,23 +122,6 @@ def test_a_run_is_not_continued_with_another_database(tmp_path: Path) -> None:
     assert track_recording(open_recording(recording), first, run, resume=True).frames == 12
 
 
-def test_a_run_is_not_continued_with_a_body_that_was_changed_since(tmp_path: Path) -> None:
-    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    one, two = tmp_path / "one.npz", tmp_path / "two.npz"
-    one.write_text("one", encoding="utf-8")
-    two.write_text("two", encoding="utf-8")
-    with pytest.raises(RecordingError):
-        track_recording(open_recording(recording), FakeTracker(broken=5), run, made_of=TrackerRecipe(body=one))
-    with pytest.raises(TrackError, match="another recording"):
-        track_recording(open_recording(recording), FakeTracker(), run, resume=True, made_of=TrackerRecipe(body=two))
-    assert (
-        track_recording(
-            open_recording(recording), FakeTracker(), run, resume=True, made_of=TrackerRecipe(body=one)
-        ).frames
-        == 12
-    )
-
-
 def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: Path) -> None:
     recording, run, tracker = open_recording(write_recording(tmp_path / "take.npz")), tmp_path / "run", FakeTracker()
     track_recording(recording, tracker, run)
@@ -155,41 +130,6 @@ def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: P
     assert tracker.steps == steps
     track_recording(recording, tracker, run)
     assert tracker.steps > steps
-
-
-def test_a_recording_that_fails_at_once_leaves_no_unfinished_track(tmp_path: Path) -> None:
-    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    with pytest.raises(RecordingError):
-        track_recording(open_recording(recording), FakeTracker(broken=0), run)
-    assert not (run / "track.partial").exists()
-    assert track_recording(open_recording(recording), FakeTracker(), run).frames == 12
-
-
-def test_an_unwritable_output_is_one_sentence(tmp_path: Path) -> None:
-    recording = write_recording(tmp_path / "take.npz")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="choose a folder"):
-        track_recording(open_recording(recording), FakeTracker(), tmp_path / "file" / "run")
-
-
-def test_a_disk_that_fills_up_keeps_the_rows_and_the_run_can_go_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    append = TrackWriter.append
-
-    def full(self: TrackWriter, result: FrameResult, timestamp: float) -> None:
-        if self.rows == 7:
-            raise OutputError("cannot write frame 7: No space left on device; free some space and use --resume")
-        append(self, result, timestamp)
-
-    monkeypatch.setattr(TrackWriter, "append", full)
-    with pytest.raises(OutputError, match="No space left"):
-        track_recording(open_recording(recording), FakeTracker(), run)
-    assert not (run / "track.npz").exists()
-    monkeypatch.setattr(TrackWriter, "append", append)
-    assert track_recording(open_recording(recording), FakeTracker(), run, resume=True).frames == 12
-    np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
 
 
 def test_what_the_toolkit_logs_during_a_run_goes_to_its_log(tmp_path: Path) -> None:
@@ -204,13 +144,6 @@ def test_what_the_toolkit_logs_during_a_run_goes_to_its_log(tmp_path: Path) -> N
     tracker.follower = lambda camera, rotation, body=None: Talking(tracker, body)  # type: ignore[method-assign]
     track_recording(open_recording(recording), tracker, run)
     assert "WARNING lost at 0.1 s" in (run / "log.txt").read_text()
-
-
-def test_run_json_is_plain_json(tmp_path: Path) -> None:
-    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    track_recording(open_recording(recording), FakeTracker(), run)
-    values = json.loads((run / "run.json").read_text())
-    assert values["level_rotation"] == [1, 0, 0, 0, -1, 0, 0, 0, -1] and values["sensing"]["segment"] == "auto"
 
 
 def test_a_run_folder_that_is_being_written_is_left_alone(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ import pytest
 
 from tests.fake_tracker import FakeRecipe, write_recording
 from toolkit.app.pipeline import track_recordings
-from toolkit.app.pipeline.manifest import DONE, FAILED, HEAD, INTERRUPTED, MANIFEST_FILE, Manifest, ManifestRow
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.app.pipeline.manifest import DONE, FAILED, INTERRUPTED, MANIFEST_FILE
+from toolkit.io.errors import UsageError
 from toolkit.tracks import Track
 
 
@@ -88,13 +88,6 @@ def test_equal_stems_and_unknown_options_are_an_error_before_work_starts(tmp_pat
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_finished_run_is_not_done_twice(tmp_path: Path, takes: list[Path]) -> None:
-    track_recordings(takes[:2], FakeRecipe(), tmp_path / "runs")
-    before = (tmp_path / "runs" / "take0" / "track.npz").stat().st_mtime_ns
-    assert [row.status for row in track_recordings(takes, FakeRecipe(), tmp_path / "runs")] == [DONE] * 4
-    assert (tmp_path / "runs" / "take0" / "track.npz").stat().st_mtime_ns == before
-
-
 def test_a_run_with_other_settings_is_replaced_only_when_asked(tmp_path: Path, takes: list[Path]) -> None:
     runs = tmp_path / "runs"
     track_recordings(takes[:1], FakeRecipe(), runs)
@@ -102,64 +95,6 @@ def test_a_run_with_other_settings_is_replaced_only_when_asked(tmp_path: Path, t
     (refused,) = track_recordings(takes[:1], FakeRecipe(), runs)
     assert refused.status == FAILED and "other settings" in refused.reason
     assert track_recordings(takes[:1], FakeRecipe(), runs, overwrite=True)[0].status == DONE
-
-
-def test_the_death_of_a_process_loses_nothing(
-    tmp_path: Path, takes: list[Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("BATCH_PARENT", str(os.getpid()))
-    recipe = FakeRecipe(marks=str(tmp_path / "marks"), deadly=True)
-    rows = track_recordings(takes, recipe, tmp_path / "runs", workers=2)
-    assert (tmp_path / "marks" / "killed").exists()
-    assert [row.status for row in rows] == [DONE] * 4
-
-
-def test_a_disk_that_fills_up_is_named_and_what_failed_is_done_when_there_is_space(
-    tmp_path: Path, takes: list[Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from joblib.externals.loky import get_reusable_executor
-
-    monkeypatch.setenv("BATCH_PARENT", str(os.getpid()))
-    runs = tmp_path / "runs"
-    assert [row.status for row in track_recordings(takes[:1], FakeRecipe(), runs, workers=2)] == [DONE]
-    written = (runs / "take0" / "track.npz").stat().st_mtime_ns
-    try:
-        rows = track_recordings(takes, FakeRecipe(space=3000), runs, workers=2)
-    finally:
-        get_reusable_executor().shutdown(wait=True)  # its processes have no space for other tests either
-    assert [row.status for row in rows] == [DONE, FAILED, FAILED, FAILED]
-    assert all("free some space" in row.reason for row in rows[1:])
-    assert not [path for path in runs.rglob("track.npz") if path.parent.name != "take0"]
-    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs)] == [DONE] * 4
-    assert (runs / "take0" / "track.npz").stat().st_mtime_ns == written
-
-
-def test_a_manifest_that_cannot_be_written_ends_the_batch_and_nothing_is_done_twice(
-    tmp_path: Path, takes: list[Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    runs, append = tmp_path / "runs", Manifest.append
-
-    def full(manifest: Manifest, row: ManifestRow) -> None:
-        if len(manifest.rows) == 2:
-            raise OutputError(f"cannot write {manifest.path}: No space left on device; free some space")
-        append(manifest, row)
-
-    monkeypatch.setattr(Manifest, "append", full)
-    with pytest.raises(OutputError, match="free some space"):
-        track_recordings(takes, FakeRecipe(), runs)
-    monkeypatch.setattr(Manifest, "append", append)
-    before = {path: path.stat().st_mtime_ns for path in runs.rglob("track.npz")}
-    assert len(before) >= 2
-    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs)] == [DONE] * 4
-    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
-
-
-@pytest.mark.parametrize("left", [b"", HEAD[:7], HEAD])
-def test_a_manifest_whose_first_line_broke_off_is_written_anew(tmp_path: Path, takes: list[Path], left: bytes) -> None:
-    (tmp_path / MANIFEST_FILE).write_bytes(left)
-    row = ManifestRow(str(takes[0]), "take0", DONE)
-    Manifest(tmp_path).append(row)
-    assert Manifest(tmp_path).path.read_bytes().startswith(HEAD)
 
 
 def test_a_dask_cluster_finishes_though_a_worker_is_killed(tmp_path: Path, takes: list[Path]) -> None:
@@ -180,12 +115,3 @@ def test_a_dask_cluster_finishes_though_a_worker_is_killed(tmp_path: Path, takes
     assert killed and [row.status for row in rows] == [DONE] * 8
     lines = [json.loads(line) for line in (tmp_path / "runs" / MANIFEST_FILE).read_text().splitlines()]
     assert len(lines) == 9 and len({line["recording"] for line in lines[1:]}) == 8, "nothing lost, nothing done twice"
-
-
-@pytest.mark.parametrize("text", ['{"command": "build"}\n', "words\n", '{"recording": 1}\n'])
-def test_a_manifest_of_something_else_is_refused(tmp_path: Path, takes: list[Path], text: str) -> None:
-    (tmp_path / "runs").mkdir()
-    (tmp_path / "runs" / MANIFEST_FILE).write_text(text)
-    with pytest.raises(UsageError, match="choose another output"):
-        track_recordings(takes, FakeRecipe(), tmp_path / "runs")
-    assert (tmp_path / "runs" / MANIFEST_FILE).read_text() == text

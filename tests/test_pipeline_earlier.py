@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
-from toolkit.app.pipeline.earlier import BEFORE, sightings_before
+from toolkit.app.pipeline.earlier import sightings_before
 from toolkit.people.multi_person import MultiPersonFinder
-from toolkit.people.selected_person import SelectedPersonFinder
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording
@@ -75,14 +74,6 @@ def test_who_was_found_late_is_seen_back_to_where_they_came_in(tmp_path: Path) -
         assert (own & true).sum() > 0.85 * (own | true).sum()
 
 
-def test_nobody_is_looked_for_earlier_than_two_seconds_before(tmp_path: Path) -> None:
-    recording, _ = walking(tmp_path)
-    finder, kept = found(tmp_path, recording, left_out=range(32))
-    frames = sorted(before(recording, finder, kept))
-    assert frames == list(range(frames[0], 32))
-    assert BEFORE - 1.0 / RATE < recording.timestamps[32] - recording.timestamps[frames[0]] <= BEFORE
-
-
 @pytest.mark.parametrize("left_out", [[*range(18), 20], range(36)], ids=["with a gap", "at the end"])
 def test_what_is_not_seen_for_half_a_second_is_noise_and_has_no_past(tmp_path: Path, left_out: Iterable[int]) -> None:
     recording, _ = walking(tmp_path)
@@ -108,18 +99,6 @@ def test_who_is_there_from_the_first_frame_on_has_no_past_and_keeps_their_pixels
     assert before(recording, finder, taken, [1, 2]) == {}, "what is somebody else's is not theirs"
 
 
-def test_furniture_has_no_past(tmp_path: Path) -> None:
-    class Against:
-        """A judge that takes nothing for a person."""
-
-        def log_odds(self, depth: np.ndarray, camera: object, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-            return np.full(len(pixels), -4.0)
-
-    recording, _ = walking(tmp_path)
-    _, kept = found(tmp_path, recording, left_out=range(18))
-    assert before(recording, find_people(recording, judge=Against()), kept) == {}
-
-
 def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A compressed one starts over with every step back."""
     recording, _ = walking(tmp_path)
@@ -130,24 +109,6 @@ def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monk
     assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} == {2}, "1 had all pixels of 2"
     assert asked == list(range(asked[0], 29))
     assert before(recording, finder, late, [3]) == {}, "of whom nothing was kept"
-
-
-def test_the_one_person_who_is_meant_is_looked_for_earlier_too(tmp_path: Path) -> None:
-    recording, _ = walking(tmp_path)
-    finder, kept = found(tmp_path, recording, left_out=range(18))
-    one = SelectedPersonFinder(finder, meant=1)
-    seen = before(recording, finder, kept)
-    assert seen and {frame: own.depth.tobytes() for frame, own in before(recording, one, kept).items()} == {
-        frame: own.depth.tobytes() for frame, own in seen.items()
-    }
-
-
-def test_who_was_found_late_has_no_pixels_that_another_had_before(tmp_path: Path) -> None:
-    """Two who were found late cannot both have been where one of them was."""
-    recording, _ = walking(tmp_path)
-    finder, kept = found(tmp_path, recording)
-    late = found_as(tmp_path / "late", finder, kept, {1: 18, 2: 18})
-    assert {own.id for _, own in sightings_before(recording, finder, late, [1, 2])} == {1}
 
 
 def test_what_another_hides_of_somebody_is_unobserved(tmp_path: Path) -> None:

@@ -10,12 +10,11 @@ import pytest
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.inertial_scenes import RATE
 from tests.test_retrieval_online import body, classes, document
-from toolkit.app.cli.guiding import SensorGuideOptions
 from toolkit.app.pipeline import track_recording
 from toolkit.app.pipeline.events import EventStream
 from toolkit.io.errors import UsageError
 from toolkit.recordings.opening import open_recording
-from toolkit.tracks import EMPTY, TRACKED, FrameResult
+from toolkit.tracks import TRACKED, FrameResult
 
 ROW = np.dtype([("pose", "<f8", (43,)), ("state", "u1"), ("timestamps", "<f8")])
 
@@ -58,15 +57,6 @@ def test_a_run_that_goes_on_repeats_no_event_and_loses_none(tmp_path, cut):
     assert broken.read_text() == whole.read_text()
 
 
-def test_frames_without_anybody_are_left_out(tmp_path):
-    stream = EventStream(classes(), output=tmp_path / "events.jsonl")
-    stream.begin(RATE, None, rows_of(document())[:0])
-    for i, pose in enumerate(document()):
-        stream.row(result_of(pose, EMPTY), i / RATE, body())
-    stream.end()
-    assert (tmp_path / "events.jsonl").read_text() == ""
-
-
 def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
     told = []
 
@@ -85,10 +75,3 @@ def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
     assert told == [(30, 0), *recording.timestamps.tolist(), "end"]
     with pytest.raises(UsageError, match="events are told of one person"):
         track_recording(recording, FakeTracker(), tmp_path / "two", people=2, watcher=Watcher())
-
-
-def test_events_need_classes_and_one_recording(tmp_path):
-    assert SensorGuideOptions().watcher([tmp_path / "a.npz"]) is None
-    for recordings, file in (([tmp_path / "a.npz"], None), ([tmp_path / "a.npz"] * 2, tmp_path / "c.npz")):
-        with pytest.raises(UsageError, match="--events tells the motions of one recording"):
-            SensorGuideOptions(events="-", classes=file).watcher(recordings)

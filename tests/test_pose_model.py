@@ -73,25 +73,6 @@ def test_a_pixel_of_a_crop_comes_back_from_the_picture(
     np.testing.assert_allclose(back[:2], (x, y), atol=0.1)
 
 
-def test_a_crop_shows_what_is_there_and_black_outside() -> None:
-    picture = np.zeros((60, 80, 3), dtype=np.uint8)
-    picture[20:23, 50:53] = 255
-    crop = Crop(51.0, 21.0, 32.0, 0.0)
-    seen = cropped(picture, crop)
-    assert seen.shape == (SIDE, SIDE, 3) and seen.max() == 1.0
-    where = np.argwhere(seen[..., 0] > 0.5).mean(axis=0)
-    np.testing.assert_allclose(crop.placed(where[None, ::-1])[0], (51.0, 21.0), atol=0.1)
-    assert not cropped(np.full((60, 80, 3), 255, np.uint8), Crop(-500.0, 0.0, 40.0, 0.0)).any()
-
-
-def test_a_crop_of_two_points_has_the_second_above_the_first() -> None:
-    crop = Crop.of_points(np.array([100.0, 50.0]), np.array([130.0, 50.0]))
-    middle = 0.5 * (SIDE - 1)
-    centre, above = crop.placed(np.array([[middle, middle], [middle, middle - SIDE / 2.5]]))
-    np.testing.assert_allclose(centre, (100.0, 50.0), atol=1e-9)
-    np.testing.assert_allclose(above, (130.0, 50.0), atol=1e-9)
-
-
 def test_a_point_moves_to_the_middle_of_the_heat_around_it_where_that_is_sure() -> None:
     heat = np.full((64, 64, POINTS), -20.0)
     heat[20, 30, 0] = 20.0
@@ -122,16 +103,6 @@ def test_only_the_person_is_shaded_and_looks_as_in_the_whole_image(corner: tuple
     apart = np.abs(shaded(depth, camera).astype(int) - lit(depth, slopes).astype(int))
     assert apart.max() <= 1
     assert (shaded(np.zeros_like(depth), camera) == 120).all()
-
-
-def test_a_plane_is_shaded_evenly_and_the_more_it_turns_away_the_darker() -> None:
-    def light(slope: float) -> float:
-        camera = Camera(100.0, 100.0, 19.5, 19.5, 40, 40)
-        rays = camera.rays()[..., 0]
-        depth = (2.0 / (1.0 - slope * rays)).astype(np.float32)
-        return float(shaded(depth, camera)[50:70, 50:70].mean())
-
-    assert light(0.0) > light(1.0) > light(3.0)
 
 
 class FakeModel:
@@ -177,24 +148,6 @@ def test_a_crop_that_has_lost_the_person_is_laid_anew() -> None:
     assert seen.joints is None and len(model.crops) == 5 and source.export_state() == {}
 
 
-def test_nobody_is_looked_for_where_nothing_is_measured() -> None:
-    model = FakeModel()
-    source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
-    empty = Sighting(1, np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA)
-    assert source.add(frame_at(0)[0], [empty])[0].joints is None and not model.crops
-
-
-def test_the_crops_go_on_from_their_state() -> None:
-    models = FakeModel(), FakeModel()
-    one, other = (DetectedJoints(model, CAMERA, in_color=False) for model in models)  # type: ignore[arg-type]
-    one.add(*(lambda f: (f[0], [f[1]]))(frame_at(90)))
-    other.restore_state(one.export_state())
-    a, b = (source.add(frame_at(95)[0], [frame_at(95)[1]])[0].joints for source in (one, other))
-    assert a is not None and b is not None
-    np.testing.assert_array_equal(a.rows, b.rows)
-    assert len(models[1].crops) == 1
-
-
 @pytest.mark.parametrize("factor", [1, 2])
 def test_colour_of_another_size_gives_joints_in_pixels_of_the_depth(factor: int) -> None:
     frame, sighting = frame_at(100)
@@ -238,25 +191,6 @@ def test_in_twenty_renders_nine_of_ten_visible_joints_are_within_ten_centimetres
         mm = 1000 * off * renders.joints[i, :, 2] / renders.camera.fx
         near += list(mm[seen.joints.confidence > 0.5] < 100)
     assert len(near) > 250 and np.mean(near) > 0.9
-
-
-def test_a_flipped_picture_swaps_the_sides(renders: Recording) -> None:
-    model, picture, person = model_or_skip(), renders.color(5), renders.depth(5) > 0
-    assert picture is not None
-    crop = Crop.around(person)
-    flipped = crop._replace(u=picture.shape[1] - 1 - crop.u)
-    here, there = model.find(picture, crop), model.find(np.ascontiguousarray(picture[:, ::-1]), flipped)
-    for left, right in ((11, 12), (13, 14), (23, 24), (25, 26), (27, 28)):
-        mirrored = (picture.shape[1] - 1 - there.points[right, 0], there.points[right, 1])
-        assert np.hypot(*(here.points[left] - mirrored)) < 0.05 * crop.side
-
-
-def test_one_thread_and_two_find_the_same_bits() -> None:
-    depth, _ = subject(1)
-    picture, crop = shaded(depth, CAMERA), Crop.around(depth > 0).scaled(ENLARGED)
-    one, two = (model_or_skip(threads).find(picture, crop) for threads in (1, 2))
-    np.testing.assert_array_equal(one.points, two.points)
-    np.testing.assert_array_equal(one.visibility, two.visibility)
 
 
 def test_the_runtime_computes_what_opencv_computes() -> None:

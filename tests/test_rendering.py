@@ -12,15 +12,15 @@ from tests.chromium import browser
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
 from toolkit.body import skeleton
 from toolkit.body.skeleton import POSE_NAMES, REPORTED
-from toolkit.io.errors import OutputError, SettingsError, TrackError, UsageError
+from toolkit.io.errors import OutputError, UsageError
 from toolkit.io.files import sha256_of
 from toolkit.output.rendering import encoders, style
-from toolkit.output.rendering.film import FilmWriter, contact_sheet, render_people, render_run, save_png
-from toolkit.output.rendering.ground import Ground, grid
+from toolkit.output.rendering.film import FilmWriter, contact_sheet, render_people, render_run
+from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.mesh import draw_mesh, part_colors
-from toolkit.output.rendering.overlay import color_depth, draw_skeleton
+from toolkit.output.rendering.overlay import draw_skeleton
 from toolkit.output.rendering.painter import FramePainter, RenderSettings
-from toolkit.output.rendering.views import outside_view_of, window_on
+from toolkit.output.rendering.views import outside_view_of
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
@@ -122,16 +122,6 @@ def test_a_run_of_several_people_becomes_one_film(take, tmp_path):
     assert render_run(run, tmp_path / "film.webm").stat().st_size > 1000
 
 
-@pytest.mark.parametrize("name", ["film.webm", "sheet.png"])
-def test_where_nobody_was_found_the_depth_is_drawn_alone(take, tmp_path, name):
-    recording, track, body = take
-    run = tmp_path / "run"
-    save_run(run, recording, track, body)
-    (run / "track.npz").unlink()
-    save_people(run, [])
-    assert render_run(run, tmp_path / name, frames=slice(1, None)).stat().st_size > 1000
-
-
 @pytest.mark.parametrize("count", [2, 4, 9])
 def test_a_head_line_names_everybody_within_the_picture_and_is_as_high_in_all_frames(take, count):
     recording, track, body = take
@@ -169,16 +159,6 @@ def test_a_film_shows_the_feet_that_carry_and_the_ground_under_them(take, panel)
     assert floor.any(axis=2).sum() > 300
 
 
-def test_a_grid_lies_at_the_height_of_the_ground_around_the_people():
-    pieces = grid(np.array([[0.0, -3.0], [0.4, -2.0]]), -1.2)
-    assert (pieces[..., 1] == -1.2).all()
-    assert (pieces[..., 0].min(), pieces[..., 0].max()) == (-1.0, 1.5)
-    assert (pieces[..., 2].min(), pieces[..., 2].max()) == (-4.0, -1.0)
-    across = pieces[:, 0] != pieces[:, 1]
-    assert (across.sum(axis=1) == 1).all(), "a piece goes along x or along z"
-    assert grid(np.zeros((0, 2)), 0.0).shape == (0, 2, 3)
-
-
 def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
     body = neutral()[0]
     pose = standing(0.2, 2.5, HEIGHT)
@@ -191,27 +171,6 @@ def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
     assert np.quantile(np.abs(depth - expected)[drawn & hit], 0.999) < 0.002
     assert (image[drawn].max(axis=1) > 0).all()
     assert not image[~drawn].any()
-
-
-def test_a_mesh_around_the_camera_is_left_out_and_does_not_crash():
-    body = neutral()[0]
-    image = np.zeros((*KINECT.shape, 3), np.uint8)
-    draw_mesh(image, body.vertices, body.faces, part_colors(body), KINECT)
-    draw_mesh(image, body.vertices - (0, 0, 9), body.faces, part_colors(body), KINECT)
-    assert image.shape == (*KINECT.shape, 3)
-
-
-def test_a_window_shows_a_pixel_where_its_camera_projects_it():
-    joints = np.array([[[-0.4, -0.8, 2.5], [0.5, 0.9, 2.5]]])
-    window = window_on(joints, KINECT, (640, 480))
-    source = np.zeros((*KINECT.shape, 3), np.uint8)
-    u, v = 150, 100
-    source[v, u] = 255
-    shown = np.argwhere(window.cut(source, (0, 0, 0))[..., 0]).mean(axis=0)[::-1]
-    ray = np.append(KINECT.rays()[v, u], 1.0)
-    np.testing.assert_allclose(shown, window.camera.project(ray), atol=1.0)
-    inside = window.camera.project(joints)
-    assert (inside > 0).all() and (inside < (640, 480)).all()
 
 
 def test_the_side_view_has_the_camera_at_the_left_and_up_above():
@@ -231,24 +190,6 @@ def test_the_plan_has_the_camera_at_the_bottom_and_the_left_of_who_faces_it_at_t
     assert nearer[1] > origin[1] and left[0] > origin[0]
     assert view.to_camera(joints)[1, 2] < view.to_camera(joints)[0, 2], "what is higher is nearer"
     assert abs(above - origin).max() < 60
-
-
-def test_the_plan_shows_the_sides_of_a_person(take, tmp_path):
-    recording, track, body = take
-    settings = RenderSettings(panels=("plan",))
-    image = FramePainter(people_of(track, body), recording, settings=settings).paint(1, recording.depth(1))
-    assert image.shape[1] == settings.size("plan")[0] == 360
-    left, lefts = share_of(image[40:-40], style.LEFT)
-    right, rights = share_of(image[40:-40], style.RIGHT)
-    assert lefts > 50 and rights > 50 and left > 0.5 > right
-
-
-def test_depth_is_lighter_nearer_dimmer_beside_the_person_and_dark_where_nothing_is():
-    depth = np.array([[1000, 2000, 3000, 0, 2000]], np.uint16)
-    image = color_depth(depth, np.array([[True, True, True, False, False]]), 1.0, 3.0).astype(int).sum(axis=2)[0]
-    assert image[0] > image[1] > image[2]
-    assert image[4] < image[1]
-    assert image[3] == sum(style.PAPER)
 
 
 def test_joints_that_are_not_known_are_not_drawn():
@@ -317,20 +258,6 @@ def test_a_run_is_drawn_from_its_folder_without_a_word_of_the_encoder(take, tmp_
     assert capfd.readouterr().err == ""
 
 
-def test_a_half_resolution_run_is_drawn(take):
-    from toolkit.sensing.sensing_settings import SensingSettings
-
-    recording, track, body = take
-    painter = FramePainter(people_of(track, body), recording, sensing=SensingSettings(half_resolution=True))
-    assert painter.paint(0, recording.depth(0)).shape == (544, 1640, 3)
-
-
-def test_a_track_of_another_length_is_an_error(take, tmp_path):
-    recording, track, body = take
-    with pytest.raises(TrackError, match="4"):
-        render_people(people_of(track_of(np.asarray(track.pose)[:3], (0, 0, 0)), body), recording, tmp_path / "a.mp4")
-
-
 def test_an_unknown_output_or_range_is_an_error(take, tmp_path):
     with pytest.raises(UsageError, match=r"\*.mp4"):
         render_people(*arranged(take), tmp_path / "film.gif")
@@ -344,27 +271,6 @@ def test_an_unknown_output_or_range_is_an_error(take, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_codec_names_another_way_and_leaves_nothing(take, tmp_path, monkeypatch):
-    import cv2
-
-    class NoWriter:
-        fourcc = staticmethod(lambda *letters: 0)
-
-        def __init__(self, *arguments):
-            pass
-
-        def isOpened(self):  # noqa: N802
-            return False
-
-        def release(self):
-            pass
-
-    monkeypatch.setattr(cv2, "VideoWriter", NoWriter)
-    with pytest.raises(OutputError, match=r"cannot encode MJPG here; name the output \*.png"):
-        render_people(*arranged(take), tmp_path / "film.avi")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_package(take, tmp_path, monkeypatch):
     import cv2
 
@@ -375,13 +281,6 @@ def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_package(take, t
     film = cv2.VideoCapture(str(render_people(*arranged(take), tmp_path / "film.webm")))
     code = int(film.get(cv2.CAP_PROP_FOURCC))
     assert code.to_bytes(4, "little") == b"VP80"
-
-
-def test_a_film_of_odd_pictures_loses_its_last_row_and_column(tmp_path):
-    import cv2
-
-    FilmWriter(tmp_path / "film.webm", 25).write(iter([np.full((65, 81, 3), 90, np.uint8)] * 3))
-    assert cv2.VideoCapture(str(tmp_path / "film.webm")).read()[1].shape == (64, 80, 3)
 
 
 def test_a_browser_plays_the_films(take, tmp_path, monkeypatch):
@@ -404,27 +303,6 @@ def test_a_browser_plays_the_films(take, tmp_path, monkeypatch):
             )
             assert (width, height, error) == (1640, 544, None), name
             assert seconds == pytest.approx(0.2, abs=0.06), name
-
-
-def test_a_picture_without_a_place_is_an_output_error(tmp_path):
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(OutputError):
-        save_png(tmp_path / "file" / "a.png", np.zeros((4, 4, 3), np.uint8))
-
-
-@pytest.mark.parametrize(
-    "options", [{"panels": ()}, {"panels": ("top",)}, {"height": 50}, {"height": 301}, {"aspect": 9}, {"extrema": -1}]
-)
-def test_a_setting_out_of_range_is_an_error(options):
-    with pytest.raises(SettingsError):
-        RenderSettings(**options)
-
-
-def test_text_is_cut_at_the_border_of_a_picture():
-    image = np.zeros((20, 20, 3), np.uint8)
-    style.write(image, "a long line of text", 5, 4, 16)
-    style.write(image, "outside", 30, 30, 16)
-    assert image[4:, 5:].any()
 
 
 def test_a_film_that_lost_pictures_to_a_full_disk_is_not_put_in_place(tmp_path, monkeypatch):

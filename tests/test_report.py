@@ -21,7 +21,7 @@ from tests.sensing_scenes import KINECT, neutral, standing
 from toolkit.app.cli.main import main
 from toolkit.io.errors import TrackError, UsageError
 from toolkit.io.files import sha256_of
-from toolkit.output.report.clouds import UNIT, gather_clouds, pack
+from toolkit.output.report.clouds import UNIT, gather_clouds
 from toolkit.output.report.page import write_report
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -100,15 +100,6 @@ def test_the_numbers_of_the_page_are_those_of_the_track(run: Path, page_file: Pa
     np.testing.assert_allclose(error["series"][0]["values"], 1000 * 0.02 * np.sqrt(3), atol=5)
 
 
-def test_frames_can_be_chosen_and_the_page_says_so(run: Path, tmp_path: Path) -> None:
-    shown = data_of(write_report([run], tmp_path / "part.html", frames=range(3, 8)))[0]
-    assert len(shown["times"]) == 5 and shown["times"][0] == 0.0 and shown["first"] == 3
-    assert "Frames 4 to 8 of 12" in shown["note"]
-    for frames in (range(0), range(5, 20), range(-1, 3), range(0, 8, 2)):
-        with pytest.raises(UsageError, match="12 frames"):
-            write_report([run], tmp_path / "none.html", frames=frames)
-
-
 def test_without_its_recording_a_run_has_no_film_and_the_page_says_why(tmp_path: Path, run: Path) -> None:
     lost = write_run(tmp_path / "lost", Track.load(run).pose)
     shown = data_of(write_report([lost], tmp_path / "page.html"))[0]
@@ -140,30 +131,6 @@ def in_space(points: np.ndarray) -> np.ndarray:
     """Columns, rows and depths (N, 3) as points in the camera frame, metres."""
     z = points[:, 2] * UNIT
     return np.column_stack([(points[:, 0] - KINECT.cx) * z / KINECT.fx, (points[:, 1] - KINECT.cy) * z / KINECT.fy, z])
-
-
-def test_packed_points_come_back_whatever_they_are() -> None:
-    points = np.random.default_rng(1).integers(-32768, 32768, (500, 3)).astype(np.int16)
-    halves = np.frombuffer(pack(points), np.uint8).reshape(2, 3, -1).astype(np.int16)
-    steps = halves[0] | halves[1] << 8
-    np.testing.assert_array_equal(np.cumsum(steps, axis=1, dtype=np.int16).T, points)
-
-
-def test_a_lens_that_bends_moves_no_point_by_more_than_half_a_pixel(tmp_path: Path) -> None:
-    bent = replace(KINECT, distortion=(0.1, -0.2, 0.001, 0.002, 0.05))
-    depth, joints = np.full((1, *KINECT.shape), 2000, np.uint16), np.zeros((1, 1, 3)) + (0.0, 0.0, 2.0)
-    save_recording(tmp_path / "bent.npz", depth=depth, camera=bent, timestamps=[0.0])
-    clouds = gather_clouds(open_recording(tmp_path / "bent.npz"), joints, range(1))
-    slopes = bent.rays().reshape(-1, 2)
-    found = in_space(clouds.points)
-    nearest = [np.abs(slopes - point[:2] / point[2]).max(axis=1).min() for point in found[::50]]
-    assert max(nearest) <= 0.5 / KINECT.fx + 1e-9
-
-
-def test_the_page_s_mail_is_small(page_file: Path) -> None:
-    text = page_file.read_text()
-    viewer = re.search(r'id="viewer">(.*?)</script>', text, re.S)
-    assert viewer is not None and len(viewer[1]) < 0.4 * len(block_of(page_file, "viewer"))
 
 
 def test_several_people_stand_on_one_page(tmp_path: Path, run: Path) -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
-from toolkit.io.errors import RetrievalError, SettingsError
-from toolkit.io.spans import spans
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.annotation.annotator import Annotator, DecisionSettings, MotionClass, decide
-from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
+from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
@@ -23,7 +20,6 @@ from toolkit.retrieval.annotation.measures import (
     label_frames,
     segment_scores,
 )
-from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
@@ -143,11 +139,6 @@ def test_a_hit_mostly_within_cheaper_ones_is_the_same_motion() -> None:
     np.testing.assert_allclose(dtw.spread_hits(cost, start, 0.13, 0.2)[3:], 0.04)
 
 
-def test_frames_on_the_slope_behind_a_minimum_are_no_hits() -> None:
-    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.04, 0.06, 0.5]), np.array([0, 0, 0, 0, 0]), 0.13, 1.0)
-    np.testing.assert_allclose(modified, [0.02, 0.02, INF, INF, INF])
-
-
 @given(st.lists(st.integers(0, 3), min_size=1, max_size=30), st.integers(0, 4))
 def test_minima_are_the_last_frames_of_plateaus_below_both_sides_and_the_threshold(
     values: list[int], threshold: int
@@ -159,38 +150,6 @@ def test_minima_are_the_last_frames_of_plateaus_below_both_sides_and_the_thresho
         if left > padded[i] and padded[i + 1] > padded[i] and padded[i] < threshold:
             expected.append(i - 1)
     assert dtw.minima_below(np.array(values, dtype=float), float(threshold)).tolist() == expected
-
-
-def test_the_cheapest_class_wins_and_the_first_one_on_ties() -> None:
-    distances = np.array([[0.1, 0.2, INF, 0.1], [0.05, 0.2, INF, 0.2]])
-    assert decide(distances).tolist() == [1, 0, -1, 0]
-
-
-def test_a_run_grows_while_its_distance_does_not_rise_away_from_it() -> None:
-    first = np.array([INF, 0.05, 0.05, 0.10, 0.10, 0.10, 0.12, 0.02, INF])
-    second = np.array([INF, INF, 0.20, 0.01, 0.09, 0.05, 0.01, INF, INF])
-    distances = np.stack([first, second])
-    decided = np.array([-1, 0, 0, 1, 1, 1, 1, 0, -1])
-    frames = dtw.widen_runs(decided, distances, 0.0)
-    assert spans(frames[0]) == [slice(1, 3), slice(7, 8)]
-    assert spans(frames[1]) == [slice(3, 7)]
-    decided[3:6] = -1, 0, -1
-    assert spans(dtw.widen_runs(decided, distances, 0.0)[0]) == [slice(1, 6), slice(7, 8)]
-
-
-def test_what_is_left_of_a_hit_beside_a_cheaper_one_of_another_class_is_no_motion() -> None:
-    first = np.array([INF, 0.05, 0.05, 0.05, 0.05, INF])
-    second = np.array([INF, INF, 0.01, 0.01, 0.01, 0.01])
-    distances = np.stack([first, second])
-    decided = decide(distances)
-    assert spans(dtw.widen_runs(decided, distances, 0.25)[0]) == [slice(1, 5)]
-    frames = dtw.widen_runs(decided, distances, 0.5)
-    assert spans(frames[0]) == [] and spans(frames[1]) == [slice(2, 6)]
-
-
-def test_decision_settings_are_shares() -> None:
-    with pytest.raises(SettingsError, match="visible 1.5 is no share"):
-        DecisionSettings(visible=1.5)
 
 
 def test_two_movements_in_a_document_get_their_labels() -> None:
@@ -221,28 +180,6 @@ def test_a_document_shorter_than_every_template_is_refused_and_than_some_is_note
     with pytest.raises(RetrievalError, match=r"'short' has 10 frames.*needs 11"):
         Annotator(classes).annotate(FeatureMatrix("short", np.zeros((40, 10), dtype=bool)))
     assert Annotator(classes).annotate(FeatureMatrix("fits", np.zeros((40, 11), dtype=bool))).too_long == ("c61",)
-
-
-@pytest.mark.parametrize("length", [1, 2, 3, 8, 9])
-def test_the_shortest_document_of_a_template_has_an_alignment_and_a_shorter_one_has_none(length: int) -> None:
-    template = random_template(np.random.default_rng(0), length)
-    assert np.isfinite(template.distance(np.zeros(template.shortest, dtype=np.uint64))[0][-1])
-    if template.shortest > 1:
-        assert np.isinf(template.distance(np.zeros(template.shortest - 1, dtype=np.uint64))[0]).all()
-
-
-def test_classes_of_no_threshold_or_with_one_label_twice_are_refused() -> None:
-    motion_class, _ = noisy_class("swing", 1)
-    with pytest.raises(RetrievalError, match="different labels"):
-        Annotator([motion_class, motion_class])
-    with pytest.raises(RetrievalError, match=r"threshold 0.0 of class 'x'"):
-        MotionClass("x", motion_class.template, 0.0)
-
-
-def test_intervals_of_an_unknown_class_are_refused() -> None:
-    motion_class, clip = noisy_class("swing", 1)
-    with pytest.raises(RetrievalError, match="unknown class 'jump'"):
-        Annotator([motion_class]).annotate(clip, {"jump": [(0, 5)]})
 
 
 # The example of Fig. 5.3: the thesis states class 1 in full, and of class 2 what makes the totals 10 true and 13 found
@@ -280,11 +217,6 @@ def test_true_segments_that_overlap_or_end_before_they_start_are_refused() -> No
         check_truth([Segment(2.0, 1.0, "squat")], "doc")
 
 
-def test_an_unknown_label_is_named_with_the_known_ones() -> None:
-    with pytest.raises(RetrievalError, match="'hop' is not one of the classes squat, kick"):
-        label_frames([Segment(0, 1, "hop")], ("squat", "kick"), 30, 30.0)
-
-
 def test_documents_keep_their_clips_whole_and_join_them_without_a_jump() -> None:
     parts = [(random_motion(i, reach=0.1), f"c{i}" if i != 1 else None) for i in range(3)]
     document = assemble("doc", parts)
@@ -300,30 +232,3 @@ def test_documents_keep_their_clips_whole_and_join_them_without_a_jump() -> None
     inside = max(np.linalg.norm(np.diff(p.joints, axis=0), axis=-1).max() * p.frame_rate for p, _ in parts)
     assert step < max(inside * 1.2, 3.0)
     assert motion.joints[..., 1].min() > -1e-9
-
-
-def test_shuffled_parts_hold_every_clip_once_and_filler_between() -> None:
-    clips = [(random_motion(i), f"c{i}") for i in range(12)]
-    fillers = [random_motion(10, seconds=8.0)]
-    parts = shuffled_parts(clips, fillers, np.random.default_rng(0))
-    assert {label for _, label in parts if label} == {f"c{i}" for i in range(12)}
-    assert any(label is None for _, label in parts)
-    again = shuffled_parts(clips, fillers, np.random.default_rng(0))
-    assert [label for _, label in parts] == [label for _, label in again]
-
-
-def test_a_document_of_nothing_or_of_mixed_frame_rates_is_refused() -> None:
-    with pytest.raises(RetrievalError, match="one frame rate"):
-        assemble("none", [])
-    with pytest.raises(RetrievalError, match=r"\[60.0, 120.0\]"):
-        assemble("mixed", [(random_motion(0), None), (random_motion(0, rate=60.0), None)])
-
-
-def test_a_part_begins_where_the_one_before_it_ended_whatever_place_it_was_recorded_at() -> None:
-    here, elsewhere = random_motion(1), random_motion(2)
-    elsewhere = replace(elsewhere, joints=elsewhere.joints + np.array([3.0, 0.5, -2.0]))
-    document = assemble("two rooms", [(here, None), (elsewhere, "it")])
-    last, first = len(here) - 1, round(document.segments[0].start * document.motion.frame_rate)
-    ends = document.motion.joints[[last, first], NAMED_JOINTS.index("root")]
-    np.testing.assert_allclose(ends[1, [0, 2]], ends[0, [0, 2]], atol=1e-9)
-    assert document.motion.joints[..., 1].min() == pytest.approx(0.0, abs=1e-9)

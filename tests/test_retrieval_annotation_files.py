@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks._keyframe_corpus import THRESHOLDS, Fold, learn_threshold
 from toolkit.body.shape import load_body
-from toolkit.io.errors import RetrievalError, UsageError
+from toolkit.io.errors import RetrievalError
 from toolkit.io.spans import spans
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.output.export.bvh import export_bvh
@@ -89,36 +89,6 @@ def test_classes_are_read_as_they_were_written(classes: list[MotionClass], tmp_p
         assert (read.label, read.threshold) == (written.label, written.threshold)
         np.testing.assert_array_equal(read.template.values, written.template.values)
         np.testing.assert_array_equal(read.template.weights, written.template.weights)
-
-
-@pytest.mark.parametrize(("key", "value", "words"), [("version", 99, "version 99"), ("features", "abc", "features")])
-def test_classes_of_another_version_or_other_features_are_refused(
-    classes: list[MotionClass], tmp_path: Path, key: str, value: object, words: str
-) -> None:
-    path = tmp_path / "classes.npz"
-    save_classes(path, classes)
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    header = {**json.loads(str(arrays["header"])), key: value}
-    del arrays["checksum"]  # as other programs write it
-    np.savez(path, **{**arrays, "header": np.array(json.dumps(header))})
-    with pytest.raises(RetrievalError, match=words):
-        load_classes(path)
-
-
-def test_a_file_that_holds_no_classes_or_does_not_exist_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RetrievalError, match="there is no file"):
-        load_classes(tmp_path / "none.npz")
-    (tmp_path / "text.npz").write_text("hello")
-    with pytest.raises(RetrievalError, match="no NPZ file"):
-        load_classes(tmp_path / "text.npz")
-
-
-def test_a_class_without_clips_is_refused_by_name(matrices: dict[str, list[FeatureMatrix]]) -> None:
-    with pytest.raises(RetrievalError, match="'jump' has no clips"):
-        learn_classes({**matrices, "jump": []})
-    with pytest.raises(RetrievalError, match="no labelled clips"):
-        learn_classes({})
 
 
 def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
@@ -217,24 +187,6 @@ def test_a_report_holds_table_picture_and_page(
     assert [(s.label, round(s.start, 2)) for s in read] == [(s.label, round(s.start, 2)) for s in annotation.segments]
 
 
-def test_overlapping_or_unknown_true_segments_write_no_report(
-    classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]], tmp_path: Path
-) -> None:
-    annotation = Annotator(classes).annotate(document[0])
-    with pytest.raises(RetrievalError, match="overlap"):
-        write_report(annotation, tmp_path, [Segment(0, 2, "squat"), Segment(1, 3, "squat")])
-    with pytest.raises(RetrievalError, match="'hop' is not one of the classes"):
-        write_report(annotation, tmp_path, [Segment(0, 2, "hop")])
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("text", ["start,end,label\n0,x,a\n", "from,to,label\n0,1,a\n", "start,end,label\n0,1\n"])
-def test_a_line_of_true_segments_that_cannot_be_read_is_named(tmp_path: Path, text: str) -> None:
-    (tmp_path / "truth.csv").write_text(text)
-    with pytest.raises(RetrievalError, match=r"truth.csv, line 2"):
-        read_segments(tmp_path / "truth.csv")
-
-
 def test_motion_files_become_report_folders(files: dict[Path, str], tmp_path: Path) -> None:
     classes = learn_templates(files)
     paths = list(files)
@@ -257,14 +209,3 @@ def test_templates_as_published_decide_by_the_rules_and_the_threshold_of_the_the
     expected = told.annotate(relational_features(load_motion(path)))
     assert list(done.annotation.segments) == list(expected.segments)
     assert told.settings.overlap == 1.0 and told.settings.visible == 0.0
-
-
-def test_one_truth_for_several_motions_and_equal_stems_are_refused(files: dict[Path, str], tmp_path: Path) -> None:
-    classes, paths = learn_templates(files), list(files)
-    (tmp_path / "truth.csv").write_text("start,end,label\n")
-    with pytest.raises(UsageError, match="cannot serve 4 motions"):
-        annotate_motions(paths, classes, tmp_path, truth=tmp_path / "truth.csv")
-    with pytest.raises(UsageError, match="two motions are called"):
-        annotate_motions([paths[0], paths[0]], classes, tmp_path)
-    with pytest.raises(RetrievalError, match="holds no true segments"):
-        annotate_motions(paths, classes, tmp_path, truth=tmp_path)

@@ -10,12 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
-from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import graded
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.annotation.documents import assemble
-from toolkit.retrieval.features import places
-from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
+from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.places import PLACED, STEPS, places_of
@@ -85,14 +83,6 @@ def test_the_cheapest_hits_come_first_and_the_same_motion_counts_once() -> None:
     assert distinct_hits(lone, wide, starts[:2], np.inf, 9).tolist() == [[0, 0, 3]], "four of six columns are covered"
 
 
-def test_the_limb_that_an_example_moves_weighs_most() -> None:
-    moved = np.zeros((3 * len(PLACED), 20), np.int8)
-    assert places.importance(moved) == pytest.approx(1 / len(moved)), "nothing moves"
-    moved[3 * PLACED.index("right_wrist") + 1] = np.linspace(-60, 60, 20)
-    weights = places.importance(moved).reshape(-1, 3)
-    assert weights.sum() == pytest.approx(1.0) and weights[PLACED.index("right_wrist")].sum() > 0.9
-
-
 def test_a_grade_has_the_sign_of_its_feature_and_its_mean_is_the_coarse_one() -> None:
     features = relational_features(random_motion(3, seconds=3.1))
     assert features.grades.dtype == np.int8 and features.grades.shape == features.values.shape
@@ -109,14 +99,6 @@ def test_grades_follow_slices_and_mirrors_and_are_extreme_where_only_booleans_ar
     np.testing.assert_array_equal(features.mirrored().grades, features.grades[MIRROR])
     known = FeatureMatrix("booleans", features.values)
     np.testing.assert_array_equal(known.grades, np.where(features.values, FULL, -FULL))
-
-
-def test_what_an_example_moves_weighs_most() -> None:
-    grades = np.zeros((40, 20), np.int8)
-    grades[17] = np.linspace(-100, 100, 20)
-    weights = importance(grades)
-    assert weights.sum() == pytest.approx(1.0) and weights.argmax() == 17
-    assert np.ptp(np.delete(weights, 17)) == 0.0
 
 
 @pytest.mark.parametrize("speed", [0.7, 1.0, 1.4])
@@ -158,24 +140,6 @@ def test_an_example_cut_through_a_motion_finds_that_part_of_others() -> None:
         assert best.end == pytest.approx(segment.start + stop / 30.0, abs=0.25)
 
 
-def test_results_are_in_order_below_the_threshold_and_no_more_than_asked_for() -> None:
-    index = KeyframeIndex.build([relational_features(random_motion(seed, seconds=8.0)) for seed in range(6)])
-    example = SearchExample.of(relational_features(random_motion(2, seconds=8.0)).sliced(30, 75))
-    found = search_example(index, example, limit=12)
-    assert len(found) == 12 and [m.cost for m in found] == sorted(m.cost for m in found)
-    assert found[0].cost == 0.0 and found[0].document == "random 2"
-    middle = found[6].cost
-    assert [m for m in found if m.cost < middle] == search_example(index, example, limit=12, threshold=middle)
-
-
-def test_an_example_longer_than_every_document_is_refused() -> None:
-    index = KeyframeIndex.build([relational_features(random_motion(1, seconds=1.0))])
-    with pytest.raises(RetrievalError, match="has 30 frames at 30 Hz, but 'random 2' needs 46; use a shorter"):
-        search_example(index, SearchExample.of(relational_features(random_motion(2, seconds=3.0))), limit=1)
-    with pytest.raises(RetrievalError, match=r"lasts 0.33 s; give between 0.53 and 100 s"):
-        SearchExample.of(relational_features(random_motion(2, seconds=3.0)).sliced(0, 10))
-
-
 def test_places_of_limbs_forget_where_somebody_is_how_tall_and_which_way_they_face() -> None:
     motion = random_motion(3, seconds=1.0)
     turn = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
@@ -187,13 +151,6 @@ def test_places_of_limbs_forget_where_somebody_is_how_tall_and_which_way_they_fa
     height = motion.joints[:, left_wrist, 1] - motion.joints[:, root, 1]
     expected = np.clip(STEPS * height / BodyLengths.of(motion).body, -FULL, FULL)
     np.testing.assert_allclose(here[3 * PLACED.index("left_wrist") + 1], expected, atol=0.51)
-
-
-def test_mirrored_features_have_the_places_of_the_mirrored_motion() -> None:
-    motion = random_motion(5, seconds=1.0)
-    length = BodyLengths.of(motion).body / BodyLengths.of(motion.mirrored()).body  # its right leg, then its left
-    mirrored = relational_features(motion).mirrored().places * length
-    np.testing.assert_allclose(mirrored, relational_features(motion.mirrored()).places, atol=2.0)
 
 
 def test_limbs_held_otherwise_cost_where_no_relation_changes() -> None:

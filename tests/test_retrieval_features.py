@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion, standing, still
-from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import relations
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.features.lengths import BodyLengths
@@ -21,7 +20,6 @@ from toolkit.retrieval.features.relational import (
     FEATURE_SETS,
     FEATURES,
     MIRROR,
-    FeatureMatrix,
     hysteresis,
     native_features,
     relational_features,
@@ -147,11 +145,6 @@ def test_the_frame_rate_of_the_source_hardly_matters(seed: int, rate: float) -> 
     assert np.mean(usual != other) < 0.03
 
 
-def test_columns_are_every_fourth_frame_of_a_120_hz_motion() -> None:
-    motion = random_motion(3)
-    assert np.array_equal(relational_features(motion).values, native(motion)[:, ::4])
-
-
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=40))
 def test_hysteresis_is_the_two_rules_frame_by_frame(steps: list[tuple[bool, bool]]) -> None:
     loose = np.array([a for a, _ in steps])
@@ -175,15 +168,6 @@ def test_velocity_is_a_forward_difference_with_a_mirrored_box_average(window: in
     row = np.array([[relations.SPEED, 0, 0, 0, 0, 0, window, 1]])
     relations.quantities_of_all(joints, np.zeros((50, 3)), 120.0, row, speeds)
     np.testing.assert_allclose(speeds[:, 0], np.abs(expected), atol=1e-9)
-
-
-def test_a_single_frame_has_features_without_motion() -> None:
-    assert relational_features(still(standing(), frames=1)).values.shape == (40, 1)
-
-
-def test_a_matrix_of_another_shape_is_refused_with_its_shape() -> None:
-    with pytest.raises(RetrievalError, match=r"\(39, 5\)"):
-        FeatureMatrix("short", np.zeros((39, 5), dtype=bool))
 
 
 # Percent of frames with value 1, averaged over the clips of a class, as FEATURES.md states them in whole percent.
@@ -232,28 +216,6 @@ def test_every_left_kick_raises_the_left_foot_and_not_the_right_one(data_folder:
 
 
 @pytest.mark.data
-def test_every_lie_down_ends_horizontal_low_and_wide(data_folder: Path) -> None:
-    for _, values in hdm05(data_folder)["lieDownFloor"]:
-        assert values[[31, 36, 37], -1].all()
-
-
-@pytest.mark.data
-def test_the_lowest_fifth_of_a_squat_has_both_knees_bent_and_a_small_height(data_folder: Path) -> None:
-    small = []
-    for motion, values in hdm05(data_folder)["squat1Reps"]:
-        low = joint(motion, "root")[:, 1] <= np.quantile(joint(motion, "root")[:, 1], 0.2)
-        assert values[19:21, low].all()
-        small.append(values[36, low])
-    assert np.concatenate(small).mean() > 0.98
-
-
-@pytest.mark.data
-def test_feet_are_behind_each_other_at_the_same_time_in_about_one_percent_of_frames(data_folder: Path) -> None:
-    values = np.concatenate([values for clips in hdm05(data_folder).values() for _, values in clips], axis=1)
-    assert 0.005 < (values[14] & values[15]).mean() < 0.02
-
-
-@pytest.mark.data
 def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(data_folder: Path) -> None:
     changed, frames = np.zeros(40), 0
     for clips in hdm05(data_folder).values():
@@ -262,10 +224,3 @@ def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(data_fo
             frames += len(motion)
     changed /= frames
     assert changed[:2].max() < 0.03 and changed[2:].max() < 0.0125
-
-
-@pytest.mark.data
-def test_the_line_of_the_hips_turns_like_the_root(data_folder: Path) -> None:
-    for motion, values in hdm05(data_folder)["jogLeftCircle4StepsRstart"]:
-        without_root = native(Motion(motion.name, motion.joints, motion.frame_rate))
-        assert np.array_equal(without_root[39], values[39])

@@ -7,7 +7,6 @@ import pytest
 
 from tests.plain_relations import plain_quantities
 from tests.test_retrieval_online import body, classes, document
-from toolkit.body import skeleton
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.online import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures
@@ -25,21 +24,6 @@ def test_every_quantity_of_a_frame_is_that_of_the_whole_motion(rate, frames):
     for frame in range(frames):
         found = single.quantities(motion.joints, motion.root_axis, frame)
         np.testing.assert_allclose(found, whole[:, frame], rtol=1e-9, atol=1e-6)
-
-
-def test_points_without_distance_have_the_quantities_of_distance_zero():
-    joints, axes = np.zeros((3, len(NAMED_JOINTS), 3)), np.tile([1.0, 0.0, 0.0], (3, 1))
-    whole = plain_quantities(Motion("point", joints, 30.0, axes))
-    np.testing.assert_allclose(FrameFeatures(body(), 30.0).quantities(joints, axes, 1), whole[:, 1], atol=1e-9)
-
-
-def test_named_joints_of_a_pose_are_those_of_the_motion():
-    rng = np.random.default_rng(0)
-    pose = rng.uniform(-0.5, 0.5, skeleton.POSE_SIZE)
-    motion = from_poses(pose, body(), 30.0, "one")
-    joints, axis = FrameFeatures(body(), 30.0).joints(pose)
-    np.testing.assert_allclose(joints, motion.joints[0], atol=1e-12)
-    np.testing.assert_allclose(axis, motion.root_axis[0], atol=1e-12)
 
 
 def test_features_pushed_frame_by_frame_have_the_hysteresis_of_the_whole():

@@ -18,17 +18,13 @@ from toolkit.retrieval.learning.genetic import (
     GeneticSettings,
     Individual,
     Quality,
-    Scored,
     TrainingSet,
     evolve,
-    sampled_universally,
     tightened,
     with_best_distances,
 )
 from toolkit.retrieval.learning.queries import (
     LearningSettings,
-    bits_of,
-    column_of,
     frequent_keyframes,
     learn,
     query_of,
@@ -37,7 +33,7 @@ from toolkit.retrieval.learning.queries import (
     votes_of,
 )
 from toolkit.retrieval.search.find import find
-from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 from toolkit.retrieval.workflow.motions import load_motion
 
 QUICK = GeneticSettings(population=12, generations=15, parents=4)
@@ -99,46 +95,6 @@ def test_every_operation_makes_a_valid_individual(seed: int) -> None:
             check(a)
 
 
-def test_first_individuals_are_columns_of_the_template(breeder: Breeder) -> None:
-    for _ in range(20):
-        assert all(breeder.columns[n] == (mask, value) for n, mask, value in breeder.individual().keyframes)
-
-
-def test_tolerances_surround_half_the_distance_of_the_template(breeder: Breeder) -> None:
-    bounds = np.array([breeder.tolerance(21) for _ in range(500)])
-    assert bounds[:, 0].min() == 0 and bounds[:, 0].max() == 10
-    assert bounds[:, 1].min() == 11 and bounds[:, 1].max() == 32
-    assert breeder.tolerance(0) == (0, 0)
-
-
-def test_an_offspring_has_keyframes_of_both_parents(breeder: Breeder) -> None:
-    a, b = breeder.individual(), breeder.individual()
-    for _ in range(20):
-        assert set(breeder.recombined(a, b).keyframes) <= set(a.keyframes) | set(b.keyframes)
-
-
-def test_removing_a_keyframe_between_two_others_adds_their_distances(breeder: Breeder) -> None:
-    individual = Individual((1, 4, 9), (1, 2, 4), (1, 0, 4), (2, 3), (5, 7))
-    assert breeder.without(individual, 1) == Individual((1, 9), (1, 4), (1, 4), (5,), (12,))
-    assert breeder.without(individual, 0) == Individual((4, 9), (2, 4), (0, 4), (3,), (7,))
-    assert breeder.without(individual, 2) == Individual((1, 4), (1, 2), (1, 0), (2,), (5,))
-
-
-def test_adding_a_keyframe_leaves_the_other_distances(breeder: Breeder) -> None:
-    n = breeder.positions[len(breeder.positions) // 2]
-    individual = Individual((n - 3, n - 1, n + 2), (1, 2, 4), (1, 0, 4), (2, 3), (5, 7))
-    grown = breeder.extended(individual, n)
-    assert grown.positions == (n - 3, n - 1, n, n + 2) and grown.keyframes[2] == (n, *breeder.columns[n])
-    assert (grown.minimum[0], grown.maximum[0]) == (2, 5)
-
-
-def test_distances_do_not_grow_beyond_twice_the_templates(breeder: Breeder) -> None:
-    individual = Individual((0, 8), (1, 1), (1, 1), (0,), (8,))
-    for _ in range(200):
-        individual = breeder.with_other_distances(individual)
-        assert individual.maximum[0] <= 16
-
-
 def test_fitness_is_the_f_measure_of_the_text() -> None:
     retrieved = np.array([1, 1, 1, 0, 0, 0], dtype=bool)
     relevant = np.array([1, 1, 0, 1, 0, 0], dtype=bool)
@@ -146,26 +102,6 @@ def test_fitness_is_the_f_measure_of_the_text() -> None:
     assert quality.precision == quality.recall == pytest.approx(2 / 3)
     assert Quality.of(np.array([True] * 4), np.array([True, False, False, False])).fitness == pytest.approx(5 / 8)
     assert Quality.of(~relevant, relevant) == Quality(0.0, 0.0, 0.0)
-
-
-def test_among_equally_fit_individuals_the_more_general_is_better() -> None:
-    narrow = Individual((0, 5), (0b111, 1), (1, 1), (2,), (4,))
-    general, wide = replace(narrow, masks=(1, 1)), replace(narrow, maximum=(6,))
-    assert sorted([Scored(narrow, 0.8), Scored(general, 0.8), Scored(wide, 0.8), Scored(narrow, 0.9)]) == [
-        Scored(narrow, 0.9),
-        Scored(general, 0.8),
-        Scored(wide, 0.8),
-        Scored(narrow, 0.8),
-    ]
-
-
-def test_universal_sampling_takes_each_in_proportion_to_its_fitness() -> None:
-    rng = np.random.default_rng(0)
-    counts = np.bincount(
-        np.concatenate([sampled_universally(np.array([0.5, 0.25, 0.0, 0.25]), 4, rng) for _ in range(50)])
-    )
-    assert counts.tolist() == [100, 50, 0, 50]
-    assert set(sampled_universally(np.zeros(3), 300, rng)) == {0, 1, 2}
 
 
 def test_documents_found_while_learning_are_those_of_the_index(breeder: Breeder) -> None:
@@ -179,21 +115,6 @@ def test_documents_found_while_learning_are_those_of_the_index(breeder: Breeder)
         assert np.array_equal(np.flatnonzero(training.retrieved(individual)), np.unique(hits.documents))
         found += len(hits) > 0
     assert 5 < found
-
-
-def test_a_query_in_several_sets_keeps_its_place_in_the_motion() -> None:
-    individual = Individual((4, 10), (1 | 1 << 20, 1 << 30), (1, 1 << 30), (3,), (9,))
-    query = query_of(individual, 31, "kick")
-    assert [k.feature_set for k in query.keyframes] == ["upper", "lower", "mixed"]
-    assert query.bounds == ((0, 0), (3, 9))
-    assert (query.lead, query.tail, query.label) == (4, 20, "kick")
-
-
-@given(st.integers(0, 2**40 - 1), st.integers(0, 2**40 - 1))
-def test_bits_and_columns_are_two_forms_of_one_keyframe(mask: int, value: int) -> None:
-    column = column_of(mask, value & mask)
-    assert bits_of(column) == (mask, value & mask)
-    assert np.count_nonzero(column == WILDCARD) == 40 - bin(mask).count("1")
 
 
 def test_a_population_grows_fitter_until_the_class_is_told_apart() -> None:

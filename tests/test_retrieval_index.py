@@ -13,7 +13,6 @@ from toolkit.io.archives import save_archive
 from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import keyframe_list
 from toolkit.retrieval import stored_arrays as stored
-from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
 from toolkit.retrieval.index import keyframe_index as index_module
 from toolkit.retrieval.index.feature_runs import RunLists
@@ -56,14 +55,6 @@ def test_the_runs_hold_the_features_of_every_frame(documents: list[FeatureMatrix
         assert np.array_equal(frames, pack(values[rows]))
 
 
-def test_coarse_columns_are_means_of_one_document_alone(documents: list[FeatureMatrix]) -> None:
-    columns, starts = KeyframeIndex.build(documents).coarse
-    assert starts.tolist() == [0, 10, 11, 30, 39]
-    for document, first, stop in zip(documents, starts[:-1], starts[1:], strict=True):
-        parts = np.split(document.grades, range(BLOCK, len(document), BLOCK), axis=1)
-        np.testing.assert_array_equal(columns[first:stop], [np.rint(part.mean(axis=1)) for part in parts])
-
-
 def inverted_list(lists: RunLists, vector: int) -> np.ndarray:
     """The inverted list of a feature vector: (document, number of the run in it) per entry, int64 (L, 2), in order."""
     runs = np.flatnonzero(lists.run_vectors == vector)
@@ -80,13 +71,6 @@ def test_an_inverted_list_names_documents_and_runs_in_order() -> None:
     assert inverted_list(lower, 0b10).tolist() == [[0, 1]]
     assert inverted_list(lower, 2**12 - 1).tolist() == [[1, 0], [1, 2]]
     assert inverted_list(lower, 0b100).tolist() == []
-
-
-def test_equal_vectors_on_both_sides_of_a_document_end_are_two_runs() -> None:
-    zeros = np.zeros((40, 5), dtype=bool)
-    index = KeyframeIndex.build([FeatureMatrix("a", zeros), FeatureMatrix("b", zeros)])
-    starts, ends, processed = index.keyframe_list(Keyframe("upper", (("F1", 0),)))
-    assert (starts.tolist(), ends.tolist(), processed) == ([0, 5], [4, 9], 2)
 
 
 @settings(max_examples=100, deadline=None)
@@ -220,11 +204,3 @@ def test_arrays_that_do_not_fit_each_other_are_refused(
     replace(index, **{name: change(getattr(index, name))}).save(tmp_path / "motions.index")
     with pytest.raises(RetrievalError, match="build it again|two documents have the name"):
         KeyframeIndex.open(tmp_path / "motions.index")
-
-
-def test_runs_are_the_shortest_description(documents: list[FeatureMatrix]) -> None:
-    lists = KeyframeIndex.build(documents).sets["upper"]
-    inside = np.ones(len(lists.run_vectors), dtype=bool)
-    inside[lists.document_runs[:-1]] = False
-    assert np.all(lists.run_vectors[1:][inside[1:]] != lists.run_vectors[:-1][inside[1:]])
-    assert isinstance(lists, RunLists) and np.all(np.diff(lists.run_starts) > 0)

@@ -1,22 +1,15 @@
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks._stiffness import admissible, distance_of, stiffness_of
 from toolkit.io.errors import RetrievalError
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_at_once, keyframes_of_column
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_at_once
 
 KNEE = Keyframe("lower", (("F21", 1),))
 HAND = Keyframe("upper", (("F4", 1), ("F3", 0)))
-
-
-def test_bits_follow_the_order_of_the_features_in_their_set() -> None:
-    assert HAND.values == (("F3", 0), ("F4", 1))
-    assert (HAND.mask, HAND.value) == (0b1100, 0b1000)
-    assert Keyframe("mixed", (("F40", 1),)).mask == 1 << 13
 
 
 def test_a_condition_on_several_sets_becomes_one_keyframe_per_set() -> None:
@@ -26,13 +19,6 @@ def test_a_condition_on_several_sets_becomes_one_keyframe_per_set() -> None:
         ("lower", (("F15", 1),)),
         ("mixed", (("F40", 1),)),
     ]
-
-
-def test_wildcards_of_a_column_are_left_out() -> None:
-    column = np.full(40, -1, np.int8)
-    column[20], column[2] = 1, 0
-    assert keyframes_of_column(column) == (Keyframe("upper", (("F3", 0),)), KNEE)
-    assert keyframes_of_column(np.full(40, -1, np.int8)) == ()
 
 
 @pytest.mark.parametrize(
@@ -61,18 +47,6 @@ def test_a_query_that_cannot_work_is_refused_in_one_sentence(make: object, messa
 def test_distances_are_those_of_the_running_example() -> None:
     assert admissible(3, 0.5) == (2, 6)
     assert admissible(5, 0.6) == (3, 8)
-
-
-def test_products_that_are_whole_are_not_rounded_away() -> None:
-    assert admissible(10, 0.7) == (7, 14)
-    assert admissible(3, 0.3) == (1, 10)
-    assert admissible(49, 1.0) == (49, 49)
-
-
-def test_stiffness_zero_has_no_upper_bound_even_at_distance_zero() -> None:
-    assert admissible(0, 0.0) == (0, None)
-    assert admissible(7, 0.0) == (0, None)
-    assert admissible(0, 0.5) == (0, 0)
 
 
 @given(st.integers(1, 300), st.integers(0, 300))

@@ -11,29 +11,21 @@ import pytest
 from tests.retrieval_motions import random_motion
 from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.kernels.motion.graded import differences, graded_distances, nearest_example
-from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
-from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge, Turn, joined, learn_judges
-from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import (
     CutClip,
-    alike,
     documents_of,
-    judged,
     leave_one_out,
-    rightness,
     train,
     turns_of,
-    two_sided,
 )
-from toolkit.retrieval.features.motion import MIRRORED, Motion
+from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.motions import tags_in_names, tags_of
-
-FLIP = np.array([-1.0, 1.0, 1.0])
 
 
 def performed(seed: int, person: int, seconds: float = 1.6) -> Motion:
@@ -118,46 +110,6 @@ def test_a_judge_learns_which_difference_matters_and_otherwise_looks_at_the_cost
     assert plain.probability(costs)[1] == 0.5 and (np.diff(plain.probability(costs)) < -0.4).all()
 
 
-def turn_of(rng: np.random.Generator, row: int, least: float, count: int = 300) -> Turn:
-    """Places of which those are right whose measure `row` is small, with some doubt."""
-    measures = rng.normal(size=(count, MEASURES))
-    return measures, 4.0 * measures[:, row] + rng.normal(size=count) < least
-
-
-def test_a_cautious_judge_says_yes_less_often_where_other_turns_were_mistaken() -> None:
-    rng = np.random.default_rng(1)
-    turns = {"kick": {number: turn_of(rng, 0, -8.0) for number in range(3)}}
-    measures, _ = joined(list(turns["kick"].values()))
-    (usual,), (cautious,) = (learn_judges(turns, cautious=way).values() for way in (False, True))
-    assert (cautious.probability(measures) >= 0.5).sum() < (usual.probability(measures) >= 0.5).sum()
-    np.testing.assert_array_equal(cautious.weights, usual.weights)
-
-
-def test_what_was_never_found_is_judged_by_its_cost() -> None:
-    rng = np.random.default_rng(1)
-    judges = learn_judges({"kick": {}, "throw": {0: turn_of(rng, 0, -4.0)}}, cautious=True)
-    np.testing.assert_array_equal(judges["kick"].weights, Judge.of_cost().weights)
-    assert judges["throw"].weights[0] < 0.0
-    np.testing.assert_array_equal(learn_judges({"kick": {}}, cautious=False)["kick"].weights, Judge.of_cost().weights)
-
-
-def test_a_class_of_few_places_is_judged_by_what_the_others_show() -> None:
-    rng = np.random.default_rng(2)
-    few = {0: turn_of(rng, 5, -4.0, count=30)}
-    others = {f"class {number}": {0: turn_of(rng, 5, -4.0)} for number in range(4)}
-    unseen, true = turn_of(rng, 5, -4.0, count=2000)
-    alone, helped = (learn_judges(known, cautious=False)["few"] for known in ({"few": few}, {"few": few, **others}))
-    right = [((judge.probability(unseen) >= 0.5) == true).mean() for judge in (alone, helped)]
-    assert right[1] > right[0] + 0.03
-
-
-def test_a_class_of_many_places_keeps_its_own_judgement() -> None:
-    rng = np.random.default_rng(3)
-    others = {f"class {number}": {0: turn_of(rng, 5, -4.0)} for number in range(4)}
-    judge = learn_judges({"own": {0: turn_of(rng, 7, -4.0, count=3000)}, **others}, cautious=False)["own"]
-    assert np.abs(judge.weights).argmax() == 7
-
-
 def test_somebody_new_is_annotated(model: MotionModel, others: list[Motion]) -> None:
     parts = [(performed(1, 70), "move 1"), (random_motion(62, 2.0), None), (performed(2, 71), "move 2")]
     document = assemble("new", parts)
@@ -219,13 +171,6 @@ def test_leaving_people_out_tells_what_to_expect(others: list[Motion]) -> None:
     assert [result.person for result in alone] == ["half 1", "half 2"]
 
 
-def test_turns_keep_people_apart_and_one_person_takes_turns_in_halves() -> None:
-    for seen, unseen in turns_of(clips_of(), np.random.default_rng(0)):
-        assert not {clip.person for clip in seen} & {clip.person for clip in unseen}
-    (first, second), (third, fourth) = turns_of(clips_of(people=1, copies=4), np.random.default_rng(0))
-    assert first == fourth and second == third and not set(map(id, first)) & set(map(id, second))
-
-
 def test_classes_of_one_clip_each_are_found_by_their_cost(others: list[Motion]) -> None:
     clips = clips_of(people=1, copies=1)
     assert not turns_of(clips, np.random.default_rng(0)) and not leave_one_out(clips, others, np.random.default_rng(0))
@@ -244,32 +189,6 @@ def test_hard_documents_hold_unlabelled_mirror_images_of_one_sided_classes() -> 
     frames = [sum(len(d.features) for d in part) for part in (plain, hard)]
     mirrored = sum(len(clip.features) for clip in clips if clip.label == "move 2")
     assert frames[1] > mirrored and len(hard[0].features) > sum(len(clip.features) for clip in clips)
-
-
-def test_a_class_that_looks_the_same_in_a_mirror_is_not_one_sided() -> None:
-    def both_ways(copy: int) -> Motion:
-        motion = performed(3, copy)
-        return replace(motion, joints=0.5 * (motion.joints + motion.joints[:, MIRRORED] * FLIP), root_axis=None)
-
-    clips = [CutClip(both_ways(copy), "same", f"{copy}") for copy in range(3)]
-    assert two_sided([*clips, *clips_of()]) == {"same"}
-
-
-def test_two_names_for_one_movement_are_said_to_be_alike() -> None:
-    same = [replace(clip, label="other name") for clip in clips_of(classes=(1,), copies=1)]
-    pairs = alike([*clips_of(), *same])
-    assert {pair[:2] for pair in pairs} == {("move 1", "other name"), ("other name", "move 1")}
-    assert all(ratio < 1.25 for _, _, ratio in pairs) and not alike(clips_of())
-
-
-def test_a_place_is_right_if_it_shares_half_with_a_true_segment() -> None:
-    clips = clips_of(people=1, classes=(1,), copies=1)
-    examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
-    (document,) = documents_of(clips, [], np.random.default_rng(0), hard=False)
-    places = examples.propose("move 1", [document.features])
-    right = rightness(places, "move 1", [document])
-    assert right[places.costs.argmin()]
-    assert not rightness(places, "move 1", [replace(document, segments=(Segment(0.0, 0.1, "move 1"),))]).any()
 
 
 def test_clips_at_several_rates_and_a_class_with_one_clip_are_learned_together(others: list[Motion]) -> None:
@@ -292,18 +211,6 @@ def test_what_teaches_nothing_is_refused(model: MotionModel) -> None:
         model.annotate(relational_features(performed(1, 0)).sliced(0, 9))
     with pytest.raises(UsageError, match="belong to motion templates"):
         annotate_motions([], model, "anywhere", threshold=0.1)
-
-
-def test_a_model_is_not_taken_for_motion_templates(model: MotionModel, tmp_path: Path) -> None:
-    model.save(tmp_path / "model.npz")
-    with pytest.raises(RetrievalError, match="is not a file of motion templates.*learn --templates"):
-        load_classes(tmp_path / "model.npz")
-
-
-def test_a_score_counts_unknown_labels_as_missed(model: MotionModel) -> None:
-    clips = [CutClip(performed(9, 1), "unknown", "p")]
-    scores = judged(model, documents_of(clips, [], np.random.default_rng(0), hard=False))
-    assert scores.segments["unknown"].recall == 0.0
 
 
 @pytest.mark.parametrize(

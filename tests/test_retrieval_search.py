@@ -11,7 +11,7 @@ from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQuery, keyframes_of_column
-from toolkit.retrieval.search.find import HitRanges, find, pieces
+from toolkit.retrieval.search.find import HitRanges, find
 
 Segments = list[tuple[int, int]]
 EXAMPLE: list[Segments] = [
@@ -151,16 +151,6 @@ def test_several_keyframes_at_one_position_constrain_the_same_frame() -> None:
     assert np.array_equal(frames, expected) and len(expected) > 5
 
 
-def test_no_hit_crosses_the_end_of_a_document_even_without_bounds() -> None:
-    first, second = (np.zeros((40, 10), dtype=bool) for _ in range(2))
-    first[0, 8], second[1, 1] = True, True
-    query = KeyframeQuery((Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))), ((0, None),))
-    apart = KeyframeIndex.build([FeatureMatrix("a", first), FeatureMatrix("b", second)])
-    together = KeyframeIndex.build([FeatureMatrix("a", np.hstack([first, second]))])
-    assert len(find(apart, query)) == 0
-    assert (find(together, query).starts.tolist(), find(together, query).stops.tolist()) == ([8], [12])
-
-
 def test_a_stiff_query_misses_what_a_soft_one_finds() -> None:
     values = np.zeros((40, 100), dtype=bool)
     values[0, [10, 50]], values[1, [20, 65]] = True, True
@@ -172,18 +162,6 @@ def test_a_stiff_query_misses_what_a_soft_one_finds() -> None:
 
 def ranges(documents: list[int], starts: list[int], stops: list[int]) -> HitRanges:
     return HitRanges(*(np.array(values, np.int64) for values in (documents, starts, stops)))
-
-
-def test_extended_pieces_are_joined_and_end_with_their_document() -> None:
-    index = KeyframeIndex.build([FeatureMatrix(name, np.zeros((40, 30), dtype=bool)) for name in "ab"])
-    hits = ranges([0, 0, 0, 1], [2, 9, 25, 1], [4, 12, 28, 3])
-    longer = hits.extended(index, 3, 4)
-    assert longer.documents.tolist() == [0, 0, 1]
-    assert list(zip(longer.starts.tolist(), longer.stops.tolist(), strict=True)) == [(0, 16), (22, 30), (0, 7)]
-    assert longer.frames == 31
-    query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), lead=1, tail=2)
-    assert pieces(index, query, hits).starts.tolist() == [0, 22, 0]
-    assert len(ranges([], [], []).extended(index, 3, 4)) == 0
 
 
 @settings(max_examples=60, deadline=None)

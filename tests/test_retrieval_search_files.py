@@ -2,8 +2,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -18,7 +16,6 @@ from toolkit.app.cli.retrieval import search as search_verb
 from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes import query_file
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
 from toolkit.retrieval.workflow.index import index_motions
@@ -51,14 +48,6 @@ def test_queries_come_back_from_their_file(tmp_path: Path) -> None:
     assert choose_labels(loaded, ["wait"]) == [other] and choose_labels(loaded, None) == loaded
 
 
-def test_a_query_written_by_hand_may_mix_sets(tmp_path: Path) -> None:
-    path = tmp_path / "mine.json"
-    keyframes = [{"F21": 1, "F1": 1}, {"F40": 0}]
-    path.write_text(json.dumps({"version": 1, "queries": [{"keyframes": keyframes, "distances": [[2, None]]}]}))
-    (query,) = load_queries(path)
-    assert (query.keyframes, query.bounds, query.lead) == (KICK.keyframes, KICK.bounds, 0)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -82,14 +71,6 @@ def test_a_query_file_that_cannot_be_used_is_refused(text: str, message: str, tm
     with pytest.raises(RetrievalError, match=message) as caught:
         load_queries(path)
     assert "\n" not in str(caught.value)
-
-
-def test_a_missing_query_file_or_label_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RetrievalError, match="there is no file"):
-        load_queries(tmp_path / "none.json")
-    with pytest.raises(RetrievalError, match="no query for the label 'punch'; there are: kick"):
-        choose_labels([KICK], ["punch"])
-    assert query_file.QUERY_VERSION == 1
 
 
 def test_a_label_stands_for_all_its_alternatives() -> None:
@@ -177,17 +158,6 @@ def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tm
 
 
 @pytest.mark.data
-def test_an_example_outside_of_its_clip_is_refused(squats: list[Path]) -> None:
-    with pytest.raises(UsageError, match="0.5 to 900 s is no stretch of 'HDM_bd_squat1Reps_001_120'"):
-        cut_example(squats[0], 0.5, 900.0)
-    with pytest.raises(UsageError, match="1 to 0.5 s"):
-        cut_example(squats[0], 1.0, 0.5)
-    short = cut_example(squats[0], 0.5, 0.6)
-    with pytest.raises(RetrievalError, match="lasts 0.10 s; give between 0.53 and 100 s"):
-        by_example(KeyframeIndex.build([short]), short)
-
-
-@pytest.mark.data
 def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path) -> None:
     import typer
 
@@ -253,30 +223,3 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
     assert {row["document"] for row in rows} == {file.stem for file in squats[:2]}
     assert all(float(row["cost"]) <= 0.9 for row in rows) and float(rows[0]["cost"]) < 0.5
     assert "1 motions" in run("index", "--remove", squats[0].stem, "--output", index)
-
-
-def test_alternative_queries_of_a_label_are_one_table() -> None:
-    first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="up") for name in ("F1", "F2"))
-    index = KeyframeIndex.build(documents())
-    reports = [by_keyframes(index, [query])[0] for query in (first, second)]
-    other = KeyframeQuery((Keyframe("upper", (("F3", 1),)),), label="other")
-    together, alone = by_keyframes(index, [first, other, second])
-    assert alone.matches == by_keyframes(index, [other])[0].matches
-    assert together.label == "up"
-    for report in reports:
-        for match in report.matches:
-            assert any(
-                m.document == match.document and m.start <= match.start and match.end <= m.end for m in together.matches
-            )
-    edges = [(m.document, m.start, m.end) for m in together.matches]
-    assert edges == sorted(edges)
-    assert all(a[0] != b[0] or a[2] <= b[1] for a, b in zip(edges, edges[1:], strict=False))
-
-
-def test_searching_loads_nothing_that_only_learning_needs() -> None:
-    script = (
-        "import sys, toolkit.retrieval.annotation.model, toolkit.retrieval.workflow.search_files; "
-        "print([m for m in ('sklearn', 'matplotlib', 'open3d', 'cv2', 'scipy.optimize') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

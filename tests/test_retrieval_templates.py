@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion
 from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate, contract, expand
 
 
@@ -66,14 +66,6 @@ def test_warping_shares_out_the_weight_of_a_column_that_is_matched_twice() -> No
     np.testing.assert_allclose(weights, [0.5, 0.5, 4.0])
 
 
-def test_warping_keeps_the_total_weight_where_groups_do_not_overlap() -> None:
-    rng = np.random.default_rng(2)
-    x, y = rng.random((40, 20)), rng.random((40, 31))
-    _, path = dtw.align(x, np.ones(20), y, np.ones(31))
-    _, weights = dtw.warp(path, y, np.ones(31), 20)
-    assert weights.sum() == pytest.approx(31.0, rel=0.1)
-
-
 @given(st.lists(st.floats(0.05, 4.0), min_size=1, max_size=30))
 def test_time_adaptation_keeps_the_weight_and_ends_with_columns_of_about_one_frame(weights: list[float]) -> None:
     columns = np.random.default_rng(0).random((3, len(weights)))
@@ -83,18 +75,6 @@ def test_time_adaptation_keeps_the_weight_and_ends_with_columns_of_about_one_fra
     np.testing.assert_allclose((values * adapted).sum(axis=1), (columns * weights).sum(axis=1))
     if sum(weights) >= 0.75:
         assert adapted.min() >= 0.75 - 1e-12
-
-
-def test_a_light_remainder_at_the_end_joins_the_column_before_it() -> None:
-    values, weights = contract(np.array([[0.0, 1.0, 1.0, 0.0]]), np.array([0.5, 0.5, 1.0, 0.25]), 0.75)
-    np.testing.assert_allclose(weights, [1.0, 1.25])
-    np.testing.assert_allclose(values, [[0.5, 0.8]])
-
-
-def test_a_heavy_column_is_repeated_as_often_as_its_rounded_weight() -> None:
-    values, weights = expand(np.array([[1.0, 0.0, 1.0]]), np.array([2.5, 0.3, 1.0]))
-    np.testing.assert_allclose(weights, [2.5 / 3] * 3 + [0.3, 1.0])
-    np.testing.assert_allclose(values, [[1.0, 1.0, 1.0, 0.0, 1.0]])
 
 
 def test_equal_clips_are_their_own_template() -> None:
@@ -121,12 +101,6 @@ def test_the_strict_variant_keeps_only_what_all_clips_agree_on() -> None:
     assert strict.quantised(delta=0.0).wildcards.mean() > loose.wildcards.mean()
 
 
-def test_quantising_keeps_values_at_the_threshold() -> None:
-    template = MotionTemplate(np.full((40, 3), [0.05, 0.95, 0.5]), np.ones(3), np.zeros(1))
-    quantised = template.quantised(0.05)
-    assert quantised.values[0].tolist() == [0, 1, WILDCARD] and len(quantised) == 3
-
-
 def test_a_differing_entry_costs_its_share_of_a_column_by_the_columns_weight() -> None:
     values = np.zeros((40, 2), dtype=np.int8)
     values[10:, 1] = WILDCARD
@@ -139,25 +113,3 @@ def test_a_differing_entry_costs_its_share_of_a_column_by_the_columns_weight() -
 def test_a_quantisation_threshold_outside_its_range_is_refused(delta: float) -> None:
     with pytest.raises(RetrievalError, match=str(delta)):
         MotionTemplate.of(clips(1)).quantised(delta=delta)
-
-
-def test_a_class_without_clips_is_refused() -> None:
-    with pytest.raises(RetrievalError, match="without clips"):
-        MotionTemplate.of([])
-
-
-def test_a_clip_without_frames_is_named() -> None:
-    with pytest.raises(RetrievalError, match="'nothing'"):
-        MotionTemplate.of([FeatureMatrix("nothing", np.zeros((40, 0), dtype=bool))])
-
-
-def test_packing_puts_feature_i_into_bit_i() -> None:
-    values = np.random.default_rng(0).random((40, 9)) < 0.5
-    words = pack(values)
-    unpacked = (words[None] >> np.arange(40, dtype=np.uint64)[:, None]) & np.uint64(1)
-    np.testing.assert_array_equal(unpacked.astype(bool), values)
-    assert [int(dtw.ones(word)) for word in words] == values.sum(axis=0).tolist()
-
-
-def test_a_quantised_template_counts_its_columns() -> None:
-    assert len(QuantisedTemplate(np.zeros((40, 7), dtype=np.int8), np.ones(7))) == 7

@@ -52,13 +52,6 @@ def test_the_splits_have_the_same_groups_and_share_neither_rooms_nor_bodies() ->
     assert not bodies[0] & bodies[1]
 
 
-@pytest.mark.data
-def test_every_motion_of_the_scenes_exists(data_folder: Path) -> None:
-    for split in ("tune", "report"):
-        for actor in (actor for scene in scenes(split, ROOM_GROUPS) for actor in scene.actors):
-            assert actor.clip.startswith("bundled_") or len(suite.motion_files(actor.clip)) == 1, actor.clip
-
-
 @pytest.mark.parametrize("kind", acts.PATHS)
 def test_who_comes_is_out_of_sight_first_and_faces_where_they_go(kind: str) -> None:
     far = acts.out_of_sight(-1.0, 0.2, 2.8, 0.56)

@@ -28,27 +28,12 @@ def same_turn(found: np.ndarray, expected: Rotation) -> None:
     assert np.abs(dots) == pytest.approx(np.ones_like(dots))
 
 
-def test_a_product_turns_by_the_second_first() -> None:
-    same_turn(quaternions.multiply(wxyz(FIRST), wxyz(SECOND)), FIRST * SECOND)
-
-
-def test_a_conjugate_is_the_inverse_and_normalised_has_length_1() -> None:
-    same_turn(quaternions.conjugate(wxyz(FIRST)), FIRST.inv())
-    assert quaternions.normalised(3.0 * wxyz(FIRST)) == pytest.approx(wxyz(FIRST))
-    assert np.isnan(quaternions.normalised(np.zeros(4))).all()
-
-
 def test_exponential_and_logarithm_are_there_and_back_the_shorter_way() -> None:
     vectors = FIRST.as_rotvec()
     same_turn(quaternions.exponential(vectors), FIRST)
     assert quaternions.logarithm(-quaternions.exponential(vectors)) == pytest.approx(vectors)
     for small in (np.array([1e-9, -2e-9, 0.0]), np.array([1e-13, -2e-13, 0.0])):
         assert quaternions.logarithm(quaternions.exponential(small)) == pytest.approx(small, rel=1e-6, abs=0.0)
-
-
-def test_the_angle_between_orientations_ignores_the_sign() -> None:
-    expected = (FIRST.inv() * SECOND).magnitude()
-    assert quaternions.angle(wxyz(FIRST), -wxyz(SECOND)) == pytest.approx(expected)
 
 
 def test_vectors_are_turned_and_matrices_have_them_as_columns() -> None:
@@ -106,29 +91,3 @@ def test_the_rate_of_turn_is_per_second_and_in_the_turning_frame() -> None:
     for rate, step in zip(rates, np.diff(times), strict=True):
         q.append(quaternions.multiply(q[-1], quaternions.exponential(rate * step)))
     assert quaternions.angular_velocity(np.array(q), times) == pytest.approx(rates)
-
-
-def test_a_swing_has_no_turn_about_its_axis_left() -> None:
-    rotations = FIRST.as_matrix()
-    for axis in range(3):
-        swings = matrices.without_twist(rotations, axis)
-        assert Rotation.from_matrix(swings).as_rotvec()[:, axis] == pytest.approx(np.zeros(6), abs=1e-9)
-        assert swings[:, :, axis] == pytest.approx(rotations[:, :, axis])
-
-
-def test_a_hinge_makes_the_wanted_angle_on_the_wanted_side() -> None:
-    first, second = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    cosines = np.cos([0.4, 1.2])
-    for sign in (1.0, -1.0):
-        assert matrices.hinge_angles(first, second, 1, cosines, sign) == pytest.approx(sign * np.array([0.4, 1.2]))
-    # Two solutions, 0.6 + 0.4 and 0.6 - 0.4, of which the one nearer to zero is taken.
-    tilted = Rotation.from_euler("y", -0.6).apply(second)
-    assert matrices.hinge_angles(first, tilted, 1, cosines[:1], 0.0) == pytest.approx([0.2])
-
-
-def test_angles_are_brought_into_one_turn_and_vectors_do_not_jump() -> None:
-    assert matrices.wrapped(np.array([np.pi, -np.pi, 3.0 * np.pi, 0.5])) == pytest.approx([np.pi, np.pi, np.pi, 0.5])
-    angles = np.linspace(2.6, 4.0, 12)
-    jumping = about(2, angles).as_rotvec()
-    assert np.abs(np.diff(jumping[:, 2])).max() > 3.0
-    assert matrices.unwrapped(jumping)[:, 2] == pytest.approx(angles)

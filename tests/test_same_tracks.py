@@ -101,23 +101,6 @@ def test_no_sum_of_blas_or_lapack_decides() -> None:
     assert not found, "use toolkit.kernels.linear"
 
 
-def test_digests_tell_tracks_apart_by_what_was_found_alone(tmp_path: Path, scripts: None) -> None:
-    from track_digests import digests_of
-
-    columns = {"pose": np.zeros((2, 3)), "state": np.zeros(2, dtype=np.uint8), "stage_ms": np.zeros((2, 1))}
-    other_times = {**columns, "stage_ms": np.ones((2, 1))}
-    other_pose = {**columns, "pose": np.nextafter(columns["pose"], 1.0)}
-    found = []
-    for number, arrays in enumerate((columns, other_times, other_pose)):
-        run = tmp_path / str(number)
-        run.mkdir()
-        np.savez(run / "track.npz", **arrays)
-        found.append(digests_of(run))
-    assert found[0] == found[1]
-    assert found[0]["state"] == found[2]["state"]
-    assert found[0]["pose"] != found[2]["pose"]
-
-
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_every_processor_is_tried_from_every_folder(count: int, scripts: None) -> None:
     from same_tracks import CORES, environments

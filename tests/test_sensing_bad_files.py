@@ -14,11 +14,10 @@ import pytest
 
 from tests import container_files
 from tests.container_files import mkv_recording, ros_recording
-from tests.fuzz_formats import FORMATS
+from tests.file_formats import FORMATS
 from tests.sensing_scenes import TOF, person_alone
 from toolkit.io.errors import RecordingError
 from toolkit.recordings.opening import open_recording
-from toolkit.recordings.readers.base import decoded
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
 
@@ -164,8 +163,3 @@ def test_frames_are_read_one_at_a_time_however_many_there_are(
     assert len(recording) == count
     _held(recording)
     assert _held(recording) < 5e6, "of 11 MB and more; bags are read in chunks of a megabyte"
-
-
-@pytest.mark.parametrize("content", [b"", b"\x00", b"\x89PNG\r\n"])
-def test_what_is_no_picture_is_decoded_to_nothing(content: bytes) -> None:
-    assert decoded(content, cv2.IMREAD_UNCHANGED) is None

@@ -70,15 +70,6 @@ def test_absurd_intrinsics_are_named(values, part):
         Camera(*values, 320, 240)
 
 
-def test_distortion_has_five_numbers():
-    with pytest.raises(RecordingError, match="five finite numbers"):
-        Camera(285, 285, 159, 120, 320, 240, (0.1, 0.2))
-
-
-def test_a_level_camera_flips_y_and_z():
-    np.testing.assert_allclose(level_rotation(np.array([0.0, -1.0, 0.0])), np.diag([1.0, -1.0, -1.0]))
-
-
 @given(st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 @settings(max_examples=50, deadline=None)
 def test_the_level_frame_is_a_rotation_with_up_as_y(tilt, roll):
@@ -97,12 +88,6 @@ def test_a_camera_that_looks_straight_down_or_up_is_the_limit_of_tilting_it(sign
     np.testing.assert_allclose(straight, level_rotation(up_of_tilt(sign * (np.pi / 2 - 0.1))), atol=0.11)
 
 
-@pytest.mark.parametrize("up", [(0, 0, 0), (np.nan, 1, 0), (1, 2)])
-def test_a_vertical_without_direction_is_an_error(up):
-    with pytest.raises(RecordingError, match="no direction"):
-        level_rotation(np.array(up, dtype=float))
-
-
 def test_a_cloud_is_the_back_projection_of_its_depth():
     depth = person_alone(TOF).astype(np.float32) / 1000
     rotation = level_rotation(up_of_tilt(0.3))
@@ -116,7 +101,3 @@ def test_a_cloud_is_the_back_projection_of_its_depth():
     np.testing.assert_allclose(TOF.project(cloud.points @ cloud.rotation), np.column_stack([u, v]), atol=1e-3)
     assert cloud.points.dtype == np.float32
     assert cloud.index.dtype == cloud.pixels.dtype == np.int32
-
-
-def test_an_empty_depth_image_is_an_empty_cloud():
-    assert len(Cloud.from_depth(np.zeros(TOF.shape, dtype=np.float32), TOF, np.eye(3))) == 0

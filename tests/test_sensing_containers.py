@@ -6,7 +6,6 @@ import json
 import sys
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -59,13 +58,6 @@ def test_an_old_realsense_bag_opens_with_its_camera_and_unit(data_folder: Path) 
     assert 1300 < np.median(depth[depth > 0]) < 1600 and depth.dtype == np.uint16
 
 
-def test_a_realsense_file_needs_no_further_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("pyrealsense2")
-    path = realsense_recording(tmp_path / "take.db3", 2)
-    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    assert len(open_recording(path)) == 2
-
-
 # ROS
 
 
@@ -77,13 +69,6 @@ def test_ros_recordings_open_with_camera_times_and_vertical(tmp_path: Path, name
     np.testing.assert_allclose(recording.timestamps, [0, 0.1, 0.2], atol=1e-6)
     np.testing.assert_allclose(recording.up_camera, up_of_tilt(0.2), atol=1e-6)
     assert_frames(recording, frames())
-
-
-def test_single_files_of_ros_2_open_without_their_folder(tmp_path: Path) -> None:
-    for name, suffix in (("sqlite", ".db3"), ("mcap", ".mcap")):
-        folder = ros_recording(tmp_path / f"take_{name}")
-        (file,) = folder.glob(f"*{suffix}")
-        assert_frames(open_recording(file), frames())
 
 
 def test_float_depth_is_metres_and_colour_aligned_to_it_is_kept(tmp_path: Path) -> None:
@@ -188,29 +173,6 @@ def test_a_real_kinect_recording_opens_with_colour_registered_to_depth(data_fold
     assert steps[jumps & known].mean() > 3 * steps[~jumps & known].mean()
 
 
-MKV_CASES: dict[str, tuple[dict[str, Any], str]] = {
-    "no depth": ({"tracks": [("IR", b"b16g")]}, "no depth track; its tracks are: IR"),
-    "two depth tracks": ({"tracks": [("DEPTH", b"b16g"), ("DEPTH", b"b16g")]}, "2 depth tracks"),
-    "a codec": ({"tracks": [("DEPTH", b"FFV1")]}, "coded as .*FFV1.*uncompressed"),
-    "a clock that jumps back": ({"times_us": (0, 20_000_000, 40_000_000)}, "20 s apart"),
-    "a clock that stands": ({"times_us": (5, 5, 5)}, "all timestamps"),
-    "no calibration": ({"known": {"CalibrationInformation": {"Cameras": []}}}, "calibration .* incomplete"),
-    "a calibration of text": ({"known": {"CalibrationInformation": "none"}}, "calibration .* incomplete"),
-}
-
-
-@pytest.mark.parametrize("kind", MKV_CASES)
-def test_a_kinect_recording_that_cannot_be_used_says_why(tmp_path: Path, kind: str) -> None:
-    changes, words = MKV_CASES[kind]
-    with pytest.raises(RecordingError, match=words):
-        open_recording(mkv_recording(tmp_path / "take.mkv", **changes)).depth(0)
-
-
-def test_intrinsics_given_win_over_the_calibration(tmp_path: Path) -> None:
-    recording = open_recording(mkv_recording(tmp_path / "take.mkv"), intrinsics=(250, 250, 160, 144))
-    assert recording.camera.fx == 250
-
-
 def test_a_short_frame_is_named_when_it_is_read(tmp_path: Path) -> None:
     segment = element(0x1654AE6B, mkv_track(1, "DEPTH", b"b16g", (320, 288)))
     blocks = mkv_block(1, 0, mkv_frames()[0].tobytes()) + mkv_block(1, 33, b"short")
@@ -257,23 +219,6 @@ def test_a_record3d_file_opens_with_the_camera_of_its_depth(tmp_path: Path) -> N
     np.testing.assert_allclose(recording.camera.intrinsics, TOF.intrinsics, atol=1e-9)
     np.testing.assert_allclose(recording.timestamps, [0, 0.1, 0.3], atol=1e-9)
     assert_frames(recording, frames())
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [({"dw": 10**9}, "damaged"), ({"K": [1, 2]}, "damaged"), ({"dh": None}, "damaged"), ({"w": 0}, "damaged")],
-)
-def test_a_record3d_file_of_nonsense_is_an_error(tmp_path: Path, changes: dict[str, object], words: str) -> None:
-    pytest.importorskip("lzfse")
-    with pytest.raises(RecordingError, match=words):
-        open_recording(phone_recording(tmp_path / "take.r3d", **changes))
-
-
-def test_broken_compression_is_an_error_when_it_is_read(tmp_path: Path) -> None:
-    pytest.importorskip("lzfse")
-    recording = open_recording(phone_recording(tmp_path / "take.r3d", b"no lzfse"))
-    with pytest.raises(RecordingError, match="damaged"):
-        recording.depth(0)
 
 
 def images(folder: Path, names: list[str]) -> None:

@@ -27,10 +27,6 @@ def whole(image):
     return np.array([1, image.shape[0] + 1, 1, image.shape[1] + 1])
 
 
-def neighbours(padded, dv, du):
-    return padded[1 + dv : padded.shape[0] - 1 + dv, 1 + du : padded.shape[1] - 1 + du].astype(int)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_components_are_those_of_the_pixel_graph(seed):
     image, padded = blobs(seed)
@@ -107,16 +103,6 @@ def test_contour_deletion_counts_supporting_neighbours(support):
     np.testing.assert_array_equal(out[1:-1, 1:-1], np.where(supported >= support, image, 0))
 
 
-def test_deleting_the_contour_of_a_flat_thing_is_erosion():
-    import cv2
-
-    image = np.zeros((40, 60), np.uint16)
-    cv2.ellipse(image, (30, 20), (20, 12), 20, 0, 360, 2000, -1)
-    out = np.zeros((42, 62), np.uint16)
-    kernels.delete_contour(np.pad(image, 1), whole(image), 30.0, 2.8, 8, out)
-    np.testing.assert_array_equal(out[1:-1, 1:-1], cv2.erode(image, np.ones((3, 3), np.uint8)))
-
-
 @pytest.mark.parametrize("step", [1, 2])
 def test_the_median_is_opencv_s_inside_and_the_lower_middle_at_edges(step):
     import cv2
@@ -135,34 +121,3 @@ def test_the_median_is_opencv_s_inside_and_the_lower_middle_at_edges(step):
     np.testing.assert_allclose(
         out[inside[::step, ::step]], cv2.medianBlur(image, 3)[::step, ::step][inside[::step, ::step]] / 1000, rtol=1e-6
     )
-
-
-def test_overlap_and_selection_follow_the_labels():
-    labels = np.pad(np.array([[1, 1, 2], [0, 2, 2]], np.int32), 1)
-    depth = np.pad(np.array([[5, 0, 5], [5, 5, 0]], np.uint16), 1)
-    box, overlap = np.array([1, 3, 1, 4]), np.empty(2, np.int64)
-    components.label_overlap(labels, box, 2, depth, overlap)
-    assert overlap.tolist() == [1, 2]
-    components.keep_labels(depth, box, labels, np.array([False, True, False]))
-    assert depth[1:-1, 1:-1].tolist() == [[5, 0, 0], [5, 0, 0]]
-    assert box.tolist() == [1, 2, 1, 3]
-
-
-def test_pixels_around_a_place_are_counted_within_the_image():
-    mask = np.random.default_rng(0).random((12, 17)) < 0.4
-    pixels = np.array([0, 16, 5 * 17 + 8, 11 * 17, 12 * 17 - 1])
-    counts, areas = np.empty((2, 5), dtype=np.int64)
-    kernels.count_around(mask, pixels, 3, counts, areas)
-    for i, pixel in enumerate(pixels):
-        v, u = divmod(int(pixel), 17)
-        window = mask[max(v - 3, 0) : v + 4, max(u - 3, 0) : u + 4]
-        assert (counts[i], areas[i]) == (window.sum(), window.size)
-
-
-def test_marking_leaves_the_rest_and_the_original_as_they_are():
-    depth = blobs(7)[0].astype(np.float32)
-    mask = np.random.default_rng(1).random(depth.shape) < 0.2
-    before, out = depth.copy(), np.empty_like(depth)
-    kernels.mark(depth, mask, np.nan, out)
-    assert np.array_equal(out, np.where(mask, np.float32(np.nan), depth), equal_nan=True)
-    assert np.array_equal(depth, before)

@@ -44,9 +44,3 @@ def test_a_join_eases_from_pose_to_pose() -> None:
     before, after = poses[19, 6:], poses[20 + JOIN, 6:]
     share = (poses[20 : 20 + JOIN, 6:] - before) / (after - before)
     np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-6)
-
-
-def test_one_part_is_itself() -> None:
-    poses, starts = joined(PARTS[:1])
-    np.testing.assert_array_equal(poses, PARTS[0])
-    assert starts == [0]

@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from toolkit.app.cli.main import main
-from toolkit.app.cli.simulate import each
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.output.export.bvh import export_bvh
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
-from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, boxes_mesh, read_boxes
+from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, read_boxes
 from toolkit.simulation.person import CHESTS, SimulatedPerson, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
@@ -84,15 +83,6 @@ def test_the_truth_of_several_people_and_of_nobody_is_read_back(tmp_path: Path, 
     np.testing.assert_array_equal(open_recording(tmp_path / "again.npz").joints, truth)
 
 
-def test_joints_of_another_number_of_frames_are_refused(tmp_path: Path) -> None:
-    recording = simulate_scene([SimulatedPerson(standing(2))], tmp_path / "scene.npz")
-    with pytest.raises(RecordingError, match="each of N people"):
-        save_recording(
-            tmp_path / "bad.npz", depth=recording.frames(), camera=recording.camera, timestamps=recording.timestamps,
-            joints=np.zeros((2, 5, 20, 3)),
-        )  # fmt: skip
-
-
 def test_a_recording_without_its_empty_scene_shows_the_same_room() -> None:
     with_room, cut = first_frame(SimulatedPerson(standing())), first_frame(SimulatedPerson(standing()), furnished=False)
     assert (with_room.depth > 0).mean() > 0.9
@@ -147,13 +137,6 @@ def test_who_sits_rests_on_the_seat_with_feet_on_the_floor(name: str, seed: int)
     assert abs(floor_of(body, poses)) < 0.03
 
 
-def test_a_sitter_keeps_what_the_arms_do() -> None:
-    clip = standing(3)
-    poses = seated(clip.poses, subject_body("neutral"), np.random.default_rng(0))
-    arms = [i for i, n in enumerate(skeleton.POSE_NAMES) if "shoulder" in n or "elbow" in n]
-    np.testing.assert_array_equal(poses[:, arms], clip.poses[:, arms])
-
-
 def test_whoever_sits_without_a_seat_gets_a_chair() -> None:
     sitter = SimulatedPerson(standing(), seated=True)
     chair, stool = (
@@ -180,20 +163,6 @@ def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(ga
     np.testing.assert_array_equal(worn.joint_positions(standing(1).poses), body.joint_positions(standing(1).poses))
     shown = [(first_frame(SimulatedPerson(standing(), body, clothes=c)).person == 0).sum() for c in ((), (garment,))]
     assert 1.03 * shown[0] < shown[1] < 2.0 * shown[0]
-
-
-def test_a_room_without_people_lasts_as_long_as_it_is_told() -> None:
-    simulation = prepare([], CaptureSettings(seconds=0.5))
-    frames = list(simulation.frames())
-    assert len(frames) == 15 and all((frame.person == -1).all() for frame in frames)
-    assert frames[0].joints.shape == (0, 20, 3)
-
-
-def test_a_box_is_closed_and_faces_outwards() -> None:
-    vertices, faces = boxes_mesh([Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))])
-    corners = vertices[faces]
-    volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
-    assert volume == pytest.approx(6.0)
 
 
 def test_boxes_are_read_from_a_file(tmp_path: Path) -> None:
@@ -235,14 +204,6 @@ def test_what_nobody_can_be_is_refused(told: dict[str, Any], words: str) -> None
         prepare([SimulatedPerson(standing(), **told)])
 
 
-def test_a_value_holds_for_everybody_or_for_one_each() -> None:
-    assert each(None, 2, "--yaw", 0.0) == [0.0, 0.0]
-    assert each([5.0], 2, "--yaw", 0.0) == [5.0, 5.0]
-    assert each([5.0, 6.0], 2, "--yaw", 0.0) == [5.0, 6.0]
-    with pytest.raises(UsageError, match="--yaw was given 2 times for 3 people"):
-        each([5.0, 6.0], 3, "--yaw", 0.0)
-
-
 def test_the_command_records_an_empty_room_with_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, output = tmp_path / "room.yaml", tmp_path / "room.npz"
     file.write_text("boxes:\n  - {low: [-0.4, 0, 0], high: [0.4, 1.6, 0.3]}\n")
@@ -270,18 +231,6 @@ def test_the_command_records_two_people_as_they_are_described(tmp_path: Path) ->
     np.testing.assert_allclose(pelvis[:, 0], [-0.5, 0.6], atol=0.03)
     heights = np.linalg.norm(head - pelvis, axis=1)
     assert 0.5 < heights[1] / heights[0] < 0.65
-
-
-def test_the_command_says_in_a_sentence_that_people_stand_in_each_other(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    clip = tmp_path / "still.bvh"
-    export_bvh(clip, subject_body("neutral"), standing(3).poses, 30.0)
-    with pytest.raises(SystemExit) as stopped:
-        main(["simulate", str(clip), str(clip), "-o", str(tmp_path / "x.npz"), "--at", "0,0", "--at", "0.05,0"])
-    assert stopped.value.code == 2
-    assert "person 2 is inside person 1" in capsys.readouterr().err
-    assert not (tmp_path / "x.npz").exists()
 
 
 def test_a_room_of_a_seed_is_furnished_around_people_and_hides_nobody() -> None:

@@ -17,13 +17,10 @@ from toolkit.app.stabilise.loop import StabiliseSettings, stabilise
 from toolkit.app.stabilise.source_run import open_source
 from toolkit.app.stabilise.workflow import output_folders, stabilise_run
 from toolkit.body import skeleton
-from toolkit.body.sole import FEET, Sole
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.evaluation.joint_errors import joint_errors
-from toolkit.fitting.placed import NormalSystem
-from toolkit.fitting.priors import LimbPrior
-from toolkit.io.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
+from toolkit.io.errors import RecordingError, RetrievalError, TrackError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes
@@ -55,40 +52,10 @@ def test_the_cheapest_path_is_the_best_of_all(seed):
     np.testing.assert_array_equal(cheapest_path(costs, angles, 0.3), best)
 
 
-def test_a_run_of_the_papers_own_tracker_is_stabilised(road: Path, tmp_path: Path) -> None:
-    typed("track", road / "take.npz", "--config", "baak2013", "--database", road / "poses.npz", "-o", tmp_path / "run")
-    typed("stabilise", tmp_path / "run", "--classes", road / "classes.npz", "-o", tmp_path / "stable")
-    assert len(Track.load(tmp_path / "stable")) == len(Track.load(tmp_path / "run"))
-
-
-def test_a_way_that_is_not_open_is_not_taken():
-    costs = np.array([[1.0, 1.0, 1.0], [np.inf, 0.0, np.inf]])
-    np.testing.assert_array_equal(cheapest_path(costs, np.zeros((2, 3, 1)), 0.1), [0, 1, 0])
-
-
-def test_a_limb_prior_is_the_gradient_of_its_energy():
-    rng = np.random.default_rng(0)
-    entries = ENTRIES[ARM]
-    prior = LimbPrior(0.3, entries, rng.normal(size=len(entries)), rng.uniform(0.1, 1.0, len(entries)))
-    pose, system = rng.normal(size=skeleton.POSE_SIZE), NormalSystem()
-    system.matrix[:], system.vector[:] = 0.0, 0.0
-    prior.add(system, pose)
-    numeric = np.array(
-        [(prior.energy(pose + step) - prior.energy(pose - step)) / 2e-6 for step in 1e-6 * np.eye(skeleton.POSE_SIZE)]
-    )
-    np.testing.assert_allclose(system.vector, numeric, atol=1e-7)
-    np.testing.assert_allclose(np.diag(system.matrix)[entries], 0.3 / prior.variance)
-
-
 def test_gaps_grow_and_meet_within_the_track():
     gaps = [Gap("left_arm", 5, 10), Gap("left_arm", 30, 40), Gap("left_leg", 50, 58)]
     assert widened(gaps, 60, 10) == [Gap("left_arm", 0, 50), Gap("left_leg", 40, 60)]
     assert widened(gaps, 60, 0) == gaps
-
-
-def test_impossible_settings_are_refused():
-    with pytest.raises(SettingsError, match="0 rounds"):
-        StabiliseSettings(rounds=0)
 
 
 @pytest.fixture(scope="module")
@@ -270,15 +237,6 @@ def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
     assert output_folders(runs, tmp_path / "out") == {run: tmp_path / "out" / run.name for run in runs}
     with pytest.raises(UsageError, match="two runs are called 'a'"):
         output_folders([tmp_path / "a", tmp_path / "c" / "a"], tmp_path / "out")
-
-
-def test_the_floor_is_that_of_the_run_else_below_the_soles(road: Path):
-    source = open_source(road / "run")
-    assert replace(source, info=replace(source.info, floor=[1.2])).floor == (-1.2, "run")
-    found = source.floor
-    lowest = min(Sole.of(source.body, leg).at(source.body, pose)[:, 1].min() for leg in FEET for pose in
-                 source.track.pose)  # fmt: skip
-    assert found.source == "soles" and lowest <= found.height <= lowest + 0.1
 
 
 def test_stabilise_takes_marks_and_says_what_became_of_them(road: Path, tmp_path: Path):

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.inertial_scenes import write_run
 from tests.test_stabilising_priors import BODY, classes_of
 from toolkit.app.stabilise.demands import Demands, floor_term
-from toolkit.app.stabilise.loop import Round, best_round
 from toolkit.body import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.fitting.placed import NormalSystem
@@ -32,7 +29,6 @@ from toolkit.retrieval.priors.marks import (
     tracking_priors,
 )
 from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
-from toolkit.tracks import RunInfo
 
 STANDING = np.zeros(skeleton.POSE_SIZE)
 
@@ -123,13 +119,6 @@ def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does
     assert violated
 
 
-def test_nothing_is_demanded_of_a_limb_of_which_nothing_is_marked():
-    demands = Demands(BODY, STANDING[None], np.zeros(1))
-    assert demands.term("left_arm", demanded(7, 1), 0) is None
-    assert demands.term("right_arm", np.full(len(FEATURES), WILDCARD), 0) is None
-    assert demands.term("left_arm", demanded(2, 1), 0) is None  # nothing is known of before
-
-
 @pytest.mark.parametrize(("number", "side"), ((1, "right"), (2, "left")))
 def test_a_hand_that_moves_to_the_front_is_pulled_before_its_place_of_shortly_before(number: int, side: str) -> None:
     limb, times = f"{side}_arm", np.arange(5) / 30.0
@@ -168,15 +157,6 @@ def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
         np.testing.assert_allclose(after, standing, atol=0.03)
 
 
-@pytest.mark.parametrize("leg", list(FEET))
-def test_heel_and_ball_lie_on_the_floor_behind_and_before_the_ankle(leg: str) -> None:
-    sole = Sole.of(BODY, leg)
-    ankle = BODY.joints[sole.joint]
-    heel, ball = sole.points
-    assert heel[2] < -0.03 and ball[2] > 0.08 and abs(heel[0]) < 1e-9
-    np.testing.assert_allclose(sole.points[:, 1] + ankle[1], BODY.vertices[:, 1].min(), atol=0.005)
-
-
 def test_a_resting_sole_is_held_along_the_ground_and_to_its_floor() -> None:
     sole = Sole.of(BODY, "left_leg")
     term = floor_term(BODY, "left_leg", ENTRIES["left_leg"], -0.9, sole.at(BODY, STANDING))
@@ -213,23 +193,6 @@ def test_marks_that_cannot_be_are_refused(tmp_path, text: str, match: str):
     (tmp_path / "marks.yaml").write_text(text)
     with pytest.raises(RetrievalError, match=match):
         load_marks(tmp_path / "marks.yaml", [MotionClass("bend", template(np.ones((40, 9))))])
-
-
-def test_a_floor_is_kept_in_the_run(tmp_path):
-    run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
-    replace(RunInfo.load(run), floor=[0.9]).save(run)
-    assert RunInfo.load(run).floor == [0.9]
-
-
-def test_the_best_round_is_the_last_unless_an_earlier_one_explains_more():
-    def rounds(*after: float) -> list[Round]:
-        blank: Any = None
-        return [Round(None, (), (), blank, 0.0, blank, 0.0, distance) for distance in after]
-
-    better = rounds(0.030, 0.028, 0.0282)
-    assert best_round(better) is better[-1]
-    worse = rounds(0.030, 0.024, 0.029)
-    assert best_round(worse) is worse[1]
 
 
 def test_classes_learnt_from_clips_mark_themselves():

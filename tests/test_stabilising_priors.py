@@ -15,19 +15,18 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import RetrievalError
-from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
-from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion, Example, learn_motion
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.class_motion import ANGLES, Example, learn_motion
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes, save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
 from toolkit.retrieval.priors.bridge import End, bridge
-from toolkit.retrieval.priors.expectation import GapContext, expect, fill
+from toolkit.retrieval.priors.expectation import GapContext, fill
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
-from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, LIMBS_OF_FEATURE, OUTER
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 
 BODY = load_body("neutral")
@@ -77,13 +76,6 @@ def test_a_trace_costs_what_the_cheapest_of_all_paths_costs(seed, hidden):
     assert (np.diff(inside) >= 0).all() and (np.diff(inside) <= 2).all()
 
 
-def test_what_cannot_be_aligned_has_no_trace():
-    rng = np.random.default_rng(0)
-    cost, columns = template_of(rng, 9).trace(document_of(rng, 3), np.zeros(3, dtype=np.uint64))
-    assert np.isinf(cost) and (columns == -1).all()
-    assert dtw.trace(*template_of(rng, 2).packed, np.empty(0, np.uint64), np.empty(0, np.uint64))[1].size == 0
-
-
 def gaussian_bridge(times: np.ndarray, memory: float, offsets: list[tuple[float, float, float]], spread: float):
     """An Ornstein-Uhlenbeck process given values at some times, by conditioning a Gaussian: mean and variance."""
     known = np.array([time for time, _, _ in offsets])
@@ -120,13 +112,6 @@ def test_a_bridge_passes_through_both_ends_and_forgets_them_far_away(memory, len
     assert abs(found.mean[1, 0] - 0.7) <= 2.0 * np.exp(-0.5 * length / memory) * max(abs(left), abs(right)) + 1e-9
 
 
-def test_a_bridge_without_ends_is_the_expected_motion():
-    expected = np.random.default_rng(0).normal(size=(5, 3))
-    found = bridge(expected, np.full((5, 3), 0.2), 0.5, np.arange(1, 6) / 30, 0.2, None, None)
-    np.testing.assert_array_equal(found.mean, expected)
-    np.testing.assert_allclose(found.variance, 0.04)
-
-
 @cache
 def example_of(name: str, seed: int = 0, rate: float = 30.0, frames: int | None = None) -> Example:
     poses = procedural_clips([name], rate=rate, body=BODY, seed=seed)[0].poses[:frames]
@@ -153,15 +138,6 @@ def test_a_class_motion_lies_between_clips_of_different_speeds():
     assert motion.spread.max() < 0.6
 
 
-def test_clips_without_a_pose_for_each_column_are_refused():
-    example = example_of("knee_to_elbow")
-    template = MotionTemplate.of([example.features])
-    with pytest.raises(RetrievalError, match="columns but 5 poses"):
-        learn_motion(template, [Example(example.features, example.poses[:5])])
-    with pytest.raises(RetrievalError, match="at least one training clip"):
-        learn_motion(template, [])
-
-
 @cache
 def classes_of(*names: str, frames: int | None = None) -> list[MotionClass]:
     examples = {name: [example_of(name, seed, frames=frames) for seed in (0, 1)] for name in names}
@@ -177,13 +153,6 @@ def test_classes_keep_their_motions_in_their_file(tmp_path):
     for before, after in zip(classes, load_classes(tmp_path / "classes.npz"), strict=True):
         for name in ("mean", "spread", "covariance", "memory"):
             np.testing.assert_array_equal(getattr(after.motion, name), getattr(before.motion, name))
-
-
-def test_a_class_that_does_not_know_how_it_moves_is_kept_without_a_motion(tmp_path):
-    save_classes(tmp_path / "classes.npz", [replace(c, motion=None) for c in classes_of("knee_to_elbow")])
-    (read,) = load_classes(tmp_path / "classes.npz")
-    assert read.motion is None
-    assert Annotator([read]).annotate(example_of("knee_to_elbow").features).segments
 
 
 def test_classes_of_another_body_are_refused(tmp_path):
@@ -208,18 +177,6 @@ def test_a_limb_that_is_hidden_throughout_is_told_by_the_class_alone():
     assert np.abs(found.mean - poses[:, ENTRIES["left_arm"]]).mean() < 0.35
 
 
-def test_a_class_motion_of_impossible_shape_is_refused():
-    with pytest.raises(RetrievalError, match="learn the classes again"):
-        ClassMotion(np.zeros((3, ANGLE_COUNT)), np.ones((2, ANGLE_COUNT)), np.eye(ANGLE_COUNT), 1.0)
-
-
-def test_each_feature_is_of_the_limbs_that_its_words_name():
-    assert LIMBS_OF_FEATURE[6] == ("right_arm",) and LIMBS_OF_FEATURE[7] == ("left_arm",)
-    assert LIMBS_OF_FEATURE[8] == ("left_arm", "right_arm")
-    assert LIMBS_OF_FEATURE[14] == LIMBS_OF_FEATURE[22] == ("left_leg", "right_leg")
-    assert LIMBS_OF_FEATURE[24] == ("right_leg",) and LIMBS_OF_FEATURE[31] == ()
-
-
 def confidence_of(frames: int, limb: str, *gaps: tuple[int, int]) -> np.ndarray:
     confidence = np.full((frames, 20), 0.9)
     for start, stop in gaps:
@@ -231,12 +188,6 @@ def test_gaps_are_where_a_limb_has_no_support():
     confidence = confidence_of(60, "left_arm", (20, 40))
     (gap,) = find_gaps(confidence, np.ones(60, bool))
     assert gap.limb == "left_arm" and abs(gap.start - 20) <= 2 and abs(gap.stop - 40) <= 2
-
-
-def test_near_gaps_are_one_and_short_ones_none(monkeypatch):
-    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
-    joined = find_gaps(confidence_of(60, "right_leg", (10, 20), (22, 30), (40, 43)), np.ones(60, bool))
-    assert joined == [Gap("right_leg", 10, 30)]
 
 
 def test_a_gap_ends_where_nobody_is_there(monkeypatch):
@@ -290,13 +241,6 @@ def test_repetitions_alone_tell_a_limb_where_it_was_seen_before():
     assert source == "repetitions"
     away = np.abs(found.mean - poses[gap.start : gap.stop, ENTRIES["right_arm"]])
     assert np.median(away) < 0.15
-
-
-def test_what_no_label_covers_wanders():
-    poses = example_of("semaphore").poses
-    told = told_of(poses, hiding(len(poses), "left_arm", 5, 9))
-    found = expect(told, "left_arm", np.arange(5, 9))
-    assert found.source == "interpolation" and (found.spread > 0.5).all()
 
 
 def test_the_cheaper_of_overlapping_stretches_counts():

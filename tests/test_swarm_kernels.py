@@ -9,8 +9,6 @@ from tests.support.subjects import LEVEL, moving_poses
 from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.balls import Balls
-from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import swarm as kernel
 from toolkit.kernels.image import raster
 from toolkit.sensing.camera import Camera
@@ -51,22 +49,6 @@ def drawn(pose: np.ndarray, kind: str) -> tuple[np.ndarray, kernel.Buffers]:
     return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0), buffers
 
 
-def twin_balls(pose: np.ndarray) -> np.ndarray:
-    """Where rays through pixel centres meet the balls, one by one."""
-    balls, placed = Balls.of_body(BODY), BODY.place(pose)
-    depth = np.full(CAMERA.shape, np.inf)
-    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
-    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
-    for joint, offset, radius in zip(balls.joint, balls.offset, balls.radius, strict=True):
-        centre = (placed.origins[joint] + placed.rotations[joint] @ offset) @ LEVEL
-        a, b = (rays**2).sum(axis=-1), (rays * centre).sum(axis=-1)
-        inside = b**2 - a * (centre @ centre - radius**2)
-        hit = inside > 0
-        near = (b - np.sqrt(np.where(hit, inside, 0.0))) / a
-        depth = np.where(hit, np.minimum(depth, near), depth)
-    return np.where(np.isfinite(depth), depth, 0.0)
-
-
 def twin_cost(depth: np.ndarray, seen: np.ndarray, clamp: float) -> float:
     """Eq. 3 without its division, pixel by pixel."""
     total = 0.0
@@ -83,18 +65,6 @@ def test_joints_are_placed_as_the_body_places_them(pose: np.ndarray) -> None:
     placed = BODY.place(pose)
     np.testing.assert_allclose(buffers.origins, placed.origins @ LEVEL, atol=1e-9)
     np.testing.assert_allclose(buffers.rotations, LEVEL.T @ placed.rotations, atol=1e-9)
-
-
-@pytest.mark.parametrize("pose", POSES)
-def test_balls_are_where_rays_meet_spheres(pose: np.ndarray) -> None:
-    np.testing.assert_allclose(drawn(pose, "balls")[0], twin_balls(pose), atol=1e-9)
-
-
-def test_a_ball_at_the_camera_is_not_drawn() -> None:
-    pose = np.zeros(skeleton.POSE_SIZE)
-    assert not drawn(pose, "balls")[0].any()
-    pose[2] = 3.0  # behind it
-    assert not drawn(pose, "balls")[0].any() and not drawn(pose, "mesh")[0].any()
 
 
 @pytest.mark.parametrize("pose", POSES[:3])
@@ -114,23 +84,6 @@ def test_the_mesh_is_where_rays_meet_it() -> None:
     both = (ours > 0) & (cast > 0)
     assert both.sum() > 200 and ((ours > 0) != (cast > 0)).sum() <= 3
     assert np.abs(ours - cast)[both].max() < 1e-3
-
-
-def test_front_faces_are_those_that_a_loop_with_branches_keeps() -> None:
-    rng = np.random.default_rng(0)
-    projected = np.concatenate([rng.uniform(-10, 70, (80, 2)), rng.choice([0.0, 0.3, 0.5], (80, 1))], axis=1)
-    faces = rng.integers(0, 80, (400, 3))
-    front = np.empty(400, dtype=np.int64)
-    count = raster.front_faces(projected, faces, 40, 50, front)
-    expected = []
-    for f, face in enumerate(faces):
-        (ax, ay, wa), (bx, by, wb), (cx, cy, wc) = projected[face]
-        u = range(max(0, int(np.ceil(min(ax, bx, cx)))), min(49, int(np.floor(max(ax, bx, cx)))) + 1)
-        v = range(max(0, int(np.ceil(min(ay, by, cy)))), min(39, int(np.floor(max(ay, by, cy)))) + 1)
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        if wa and wb and wc and area < -1e-12 and len(u) and len(v):
-            expected.append(f)
-    assert front[:count].tolist() == expected and 20 < count < 200
 
 
 def mixed(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -208,30 +161,12 @@ def test_the_depth_term_is_zero_at_the_pose_that_drew_the_image() -> None:
         assert (found(found.position_of(POSES[1:])) > 1e-3).all()
 
 
-def test_pixels_of_one_kind_alone_cost_the_clamp_and_unknown_ones_nothing() -> None:
-    depth, inverse = np.array([[2.0, 0.0, np.nan, 2.0, 2.0, np.nan, 0.0]]), np.array([[0.0, 0.5, 0.5, 0.5, 0.4, 0, 0]])
-    assert kernel.depth_cost(depth, inverse, 0.3, np.empty(7)) == pytest.approx(0.3 + 0.3 + 0.3)
-    assert kernel.depth_cost(depth, inverse, 10.0, np.empty(7)) == pytest.approx(10.0 + 10.0 + 0.5)
-
-
 def test_a_smaller_body_does_not_pay() -> None:
     image = SmallImage(drawn(POSES[0], "mesh")[0], np.array(CAMERA.intrinsics), 2.8)
     settings = DiscrepancySettings("mesh")
     own, small = (Discrepancy(b, image, None, LEVEL, POSES[0], settings) for b in (BODY, BODY.scaled(0.7)))
     position = own.position_of(POSES[:1])
     assert small(position)[0] > own(position)[0] + 0.05
-
-
-def test_the_scale_of_the_image_does_not_matter_to_joints() -> None:
-    truth = BODY.joint_positions(POSES[0]) @ LEVEL
-    seen = SeenJoints(truth[:, :2] / truth[:, 2:], truth, np.ones(20))
-    costs = []
-    for scale in (1, 3):
-        image = SmallImage(np.full((4 * scale, 4 * scale), 2.8), scale * np.array([4.0, 4.0, 2.0, 2.0]), 2.8)
-        found = Discrepancy(BODY, image, seen, LEVEL, POSES[0], DiscrepancySettings()).joints_alone()
-        costs.append(found(found.position_of(POSES)))
-    assert np.array_equal(*costs)
-    assert costs[0][0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_joints_without_confidence_or_too_few_of_them_change_nothing() -> None:
@@ -272,14 +207,6 @@ def test_the_small_image_holds_the_persons_box_and_what_is_known() -> None:
     assert (u, v) == pytest.approx(((75 - 68.25) / 0.5 - 0.5, (52 - 37) / 0.625 - 0.5))
 
 
-def test_positions_and_poses_are_there_and_back() -> None:
-    image = SmallImage(drawn(POSES[0], "balls")[0], np.array(CAMERA.intrinsics), 2.8)
-    found = Discrepancy(BODY, image, None, LEVEL, POSES[3], DiscrepancySettings())
-    assert np.allclose(found.position_of(POSES[3])[skeleton.ROOT_ROTATION], 0.0, atol=1e-12)
-    for position, pose in zip(found.position_of(POSES), POSES, strict=True):
-        np.testing.assert_allclose(found.pose_of(position), pose, atol=1e-12)
-
-
 def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
     """Eq. 3: one number for all poses, so that small silhouettes do not pay, and at least half of the person's."""
     depth = drawn(POSES[0], "balls")[0]
@@ -295,19 +222,3 @@ def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
         assert least <= share <= most
         share = max(share, 0.5)
         np.testing.assert_allclose(found(found.position_of(POSES)) * share, plain(plain.position_of(POSES)), rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"figure": "cones"}, "balls, mesh"),
-        ({"clamp": 0.0}, "the most that a pixel costs"),
-        ({"depth": 0.0, "joints_2d": 0.0, "joints_3d": 0.0}, "not all"),
-        ({"depth": -1.0}, "at least 0"),
-        ({"width": 1}, "at least 2x2"),
-        ({"fewest": 0}, "fewest"),
-    ],
-)
-def test_settings_that_compare_nothing_are_refused(wrong: dict, said: str) -> None:
-    with pytest.raises(SettingsError, match=said):
-        DiscrepancySettings(**wrong)

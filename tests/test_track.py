@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import os
 import signal
 import subprocess
@@ -17,7 +16,6 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import write_recording
-from toolkit.app.pipeline import watch
 from toolkit.body import skeleton
 from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
@@ -62,11 +60,6 @@ def test_a_track_read_back_equals_the_rows_that_were_appended(tmp_path: Path) ->
     np.testing.assert_array_equal(track.timestamps, np.arange(5) / 30)
     assert track.joints.dtype == np.float32 and track.pose.dtype == np.float64 and track.state.dtype == np.uint8
     assert [p.name for p in tmp_path.iterdir()] == ["track.npz"]
-
-
-def test_a_track_of_no_frames_can_be_finished(tmp_path: Path) -> None:
-    TrackWriter(tmp_path, STAGES, SOURCES).finish()
-    assert len(Track.load(tmp_path)) == 0
 
 
 def test_a_killed_process_keeps_every_appended_row_and_a_resumed_writer_goes_on(tmp_path: Path) -> None:
@@ -140,47 +133,6 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(writer, "open_file", full)
     with pytest.raises(OutputError, match="No space left"):
         TrackWriter(tmp_path, STAGES, SOURCES)
-
-
-def test_a_log_on_a_full_disk_says_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(watch, "open_file", lambda *_, **__: open("/dev/full", "w+b", buffering=0))
-    with watch.log_file(tmp_path):
-        logging.getLogger("toolkit.tracks").info("a line")
-    assert capsys.readouterr().err == ""
-
-
-def test_a_disk_that_fills_up_keeps_the_rows_before(tmp_path: Path) -> None:
-    """A file size limit stands in for the end of the disk: the write of one record is cut short, as on a full disk."""
-    script = textwrap.dedent(
-        """
-        import resource, signal, sys
-        from tests.test_track import SOURCES, STAGES, result
-        from toolkit.io.errors import OutputError
-        from toolkit.tracks import TrackWriter
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        writer = TrackWriter(sys.argv[1], STAGES, SOURCES)
-        writer.append(result(0), 0)
-        size = (writer.run / "track.partial").stat().st_size
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, size + 100))
-        try:
-            writer.append(result(1), 1)
-        except OutputError as error:
-            print(error)
-        """
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True, cwd=Path(__file__).parents[1]
-    )
-    assert "cannot write frame 1" in run.stdout and "--resume" in run.stdout, run.stderr
-    assert TrackWriter(tmp_path, STAGES, SOURCES, resume=True).rows == 1
-
-
-def test_an_unwritable_folder_is_one_sentence(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="choose a folder"):
-        TrackWriter(tmp_path / "file" / "run", STAGES, SOURCES)
 
 
 def test_a_damaged_track_is_named(tmp_path: Path) -> None:
@@ -280,13 +232,6 @@ def test_run_information_that_cannot_be_is_named(tmp_path: Path, changes: dict[s
         RunInfo.load(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["[]", "{", "nothing", '{"recording": NaN}', "[" * 100_000])
-def test_run_information_that_is_none_is_named(tmp_path: Path, text: str) -> None:
-    (tmp_path / "run.json").write_text(text)
-    with pytest.raises(TrackError, match="run.json"):
-        RunInfo.load(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
@@ -313,8 +258,3 @@ def test_a_track_that_cannot_be_is_named(
     np.savez(tmp_path / "track.npz", **{**arrays, name: change(arrays[name])})
     with pytest.raises(TrackError, match=words):
         Track.load(tmp_path)
-
-
-def test_a_recording_in_the_place_of_a_run_is_named(tmp_path: Path) -> None:
-    with pytest.raises(TrackError, match="is a recording and no track; track it first"):
-        Track.load(write_recording(tmp_path / "take.npz", 2))

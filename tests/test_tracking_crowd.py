@@ -72,22 +72,3 @@ def test_who_comes_later_has_rows_for_the_frames_before() -> None:
     second = [row for _, rows in rows_of(crowd) for row in rows if row.person == 2]
     assert [row.frame for row in second] == list(range(40))
     assert [row.timestamp for row in second] == pytest.approx([k / 20 for k in range(40)])
-
-
-def test_without_learning_every_row_comes_with_its_frame() -> None:
-    tracker = FakeTracker()
-    came = rows_of(MultiPersonTracker(tracker, FakeFinder(), UP))
-    assert [[row.frame for row in rows if row.person == 1] for _, rows in came[1:]] == [
-        [0, 1],
-        *([k] for k in range(2, 40)),
-    ]
-    assert tracker.learnt == []
-
-
-def test_who_was_seen_too_shortly_is_learnt_from_what_there_is_at_the_end() -> None:
-    tracker = FakeTracker(learning_seconds=9.0)
-    crowd = MultiPersonTracker(tracker, FakeFinder(), UP)
-    assert not any(rows for _, rows in rows_of(crowd)) and not crowd.settled
-    rows = crowd.finish()
-    assert [row.frame for row in rows if row.person == 1] == list(range(40)) and crowd.settled
-    assert tracker.learnt == [39, 30] and crowd.bodies[2].scale == LEARNT

@@ -18,7 +18,6 @@ from tests.fake_regressor import (
     FakeObserver,
     FakeSearch,
     compared,
-    observation,
     pose_at,
     says,
 )
@@ -102,12 +101,6 @@ def test_on_a_first_frame_a_likely_pose_wins_over_one_that_is_hardly_nearer() ->
     assert won == ["joints", "extrema"]
 
 
-def test_of_one_search_the_nearest_hypothesis_wins() -> None:
-    answers = Proposal((says("extrema", pose_at(2.0)), says("joints", pose_at(1.0)), says("extrema", pose_at(3.0))))
-    person = follower([FakeSearch("first", answers)], distances={1.0: NEAR, 2.0: FAR, 3.0: HOPELESS})
-    assert SOURCES[step(person).source] == "joints"
-
-
 def improving(source: str, pose: np.ndarray) -> Callable[[PersonState, ScoredHypothesis | None], Proposal]:
     """An answer that takes the place of the best hypothesis."""
     return lambda state, best: Proposal((Hypothesis(source, pose, improves=best),))
@@ -119,29 +112,6 @@ def test_what_improves_a_hypothesis_takes_its_place_even_from_farther_away() -> 
     assert SOURCES[step(follower([said, better], distances={1.0: NEAR, 2.0: FAR})).source] == "arms"
     plain = FakeSearch("second", Proposal((says("arms", pose_at(2.0)),)))
     assert SOURCES[step(follower([said, plain], distances={1.0: NEAR, 2.0: FAR})).source] == "local"
-
-
-def test_what_improves_a_hypothesis_leaves_the_others_in_the_race() -> None:
-    said = FakeSearch("first", Proposal((says("local", pose_at(1.0)), says("joints", pose_at(3.0)))))
-    better = FakeSearch("second", improving("arms", pose_at(2.0)))
-    result = step(follower([said, better], distances={1.0: NEAR, 2.0: HOPELESS, 3.0: FAR}))
-    assert SOURCES[result.source] == "joints"
-
-
-def test_the_best_that_searches_are_told_and_the_winner_are_chosen_by_one_cost() -> None:
-    near = Hypothesis("extrema", pose_at(0.0), compared(NEAR, energy=0.3))
-    likely = Hypothesis("joints", pose_at(1.0), compared(NEAR + 0.01, energy=0.0))
-    for state, expected in (({}, "joints"), (followed(), "extrema")):
-        told = FakeSearch("second", NOTHING)
-        result = step(follower([FakeSearch("first", Proposal((near, likely))), told], **state))
-        best = told.asked[0][2]
-        assert best is not None and best.hypothesis.source == SOURCES[result.source] == expected
-
-
-def test_a_comparison_that_a_search_brings_is_not_made_again() -> None:
-    person = follower([FakeSearch("first", Proposal((says("local", pose_at(9.0), NEAR),)))])
-    assert step(person).state == TRACKED
-    assert person.objective.bounds == []
 
 
 def test_a_person_of_unknown_size_gets_the_body_that_the_winner_was_found_with() -> None:
@@ -225,20 +195,6 @@ def test_every_search_is_told_the_frame_the_state_and_the_best_so_far() -> None:
     assert observer.states == [before]
 
 
-def test_a_cloud_of_too_few_points_is_nobody_and_no_search_is_asked() -> None:
-    search = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))
-    person = follower([search], **followed())
-    assert step(person, sighting(299)).state == EMPTY
-    assert not search.asked
-    assert person.observation is None
-    assert step(person, sighting(300)).state == TRACKED
-
-
-def test_without_a_sighting_nobody_is_there() -> None:
-    person = follower([FakeSearch("first", NOTHING)], **followed())
-    assert person.step(None, 1.0, StageClock(STAGES)).state == EMPTY
-
-
 def test_the_random_numbers_go_on_from_frame_to_frame_and_are_those_of_the_seed() -> None:
     search = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))
     person = follower([search])
@@ -261,43 +217,6 @@ def test_what_a_search_carries_comes_back_to_it_in_the_next_frame() -> None:
 # What is remembered
 
 
-def test_the_winner_is_remembered_with_its_joints_tips_and_extrema() -> None:
-    person = follower([FakeSearch("first", Proposal((says("extrema", pose_at(1.0), NEAR),)))])
-    step(person, timestamp=4.0)
-    state, body = person.state, load_body("neutral")
-    assert state.previous is not None and state.pose is not None
-    assert state.previous.pose[0] == state.pose[0] == 1.0
-    assert state.previous.joints == pytest.approx(body.joint_positions(pose_at(1.0)))
-    assert state.previous.effectors == pytest.approx(body.end_effector_positions(pose_at(1.0)))
-    assert state.previous.extrema == pytest.approx(observation().extrema.points[:5])
-    assert state.centre is CENTRE and state.facing is FACING
-    assert state.timestamp == 4.0 and state.lost == 0
-
-
-def test_fewer_than_five_extrema_are_not_remembered() -> None:
-    observer = FakeObserver(observation(extrema=4))
-    person = follower([FakeSearch("first", Proposal((says("extrema", pose_at(1.0), NEAR),)))], observer=observer)
-    step(person)
-    assert person.state.previous is not None and person.state.previous.extrema is None
-
-
-@pytest.mark.parametrize("continues", [True, False])
-def test_a_step_says_something_about_the_next_one_only_where_the_winner_continues(continues: bool) -> None:
-    answer = Proposal((says("local", pose_at(1.0), NEAR, continues=continues),))
-    person = follower([FakeSearch("first", answer)], **followed())
-    step(person)
-    before = person.state.previous.before if person.state.previous else None
-    assert (before is not None) == continues
-    if before is not None:
-        assert before[0] == 0.0
-
-
-def test_a_first_frame_has_no_step_before_it() -> None:
-    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR, continues=True),)))])
-    step(person)
-    assert person.state.previous is not None and person.state.previous.before is None
-
-
 def test_patience_lasts_its_seconds_and_then_the_person_is_looked_for_anew() -> None:
     person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), HOPELESS),)))], **followed())
     states = []
@@ -306,21 +225,6 @@ def test_patience_lasts_its_seconds_and_then_the_person_is_looked_for_anew() -> 
         states.append((person.state.lost, person.state.previous is None))
     assert states == [(1, False), (2, False), (0, True), (1, False)]
     assert person.state.pose is not None
-
-
-def test_a_frame_that_is_explained_again_ends_a_loss() -> None:
-    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))], **followed(lost=2))
-    assert step(person).state == TRACKED
-    assert person.state.lost == 0
-
-
-@pytest.mark.parametrize(
-    ("state", "turns"), [(followed(), 1), (followed(lost=1), 0), ({}, 0)], ids=["all well", "lost", "first"]
-)
-def test_turns_are_counted_while_all_is_well(state: dict[str, object], turns: int) -> None:
-    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))], **state)
-    step(person)
-    assert person.state.turn == turns
 
 
 def test_who_goes_away_may_come_back_anywhere() -> None:
@@ -372,14 +276,6 @@ def test_a_step_replaces_the_state_once(monkeypatch: pytest.MonkeyPatch) -> None
             person.step(seen, 1.0, StageClock(STAGES))
         assert replaced.count("state") == 1
         replaced.clear()
-
-
-def test_a_step_replaces_the_state_and_leaves_the_old_one_as_it_was() -> None:
-    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))], **followed())
-    before, exported = person.state, str(person.state.export())
-    step(person)
-    assert person.state is not before
-    assert str(before.export()) == exported
 
 
 def test_unobserved_limbs_do_not_jump_where_the_winner_does_not_continue() -> None:
@@ -461,13 +357,6 @@ def test_the_smoother_changes_what_is_reported_and_nothing_that_the_next_frame_g
     assert result.joints == pytest.approx(load_body("neutral").joint_positions(result.pose) @ ROTATION, abs=1e-6)
     assert person.state.pose is not None and person.state.pose[0] == 1.0
     assert person.state.smoothed is not None and person.state.smoothed[1] == 1.0
-
-
-def test_times_are_booked_under_each_search() -> None:
-    searches = [FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),))), FakeSearch("second", NOTHING)]
-    result = step(follower(searches))
-    assert result.stage_ms.shape == (len(STAGES),)
-    assert (result.stage_ms > 0.0).all()
 
 
 def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:

@@ -9,20 +9,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, poses_of, sensors_of, write_run
-from toolkit.app.cli.guiding import SensorGuideOptions
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import load_body
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
-from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock
-from toolkit.io.errors import InertialError, UsageError
+from toolkit.io.errors import InertialError
 from toolkit.kernels.fit import twists
 from toolkit.sensing.camera import Camera
-from toolkit.tracking.guide import InertialGuide, NoGuide, clock_of
+from toolkit.tracking.guide import InertialGuide
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
@@ -122,20 +120,6 @@ def test_a_calibrated_guide_says_where_the_limbs_point(placer):
     assert sum(term.axis >= 0 for term in terms) == 2, "of forearms the direction alone counts"
 
 
-def test_a_time_without_packets_has_no_evidence():
-    guide, motion = guide_of()
-    assert guide.evidence(float(motion.times[-1]) + 5.0, LEVEL) == []
-    assert NoGuide().evidence(0.0, LEVEL) == ()
-
-
-def test_the_clock_is_that_of_the_recording():
-    one, two = TakeClock(0.1, 1.0, {}), TakeClock(0.2, 1.0, {})
-    assert clock_of(Calibration("robust", "shared", {}, {"a": one}), "whatever") == one
-    assert clock_of(Calibration("robust", "shared", {}, {"a": one, "b": two}), "b") == two
-    with pytest.raises(InertialError, match="knows the clocks of a, b, not that of c"):
-        clock_of(Calibration("robust", "shared", {}, {"a": one, "b": two}), "c")
-
-
 def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
     from toolkit.inertial.workflow import take_of
     from toolkit.io.files import sha256_of
@@ -147,15 +131,6 @@ def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
     replace(RunInfo.load(run), sensors_sha256=sha256_of(sensors)).save(run)
     with pytest.raises(InertialError, match="was tracked with these very sensors"):
         take_of(run, sensors)
-
-
-def test_sensors_and_calibration_go_together(tmp_path):
-    with pytest.raises(UsageError, match="go together"):
-        SensorGuideOptions(inertial=tmp_path / "sensors.npz").guide([tmp_path / "take.npz"])
-    with pytest.raises(UsageError, match="belong to one recording"):
-        both = SensorGuideOptions(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
-        both.guide([tmp_path / "a.npz", tmp_path / "b.npz"])
-    assert SensorGuideOptions().guide([tmp_path / "take.npz"]) is None
 
 
 def test_a_disagreement_costs_what_geman_and_mcclure_say(placer):

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +20,6 @@ from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
-from toolkit.io.errors import SettingsError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
 from toolkit.recordings.opening import open_recording
@@ -32,7 +28,6 @@ from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
-from toolkit.tracking.search.local_search import least_turn
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
@@ -144,12 +139,6 @@ def saved(path: Path, like: Recording, frames: list[np.ndarray], **changes: obje
 # Following
 
 
-def test_the_first_frame_is_found_without_a_pose(results: list[FrameResult], recording: Recording) -> None:
-    assert results[0].state == TRACKED
-    assert SOURCES[results[0].source] == "extrema"
-    assert errors(results[:1], recording).mean() < 0.03
-
-
 def test_a_motion_that_is_not_in_the_database_is_followed(results: list[FrameResult], recording: Recording) -> None:
     check_sound(results)
     assert all(result.state == TRACKED for result in results)
@@ -251,12 +240,6 @@ def test_an_arm_that_went_wrong_comes_back(database: PoseDatabase, recording: Re
 # Momentum
 
 
-def test_the_least_turn_goes_the_short_way_round() -> None:
-    assert least_turn(np.array([0.0, 3.1, 0.0]), np.array([0.0, -3.1, 0.0])) == pytest.approx([0, 2 * np.pi - 6.2, 0])
-    assert least_turn(np.array([0.0, 0.5, 0.0]), np.array([0.0, 0.7, 0.0])) == pytest.approx([0, 0.2, 0])
-    assert least_turn(np.zeros(3), np.array([0.1, 0.0, 0.2])) == pytest.approx([0.1, 0, 0.2])
-
-
 def test_momentum_follows_what_is_too_fast_without_it(database: PoseDatabase, recording: Recording) -> None:
     frames = range(0, len(recording), 3)  # three times as fast
     means = []
@@ -307,35 +290,6 @@ def test_who_comes_back_elsewhere_facing_elsewhere_is_tracked_at_once(
     assert errors(found[6:], after).mean() < 0.03
 
 
-def test_a_recording_of_one_frame_is_tracked(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
-    single = saved(tmp_path / "one.npz", recording, [recording.depth(0)])
-    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), restarts=1)
-    found = run(HybridTracker(database, settings), single)
-    check_sound(found)
-    assert found[0].state == TRACKED
-    assert errors(found, recording).mean() < 0.03
-
-
-def test_a_person_cut_off_by_the_border_is_survived(database: PoseDatabase, record: Record) -> None:
-    near = record("near", distance=1.3)
-    assert near.depth(0)[-1].any()
-    found = run(known(database), near, 6)
-    check_sound(found)
-    assert errors(found, near)[:, skeleton.REPORTED.index("neck")].max() < 0.25
-
-
-def test_clouds_of_a_few_points_are_survived(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
-    frames = []
-    for size in (1, 2, 5, 12):
-        depth = np.zeros(recording.camera.shape, dtype=np.uint16)
-        depth[70 : 70 + size, 80 : 80 + size] = 2500
-        frames.append(depth)
-    frames += [recording.depth(0), frames[2]]
-    check_sound(
-        run(known(database, replace(SETTINGS, smallest_person=1)), saved(tmp_path / "few.npz", recording, frames))
-    )
-
-
 def test_frames_that_no_pose_explains_are_lost_and_the_search_begins_anew(
     database: PoseDatabase, recording: Recording
 ) -> None:
@@ -356,28 +310,6 @@ def test_a_second_run_gives_the_same_bits(
     tracker = known(database)
     assert digest(run(tracker, recording)) == digest(results)
     assert digest(run(tracker, recording, 5)) == digest(results[:5])  # a tracker remembers nobody
-
-
-def test_the_number_of_threads_does_not_change_a_bit(
-    database: PoseDatabase, recording: Recording, results: list[FrameResult], tmp_path: Path
-) -> None:
-    database.save(tmp_path / "database.npz")
-    code = (
-        "import sys\n"
-        "from tests.test_tracking_hybrid import PoseDatabase, PoseOrigins, digest, known, open_recording, run\n"
-        "print(digest(run(known(PoseDatabase.load(sys.argv[1])), open_recording(sys.argv[2]), 8)))\n"
-    )
-    found = set()
-    for threads in ("1", "2"):
-        names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-        finished = subprocess.run(
-            [sys.executable, "-c", code, str(tmp_path / "database.npz"), str(recording.path)],
-            env=os.environ | dict.fromkeys(names, threads), cwd=Path(__file__).parents[1],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert finished.returncode == 0, finished.stderr
-        found.add(finished.stdout.strip())
-    assert found == {digest(results[:8])}
 
 
 def test_a_state_on_disk_continues_exactly(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
@@ -415,19 +347,3 @@ def test_the_body_of_the_person_is_learnt_from_the_recording(
     found = steps(solo, film, range(len(film)))
     assert solo.body is learnt
     assert errors(found, film).mean() < 0.03
-
-
-def test_a_body_that_is_given_is_kept(database: PoseDatabase, recording: Recording) -> None:
-    body = load_body("slim_male")
-    tracker = HybridTracker(database, SETTINGS, body=body, database_path="poses.npz")
-    solo = Solo(tracker, recording)
-    steps(solo, recording, range(2))
-    assert solo.body is body and tracker.database == "poses.npz"
-
-
-@pytest.mark.parametrize(
-    "values", [{"hypotheses": ()}, {"hypotheses": ("local", "magic")}, {"extrema": 4}, {"sizes": ()}, {"restarts": 0}]
-)
-def test_impossible_settings_are_refused(values: dict[str, object]) -> None:
-    with pytest.raises(SettingsError):
-        HybridSettings(**values)

@@ -18,7 +18,6 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database import canonical
 from toolkit.fitting.scene import Scene
-from toolkit.io.errors import SettingsError
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.facing import camera_yaw, estimate_facing, smoothed_facing
@@ -28,10 +27,8 @@ from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import (
     LookupSettings,
     admissible_labelings,
-    extrema_jumped,
     feet_below_labelings,
     fused_scores,
-    label_candidates,
     labelings,
 )
 from toolkit.tracking.search.regressed_query import RegressedJointsQuery, facing_of_joints
@@ -62,13 +59,6 @@ def test_the_labelings_of_eq_5_4_are_those_of_a_loop_over_all_permutations(seed:
     assert as_set(found) == expected and len(found) == len(expected)
 
 
-def test_a_labeling_gives_each_end_effector_its_extremum() -> None:
-    order = np.array([3, 0, 4, 1, 2])
-    extrema = STANDING[order]  # extremum k is end effector order[k]
-    (sigma,) = admissible_labelings(extrema, STANDING, 0.1)
-    assert np.array_equal(extrema[sigma], STANDING)
-
-
 def test_jumping_extrema_add_the_twelve_labelings_with_the_lowest_two_as_feet() -> None:
     extrema = STANDING[[4, 2, 0, 3, 1]]  # the feet are extrema 1 and 3
     expected = {s for s in permutations(range(5)) if {s[2], s[3]} == {1, 3}}
@@ -94,28 +84,6 @@ def test_extra_labelings_come_only_with_a_jump_and_each_labeling_once() -> None:
     assert as_set(labelings(STANDING, STANDING, jumped, 2 * FIRST_STEP, settings)) == admissible
 
 
-def test_no_admissible_labeling_and_no_jump_ask_for_nothing() -> None:
-    rows = labelings(STANDING, STANDING + 3.0, STANDING, FIRST_STEP, LookupSettings())
-    assert rows.shape == (0, 5)
-
-
-def test_an_extremum_has_jumped_when_it_is_far_from_all_those_before() -> None:
-    assert not extrema_jumped(STANDING, STANDING[[1, 0, 2, 3, 4]], 0.2)
-    assert extrema_jumped(STANDING + [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0.3, 0]], STANDING, 0.2)
-    assert extrema_jumped(STANDING, None, 0.2)
-
-
-def test_candidates_are_labelled_nearest_first_and_each_once() -> None:
-    extrema = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [5.0, 0.0, 0.0]])
-    expected = np.array([[0.02, 0.0, 0.0], [0.04, 0.0, 0.0], [5.2, 0, 0], [9.0, 0, 0], [0.2, 0.0, 0.0]])
-    points, present = label_candidates(extrema, expected, 0.25)
-    # Extremum 0 goes to the first, so the second has to take extremum 1, and the last is left with none.
-    assert present.tolist() == [True, True, True, False, False]
-    assert points[:3].tolist() == extrema.tolist()
-    assert not points[3:].any()
-    assert label_candidates(extrema[:0], expected, 0.25)[1].sum() == 0
-
-
 # Scores
 
 
@@ -127,12 +95,6 @@ def test_candidates_are_scored_as_in_eq_5_5_and_5_6() -> None:
     for c in range(7):
         stacked = np.concatenate([candidates[c, j] - before[j] for j in range(20)])
         assert scores[c] == pytest.approx(0.3 * delta[c] + 0.7 * np.sqrt((stacked**2).sum()) / 20)
-
-
-@pytest.mark.parametrize("values", [{"neighbours": 0}, {"balance": 1.5}, {"balance": -0.1}])
-def test_settings_out_of_range_are_named(values: dict[str, float]) -> None:
-    with pytest.raises(SettingsError, match=next(iter(values))):
-        LookupSettings(**values)
 
 
 # Proposers
@@ -260,22 +222,6 @@ def test_the_joints_of_a_pose_bring_it_back_whichever_way_it_faces(body: Body, t
     assert found[0, 6:] == pytest.approx(pose[6:], abs=1e-6)
     # Hips and shoulders of a twisted body disagree about its facing.
     assert np.linalg.norm(body.joint_positions(found[0]) - votes.points, axis=1).mean() < 0.03
-
-
-def test_joints_without_certainty_do_not_count(body: Body) -> None:
-    pose = standing_at(120)
-    points, confidence = body.joint_positions(pose), np.ones(20)
-    for name in ("left_elbow", "left_wrist", "left_hand"):
-        points[skeleton.REPORTED.index(name)] += 2.0
-        confidence[skeleton.REPORTED.index(name)] = 0.0
-    view = replace(view_of(body, pose, np.arange(5)), votes=JointEstimate(points, confidence))
-    (found,) = RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 1)
-    assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
-
-
-def test_without_votes_there_is_nothing_to_ask_by_joints(body: Body) -> None:
-    view = view_of(body, standing_at(3), np.arange(5))
-    assert RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 3).shape == (0, skeleton.POSE_SIZE)
 
 
 @pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 0.5, 2.0])

@@ -12,14 +12,12 @@ import pytest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
-from toolkit.io.errors import SettingsError
 from toolkit.landmarks.facing import FacingEstimate, smoothed_facing
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking import observation as room
 from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
@@ -68,14 +66,6 @@ def test_landmarks_are_looked_for_at_the_size_of_the_person(
     assert (name == "child") == (scale < 0.85)
 
 
-def test_the_centre_is_looked_for_from_the_one_before(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = recorded(monkeypatch, "cloud_centre", CENTRE)
-    before = np.array([0.3, 0.0, -3.0])
-    assert Observation(OBSERVER, cloud, 0.0, state(centre=before)).centre is CENTRE
-    assert Observation(OBSERVER, cloud, 0.0, state()).centre is CENTRE
-    assert calls[0][1] is before and calls[1][1] is None
-
-
 @pytest.mark.parametrize(("timestamp", "dt"), [(10.0, 0.25), (None, FIRST_STEP)])
 def test_the_facing_follows_by_the_time_that_has_passed(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, timestamp: float | None, dt: float
@@ -87,20 +77,6 @@ def test_the_facing_follows_by_the_time_that_has_passed(
     seen = Observation(OBSERVER, cloud, 10.25, state(facing=before, timestamp=timestamp))
     assert seen.facing == pytest.approx(smoothed_facing(before.copy(), estimate, dt, CENTRE))
     assert before.tolist() == [0.0, 1.0]
-
-
-def test_parts_that_nobody_asks_for_are_not_computed(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls = [recorded(monkeypatch, name, None) for name in ("cloud_centre", "estimate_facing", "grid_graph", "Scene")]
-    seen = OBSERVER.observe(cloud, 0.0, state())
-    assert seen.votes is None and seen.cloud is cloud
-    assert not any(calls)
-
-
-def test_every_part_is_computed_once(cloud: Cloud) -> None:
-    seen = OBSERVER.observe(cloud, 0.0, state())
-    assert seen.scene is seen.scene and seen.extrema is seen.extrema and seen.centre is seen.centre
-    assert len(seen.extrema) == 20
-    assert len(seen.scene.extrema) == 20
 
 
 @pytest.mark.parametrize(
@@ -211,11 +187,6 @@ def test_whoever_is_told_to_be_an_upper_body_has_no_legs_to_look_for_and_a_whole
         assert legs is not None
         names = {name for name, away in zip(skeleton.JOINT_NAMES, legs, strict=True) if away}
         assert names == {f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
-
-
-def test_how_much_there_is_to_see_is_one_of_three_words() -> None:
-    with pytest.raises(SettingsError, match="body is 'half'; choose auto, whole or upper"):
-        HybridSettings(body="half")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.objective import WITHIN, Comparison, Objective
-from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.sensing.camera import Camera, level_rotation
@@ -54,15 +53,6 @@ def looked_at(objective: Objective, pose: np.ndarray, last_row: int) -> Comparis
     depth[unobserved] = 0.0
     cloud = Cloud.from_depth(depth, CAMERA, LEVEL)
     return objective.compare(BODY, pose, Scene(cloud, np.zeros((0, 3)), 100, unobserved=unobserved))
-
-
-def test_a_body_that_is_all_in_view_is_left_as_it_is(objective: Objective, prior: PosePrior) -> None:
-    pose = standing(knee=0.1)
-    guess = OccludedLimbs(prior).guess(pose, looked_at(objective, pose, 99), objective, standing())
-    assert guess.pose is pose
-    assert not guess.spread.any()
-    found = np.linspace(0.0, 1.0, 20)
-    assert guess.confidence(found).tolist() == found.tolist()
 
 
 def test_legs_below_the_image_are_unobserved_and_nothing_else_is(objective: Objective) -> None:
@@ -116,14 +106,6 @@ def test_a_guess_is_as_uncertain_as_the_prior_given_what_is_seen(objective: Obje
         assert moved == {f"{side}_{part}" for side in ("left", "right") for part in ("knee", "ankle", "foot")}
         spreads.append(guess.spread)
     assert spreads[1] == pytest.approx(2.0 * spreads[0])
-
-
-def test_limbs_that_sensors_tell_of_are_not_guessed(objective: Objective, prior: PosePrior) -> None:
-    pose = standing(knee=2.0)
-    seen = looked_at(objective, pose, 40)
-    assert seen.scene is not None
-    seen.scene.evidence = (OrientationTerm(0, np.eye(3), -1, 0.3, 0.5, 0.1),)
-    assert OccludedLimbs(prior).guess(pose, seen, objective, standing()).pose is pose
 
 
 def test_the_spread_of_a_joint_is_that_of_poses_with_such_angles(objective: Objective) -> None:

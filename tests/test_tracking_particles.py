@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from toolkit.app.config import load_settings
-from toolkit.app.pipeline import TrackerRecipe
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import aiming
 from toolkit.kernels.fit import particles as kernel
 from toolkit.people.sighting import Sighting
@@ -22,7 +19,6 @@ from toolkit.trackers.lopez2011.sighting import Limits, UpperViewer
 from toolkit.trackers.lopez2011.tracker import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.registry import registered
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -109,15 +105,6 @@ def test_a_frame_without_anybody_is_empty() -> None:
     depth[60, 80] = 1.5
     results.append(step(person, of_depth(depth), 0.2))
     assert all(r.state == EMPTY and np.isfinite(r.joints).all() and not r.confidence.any() for r in results)
-
-
-def test_one_measured_pixel_that_counts_as_a_person_is_lost_and_not_a_crash() -> None:
-    depth = np.zeros(CAMERA.shape)
-    depth[60, 80] = 1.5
-    person = follower(replace(SETTINGS, smallest_person=1))
-    assert step(person, of_depth(depth), 0.0).state == LOST
-    followed(person, WAVING[:1], start=0.1)
-    assert step(person, of_depth(depth), 0.2).state in (LOST, TRACKED)
 
 
 FOLDED = pose_of(left_shoulder_rz=-1.2, right_shoulder_rz=1.2, left_elbow_ry=-2.0, right_elbow_ry=2.0,
@@ -244,27 +231,6 @@ def test_a_hand_at_the_head_or_across_the_body_takes_neither_head_nor_trunk_alon
     assert hands_off(result, touching) < 0.2
 
 
-def test_what_a_desk_hides_does_not_move_what_is_seen() -> None:
-    hidden = np.zeros(CAMERA.shape, dtype=np.bool_)
-    hidden[95:] = True
-    person = follower()
-    for i, pose in enumerate(WAVING):
-        depth = np.where(hidden, 0.0, sighting_of(pose).depth)
-        result = step(person, Sighting(1, depth.astype(np.float32), hidden, CAMERA), i / 30)
-        assert result.state == TRACKED and trunk_off(result, pose) < 0.1
-    assert hands_off(result, WAVING[-1]) < 0.15
-
-
-def test_a_head_that_leaves_the_image_does_not_lose_the_trunk() -> None:
-    high = Camera(CAMERA.fx, CAMERA.fy, CAMERA.cx, 12.0, 160, 120)
-    person = ParticleTracker(SETTINGS).follower(CAMERA, LEVEL)
-    followed(person, WAVING[:3])
-    person = ParticleFollower(SETTINGS, high, LEVEL, person.state)
-    for i, pose in enumerate(WAVING[3:]):
-        result = step(person, sighting_of(pose, high), 0.1 + i / 30)
-        assert np.isfinite(result.joints).all() and trunk_off(result, pose) < 0.2
-
-
 def test_a_mirrored_recording_gives_the_mirrored_track_within_the_spread_over_seeds() -> None:
     one_up = [pose_of(0.4 * np.sin(0.2 * i), right_shoulder_rz=0.9) for i in range(8)]
     mirror = [pose_of(0.4 * np.sin(0.2 * i), left_shoulder_rz=-0.9) for i in range(8)]
@@ -272,29 +238,6 @@ def test_a_mirrored_recording_gives_the_mirrored_track_within_the_spread_over_se
     flipped = np.array([followed(follower(seed=k), mirror)[-1].joints[HANDS[::-1]] for k in range(3)])
     spread = max(plain.std(axis=0).max(), flipped.std(axis=0).max())
     assert np.abs(plain.mean(axis=0) - flipped.mean(axis=0) * [-1.0, 1.0, 1.0]).max() < 3.0 * spread + 0.03
-
-
-def test_both_hands_together_leave_two_arms() -> None:
-    person = follower()
-    followed(person, WAVING[:3])
-    for result in followed(person, [CLASPED] * 6, start=0.1):
-        assert result.state == TRACKED
-    elbows = [skeleton.REPORTED.index(f"{side}_elbow") for side in ("left", "right")]
-    assert result.joints[elbows[0], 0] > result.joints[elbows[1], 0]
-
-
-def test_two_pieces_are_one_person() -> None:
-    sighting = sighting_of(pose_of())
-    depth = sighting.depth.copy()
-    depth[:, 104:108] = 0.0
-    assert followed_depth(depth).state == TRACKED
-
-
-def test_what_stays_of_a_chair_does_not_take_the_trunk_along() -> None:
-    depth = sighting_of(pose_of()).depth.copy()
-    depth[80:, 20:40] = 1.4
-    result = followed_depth(depth)
-    assert result.state == TRACKED and trunk_off(result, pose_of()) < 0.15
 
 
 def test_somebody_who_walks_behind_does_not_take_the_trunk_along() -> None:
@@ -309,11 +252,6 @@ def test_somebody_who_walks_behind_does_not_take_the_trunk_along() -> None:
         assert result.state == TRACKED and trunk_off(result, pose_of()) < 0.1
 
 
-def followed_depth(depth: np.ndarray) -> FrameResult:
-    person = follower()
-    return [step(person, of_depth(depth), i / 30) for i in range(3)][-1]
-
-
 def test_who_leaves_and_comes_back_elsewhere_is_found_anew() -> None:
     person = follower()
     followed(person, WAVING[:3])
@@ -324,30 +262,6 @@ def test_who_leaves_and_comes_back_elsewhere_is_found_anew() -> None:
     assert hands_off(results[-1], elsewhere[-1]) < 0.15
 
 
-def test_somebody_smaller_who_comes_after_is_found_too() -> None:
-    person, small = follower(), UpperBodies(LEVEL).of(load_body().scaled(0.85))
-    followed(person, WAVING[:3])
-    step(person, None, 0.1)
-    depth = np.empty(CAMERA.shape)
-    kernel.draw(replace_place(pose_of(), -0.2), small.whole, np.array(CAMERA.intrinsics), depth)
-    states = [step(person, of_depth(depth), 1.0 + i / 30).state for i in range(3)]
-    assert states[-1] == TRACKED
-
-
-@pytest.mark.parametrize("rate", [5.0, 60.0])
-def test_other_frame_rates_are_followed(rate: float) -> None:
-    poses = [pose_of(0.3 * np.sin(6.0 * i / rate)) for i in range(8)]
-    results = followed(follower(), poses, rate=rate)
-    assert all(r.state == TRACKED for r in results) and hands_off(results[-1], poses[-1]) < 0.15
-
-
-def test_a_gap_of_two_seconds_is_bridged() -> None:
-    person = follower()
-    followed(person, WAVING[:3])
-    result = followed(person, [pose_of(-0.4)] * 4, start=2.1)[-1]
-    assert result.state == TRACKED and hands_off(result, pose_of(-0.4)) < 0.15
-
-
 def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
     person = follower(replace(SETTINGS, patience=1.5 / 30.0, lost_cost=20.0))
     followed(person, WAVING[:2])
@@ -355,13 +269,6 @@ def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
     states = [step(person, wall, 0.1 + i / 30).state for i in range(2)]
     assert states == [LOST, LOST] and person.state.previous is None
     assert followed(person, [pose_of()], start=1.0)[0].state == TRACKED
-
-
-def test_it_needs_no_database_and_is_the_one_that_the_papers_settings_name() -> None:
-    assert not registered("particles").needs_database
-    tracker = TrackerRecipe("lopez2011").build()
-    assert isinstance(tracker, ParticleTracker) and not tracker.settings.refined
-    assert tracker.database == ""
 
 
 def test_the_size_is_measured_from_the_first_frames() -> None:
@@ -376,26 +283,6 @@ def test_the_size_is_measured_from_the_first_frames() -> None:
     assert ParticleTracker(body=load_body("neutral")).learning_seconds == 0.0
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"patience": 0}, "patience and lost_cost are 0"),
-        ({"lost_cost": -1.0}, "patience and lost_cost are 0.15 and -1.0"),
-        ({"measured_seconds": -1.0}, "measured_seconds is -1.0"),
-    ],
-)
-def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
-    with pytest.raises(SettingsError, match=message):
-        ParticleTrackerSettings(**values)  # type: ignore[arg-type]
-
-
-def test_an_unknown_tracker_and_a_setting_of_another_one_are_named(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match="there is no tracker 'particle'"):
-        TrackerRecipe(overrides={"tracker": "particle"}).build()
-    with pytest.raises(SettingsError, match="momentum"):
-        TrackerRecipe("lopez2011", {"momentum": 0.5}).build()
-
-
 TALL = Camera(142.8, 142.8, 79.5, 59.5, 160, 200)
 """Shows what is below the hips too."""
 
@@ -405,20 +292,6 @@ def with_lap(pose: np.ndarray) -> Sighting:
     depth = sighting_of(pose, TALL).depth
     depth[115:, 40:120] = 1.2
     return Sighting(1, depth, None, TALL)
-
-
-def head_off(settings: ParticleTrackerSettings) -> float:
-    """How far the head is off at most, metres, of somebody on a seat."""
-    person = ParticleTracker(settings).follower(TALL, LEVEL)
-    results = [step(person, with_lap(pose), i / 30.0) for i, pose in enumerate(WAVING)]
-    head = skeleton.REPORTED.index("head")
-    truth = [load_body().joint_positions(pose)[head] @ LEVEL for pose in WAVING]
-    return float(max(np.linalg.norm(r.joints[head] - t) for r, t in zip(results, truth, strict=True)))
-
-
-def test_a_lap_and_a_seat_pull_nobody_down() -> None:
-    shipped = replace(SETTINGS, initial=InitialSettings())
-    assert head_off(shipped) < 0.01 < head_off(replace(shipped, reach=0.0))
 
 
 def test_what_lies_far_below_the_crown_is_not_looked_at_and_says_nothing() -> None:

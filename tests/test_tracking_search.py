@@ -36,7 +36,7 @@ from toolkit.tracking.search.database_lookup import (
 )
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
-from toolkit.tracking.search.local_search import FARTHEST, LocalSearch, moved_on
+from toolkit.tracking.search.local_search import LocalSearch
 from toolkit.tracking.search.regressed_query import VOTE_SIGMA, RegressedJointsQuery
 from toolkit.tracking.search.search_protocol import NOTHING, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
@@ -66,10 +66,6 @@ def test_the_local_hypothesis_is_the_previous_pose_refined_and_continues_it() ->
     assert refiner.calls[0].pose[0] == 1.0 and refiner.calls[0].body is BODY
 
 
-def test_without_a_previous_pose_there_is_no_local_hypothesis() -> None:
-    assert LocalSearch(FakeRefiner(), 0.7).propose(observation(), state(), RNG, None) is NOTHING
-
-
 def test_momentum_moves_on_by_its_share_of_the_last_step() -> None:
     refiner = FakeRefiner()
     known = state(pose_at(1.0, left_elbow_ry=-0.5), before=pose_at(0.8, left_elbow_ry=-0.3))
@@ -77,22 +73,6 @@ def test_momentum_moves_on_by_its_share_of_the_last_step() -> None:
     start = refiner.calls[0].pose
     assert start[0] == pytest.approx(1.0 + 0.7 * 0.2)
     assert start[skeleton.POSE_NAMES.index("left_elbow_ry")] == pytest.approx(-0.5 - 0.7 * 0.2)
-
-
-def test_momentum_is_a_speed_and_foresees_no_more_than_a_few_steps() -> None:
-    for elapsed, steps in ((0.1, 1.0), (0.05, 0.5), (0.2, 2.0), (5.0, FARTHEST)):
-        moved = moved_on(Previous.of_pose(BODY, pose_at(1.0), None, pose_at(0.9), 0.1), 0.5, elapsed)
-        assert moved[0] == pytest.approx(1.0 + 0.5 * steps * 0.1)
-
-
-def test_momentum_turns_the_root_the_short_way_and_keeps_the_limits() -> None:
-    almost, beyond = np.zeros(skeleton.POSE_SIZE), np.zeros(skeleton.POSE_SIZE)
-    almost[4], beyond[4] = np.pi - 0.05, -np.pi + 0.05  # 0.1 further about y
-    knee = skeleton.POSE_NAMES.index("left_knee_rx")
-    almost[knee], beyond[knee] = 2.3, 2.5
-    moved = moved_on(Previous.of_pose(BODY, beyond, None, almost, 0.1), 1.0, 0.1)
-    assert moved[4] == pytest.approx(-np.pi + 0.15)
-    assert moved[knee] == skeleton.POSE_LIMITS[knee, 1] < 2.7
 
 
 # The database
@@ -148,20 +128,6 @@ def test_the_nearest_of_the_retrieved_poses_is_refined_and_no_other() -> None:
     assert objective.bounds == [BUDGET.promising * 0.1, 0.15]
 
 
-def test_retrieved_poses_that_are_hopelessly_farther_than_the_rival_are_not_refined() -> None:
-    refiner = FakeRefiner()
-    search = DatabaseLookup([FakeQuery("extrema", [1.0])], FakeObjective({1.0: 0.21}), refiner, BUDGET)
-    assert search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)) is NOTHING
-    assert not refiner.calls
-    assert search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.11)).hypotheses
-
-
-def test_of_two_queries_the_one_with_the_nearer_pose_is_believed() -> None:
-    search = lookup([FakeQuery("extrema", [1.0]), FakeQuery("joints", [2.0])], {1.0: 0.1, 2.0: 0.08})
-    (found,) = search.propose(observation(), state(pose_at(), lost=1), RNG, None).hypotheses
-    assert found.source == "joints"
-
-
 def test_on_a_first_frame_each_query_gives_the_nearest_of_its_refined_starts() -> None:
     queries = [FakeQuery("extrema", [1.0, 2.0, 3.0, 4.0]), FakeQuery("joints", [])]
     refiner = FakeRefiner(step=0.5)
@@ -200,11 +166,6 @@ def test_regressed_joints_pull_in_the_camera_frame_by_the_root_of_their_confiden
     assert pull.sigma == VOTE_SIGMA
 
 
-def test_without_votes_or_weight_nothing_pulls() -> None:
-    assert RegressedJointsQuery(small_database(), 30.0).pull(observation()) is None
-    assert RegressedJointsQuery(small_database(), 0.0).pull(observation(votes=votes())) is None
-
-
 class FakeDatabase:
     """Three poses; every query gets all of them at given distances."""
 
@@ -226,14 +187,6 @@ def queried(query: ExtremaQuery, points: np.ndarray, present: np.ndarray, previo
 def rows_of(found: np.ndarray, database: FakeDatabase) -> list[int]:
     """Which poses of the database were found, by their angles."""
     return [int(np.abs(database.poses[:, 6:] - pose[6:]).sum(axis=1).argmin()) for pose in found]
-
-
-def test_missing_end_effectors_count_as_if_they_were_as_far_off_as_the_others() -> None:
-    """Eq. 5.5: over 3 of 5 end effectors a distance of 0.8 stands for 0.8 sqrt(5 / 3) = 1.03 and loses to 1."""
-    database: Any = FakeDatabase([[9.0, 1.0, 9.0], [9.0, 9.0, 0.8]])
-    present = np.array([[True] * 5, [True, True, True, False, False]])
-    found = queried(ExtremaQuery(database, LookupSettings()), np.zeros((2, 5, 3)), present, None)
-    assert rows_of(found, database)[0] == 1
 
 
 @pytest.mark.parametrize(("balance", "first"), [(1.0, 0), (0.0, 2), (0.5, 2)])
@@ -331,22 +284,6 @@ def test_the_second_arm_starts_from_the_pose_with_the_first_one_exchanged_and_ei
         assert found.pose[0] == 2.0
 
 
-def test_both_arms_share_the_candidates_of_a_frame() -> None:
-    known = {x: compared(0.2, gaps=0.02) for x in (1.0, 2.0, 3.0, 4.0)}
-    for many, asked in ((1, 2), (2, 1)):
-        left, right, refiner = FakeArm(*[1.0, 2.0][:many]), FakeArm(3.0, 4.0), FakeRefiner()
-        search = arm_search([left, right], known, refiner)
-        search.propose(observation(), state(pose_at(), turn=1), RNG, BEST)
-        assert len(left.starts) + len(right.starts) == asked
-        assert len(refiner.calls) == ArmSettings().refined == 2
-
-
-def test_arms_are_searched_only_for_somebody_who_is_followed() -> None:
-    search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
-    assert search.propose(observation(), state(), RNG, BEST) is NOTHING
-    assert search.propose(observation(), state(pose_at()), RNG, None) is NOTHING
-
-
 def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost() -> None:
     search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)}, period=3)
     turns = [state(pose_at(), turn=turn) for turn in range(6)]
@@ -413,32 +350,6 @@ def test_the_prior_takes_part_in_every_fit_and_in_every_comparison(
     without = replace(tracker.settings.fitting, prior_weight=0.0)
     HybridTracker(database, replace(tracker.settings, fitting=without)).follower(CAMERA, LEVEL)
     assert fits[1]["pose_terms"] == comparisons[1]["pose_terms"] == ()
-
-
-def test_settings_reach_the_searches_that_they_are_for(database: PoseDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
-    local, lookups, arms = (made(monkeypatch, part) for part in (LocalSearch, DatabaseLookup, ArmSearch))
-    settings = HybridSettings(
-        hypotheses=("local", "extrema", "arms"), momentum=0.4, candidates=4, restarts=6, promising=1.5,
-        lookup_period=4, arms=ArmSettings(margin=0.25),
-    )  # fmt: skip
-    HybridTracker(database, settings).follower(CAMERA, LEVEL)
-    HybridTracker(database, replace(settings, hypotheses=("extrema",))).follower(CAMERA, LEVEL)
-    assert local[0]["momentum"] == 0.4
-    assert arms[0]["settings"].margin == 0.25
-    # Where nothing is followed locally, every frame has to ask for whole poses.
-    assert [call["budget"] for call in lookups] == [
-        LookupBudget(4, 6, 1.5, period=4),
-        LookupBudget(4, 6, 1.5, period=1),
-    ]
-    assert arms[0]["period"] == 4
-
-
-def test_the_body_that_was_learnt_is_the_one_that_is_followed(database: PoseDatabase) -> None:
-    tracker = HybridTracker(database, HybridSettings(hypotheses=("extrema",)))
-    learnt = load_body("child")
-    assert tracker.follower(CAMERA, LEVEL, learnt).body is learnt
-    assert tracker.learning_seconds == tracker.settings.shape.seconds > 0.0
-    assert HybridTracker(database, body=BODY).learning_seconds == 0.0
 
 
 def test_a_person_of_unknown_size_is_tried_in_every_size_of_the_settings(

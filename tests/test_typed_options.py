@@ -5,16 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit.app.cli.options import given, numbers
-from toolkit.app.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of, unit_of
+from toolkit.app.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of
 from toolkit.inertial.readers.table import UNITS, factors_of, pairs_of
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.errors import UsageError
 from toolkit.recordings.reader_options import ReaderOptions
-
-
-def test_nothing_typed_is_nothing_told() -> None:
-    assert Reading().options() == {} and ReaderOptions.from_mapping(Reading().options()) == ReaderOptions()
 
 
 def test_what_is_typed_is_what_a_reader_is_told() -> None:
@@ -29,20 +24,9 @@ def test_what_is_typed_is_what_a_reader_is_told() -> None:
     np.testing.assert_allclose(np.asarray(told.up_camera), [0.0, -1.0, 0.1])
 
 
-@pytest.mark.parametrize(("text", "unit"), [(None, None), ("mm", "mm"), ("m", "m"), ("0.001", 0.001), ("1e-4", 1e-4)])
-def test_a_unit_is_a_name_or_a_number(text: str | None, unit: str | float | None) -> None:
-    assert unit_of(text) == unit
-
-
 def test_intrinsics_are_numbers_or_a_file() -> None:
     assert intrinsics_of(None) is None and intrinsics_of("camera.json") == "camera.json"
     assert intrinsics_of("1,2,3,4") == (1.0, 2.0, 3.0, 4.0)
-
-
-@pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "1,2,3,x", "1,2,nan,4", "1,2,inf,4", ""])
-def test_numbers_that_are_more_fewer_or_none_are_refused(text: str) -> None:
-    with pytest.raises(UsageError, match="--intrinsics is .*; give 4 numbers separated by commas"):
-        numbers(text, 4, "--intrinsics")
 
 
 def test_people_are_a_number_or_all() -> None:
@@ -62,16 +46,7 @@ def test_a_size_is_a_width_and_a_height() -> None:
         Joints(joints="folder", joints_size="640").choice()
 
 
-def test_only_what_is_none_is_not_given() -> None:
-    assert given(a=None, b=0, c=False, d="") == {"b": 0, "c": False, "d": ""}
-
-
 # Columns and units of sensor tables.
-
-
-def test_pairs_are_parted_by_commas_and_may_stand_apart() -> None:
-    assert pairs_of(None, "--columns") == pairs_of("", "--columns") == {}
-    assert pairs_of("time_s=t, qw = Q 0", "--columns") == {"time_s": "t", "qw": "Q 0"}
 
 
 @pytest.mark.parametrize("text", ["time_s", "=t", "time_s=", "a=b,", "a=b, =c"])
@@ -86,9 +61,3 @@ def test_units_are_ours_unless_others_are_chosen() -> None:
     assert found == {"gyro": 1.0, "acceleration": GRAVITY, "time": 1e-6}
     assert factors_of("gyro=deg/s")["gyro"] * 180 == pytest.approx(np.pi)
     assert all(next(iter(units.values())) == 1.0 for units in UNITS.values()), "the first is ours"
-
-
-@pytest.mark.parametrize("text", ["time=min", "mass=g"])
-def test_units_that_there_are_not_are_refused_with_those_that_there_are(text: str) -> None:
-    with pytest.raises(UsageError, match=f"--units knows no {text}; there are gyro: rad/s, deg/s; "):
-        factors_of(text)

@@ -1,17 +1,19 @@
-"""Every format that the project reads: a small whole file, and everything that is read from it."""
+"""Formats that the project reads: a writer of a small file and the reader of its content, for each."""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tests.container_files import mkv_recording
-from tests.fuzz_files import (
+from tests.mocap_helpers import AMC_ARM, ASF_ARM
+from tests.sample_files import (
     amass_file,
     body_file,
     bvh_file,
@@ -20,7 +22,6 @@ from tests.fuzz_files import (
     cloud_file,
     database_file,
     feature_matrices,
-    graded_features,
     index_file,
     inertial_matlab_file,
     intrinsics_file,
@@ -46,17 +47,12 @@ from tests.fuzz_files import (
     track_file,
     tum_file,
 )
-from tests.fuzz_runs import all_read, finished_run, resumed, shown, stopped_run, tracked
-from tests.fuzzing import Format, changed, handed_over, resealed, revalued
-from tests.mocap_helpers import AMC_ARM, ASF_ARM
 from tests.sensing_scenes import TOF
 from toolkit.app.config import load_settings
 from toolkit.app.pipeline.events import EventStream
 from toolkit.body import skeleton
 from toolkit.body.personal import load_body_file
 from toolkit.database.database import PoseDatabase
-from toolkit.database.pose_search import FEATURE_SIZE
-from toolkit.database.prior import SIZE
 from toolkit.evaluation.k4abt import read_k4abt
 from toolkit.evaluation.orientations import read_truth
 from toolkit.inertial.calibration import Calibration
@@ -69,15 +65,11 @@ from toolkit.output.export.tree import read_bones
 from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotation_report import read_segments
-from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
 from toolkit.retrieval.priors.marks import load_marks
-from toolkit.retrieval.search.example import SearchExample, search_example
-from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
@@ -85,6 +77,48 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking.state import PersonState
 from toolkit.tracks import RunInfo, Track
 from toolkit.tracks.runs import load_people
+
+
+@dataclass(frozen=True)
+class Format:
+    """One file format.
+
+    Attributes
+    ----------
+    make : writes a small whole file into an empty folder and returns its path
+    read : returns the content of a file
+    checked : the format has a checksum, so a damaged file never reads as another content
+    """
+
+    make: Callable[[Path], Path]
+    read: Callable[[Path], Any]
+    checked: bool = False
+
+
+def digest(value: Any) -> str:
+    """Return the SHA-256 of everything that a value holds."""
+    total = hashlib.sha256()
+    for piece in _pieces(value):
+        total.update(piece)
+    return total.hexdigest()
+
+
+def _pieces(value: Any) -> Iterator[bytes]:
+    if isinstance(value, np.ndarray):
+        yield f"{value.dtype.str}{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    elif isinstance(value, dict):
+        for key in sorted(value, key=str):
+            yield str(key).encode()
+            yield from _pieces(value[key])
+    elif isinstance(value, (list, tuple)):
+        yield b"("
+        for item in value:
+            yield from _pieces(item)
+    elif is_dataclass(value) and not isinstance(value, type):
+        yield from _pieces({f.name: getattr(value, f.name) for f in fields(value)})
+    else:
+        yield repr(value).encode()
 
 
 def _recording(path: Path) -> Any:
@@ -109,29 +143,6 @@ def _everything(recording: Recording) -> dict[str, Any]:
 def _read_index(path: Path) -> Any:
     index = KeyframeIndex.open(path)
     return index.names, index.document_starts, index.words, index.grades, index.places
-
-
-def _search_index(path: Path) -> Any:
-    index = KeyframeIndex.open(path)
-    moment = Keyframe("upper", (("F1", 1),))
-    found = find(index, KeyframeQuery((moment, moment), ((0, 9),)))
-    example = feature_matrices()[0].sliced(0, 30)
-    return found.starts, search_example(index, SearchExample.of(example), 3)
-
-
-def _database_at_work(path: Path) -> Any:
-    """A database and what its index, its forest and its prior answer."""
-    database = PoseDatabase.load(path)
-    found = database.query(np.linspace(-1, 1, FEATURE_SIZE), 3)
-    votes = expected = None
-    if database.regressor is not None:
-        depth, pixels = np.full((20, 30), 2.0, np.float32), np.arange(0, 600, 7)
-        points = np.random.default_rng(0).normal(0, 1, (len(pixels), 3))
-        votes = database.regressor.votes(depth, np.array([30.0, 30.0, 15.0, 10.0]), np.eye(3), pixels, points)
-    if database.prior is not None:
-        known = np.arange(SIZE) != 0
-        expected = database.prior.expected(np.zeros(len(known)), known).mean
-    return found, votes, expected
 
 
 def _person_state(path: Path) -> Any:
@@ -183,8 +194,8 @@ def _sensors(name: str, text: str) -> Format:
 
 
 FORMATS: dict[str, Format] = {
-    "recording npz": Format(npz_file, _recording, checked=True, mutate=changed),
-    "recording npz, stored": Format(stored_npz_file, _recording, checked=True, mutate=changed),
+    "recording npz": Format(npz_file, _recording, checked=True),
+    "recording npz, stored": Format(stored_npz_file, _recording, checked=True),
     "recording png": Format(png_file, _recording),
     "recording intrinsics json": Format(intrinsics_file, _recording),
     "recording tum list": Format(tum_file, _recording),
@@ -200,7 +211,6 @@ FORMATS: dict[str, Format] = {
     "pose database": Format(database_file, PoseDatabase.load, checked=True),
     "motion classes": Format(classes_file, load_classes, checked=True),
     "keyframe index": Format(index_file, _read_index, checked=True),
-    "keyframe index, searched": Format(index_file, _search_index),
     "track npz": Format(track_file, Track.load, checked=True),
     "run json": Format(run_file, lambda path: replace(RunInfo.load(path.parent), folder="")),
     "people json": Format(people_file, lambda path: load_people(path.parent)),
@@ -220,7 +230,7 @@ FORMATS: dict[str, Format] = {
     "asf": Format(
         text_file("arm.asf", ASF_ARM, {"arm_1.amc": AMC_ARM}), lambda path: read_clip(path.with_name("arm_1.amc"))
     ),
-    "amass npz": Format(amass_file, read_clip, checked=True, mutate=changed),
+    "amass npz": Format(amass_file, read_clip, checked=True),
     "recording realsense db3": Format(realsense_file, _recording),
     "recording raw": Format(raw_file, _raw_recording),
     "joints json": Format(joints_file, lambda path: read_joints(path.parent, 2, TOF)),
@@ -244,34 +254,4 @@ FORMATS: dict[str, Format] = {
     "marks yaml": Format(text_file("m.yaml", "walk: [{feature: 26, value: 0, columns: [2, 9]}]\njump: []\n"), _marks),
     "recording db3 metadata": Format(metadata_file, _recording),
     "events jsonl": Format(text_file("e.jsonl", '{"time": 0.5}\n{"time": 1.5}\n'), _events),
-    "run folder, shown": Format(finished_run, shown, mutate=handed_over, share=0.25),
-    "run folder, first pass resumed": Format(stopped_run(3), resumed, mutate=handed_over, share=0.25),
-    "run folder, second pass resumed": Format(stopped_run(9), resumed, mutate=handed_over, share=0.25),
-    "all that is read, tracked": Format(all_read, tracked, mutate=handed_over, share=0.25),
-}
-
-VALUED = (
-    "recording intrinsics json", "people json", "run json", "queries json", "settings yaml", "rig yaml", "joints json",
-    "furniture yaml", "export rig yaml", "sensor placement yaml", "sensor calibration json",
-    "skeletons json", "marks yaml", "recording db3 metadata", "events jsonl",
-)  # fmt: skip
-"""Formats of values by name: single values of theirs are exchanged, too."""
-FORMATS |= {f"{name}, revalued": replace(FORMATS[name], mutate=revalued) for name in VALUED}
-
-SEALED: dict[str, Callable[[Path], Any]] = {
-    "recording npz": _recording,
-    "pose database": _database_at_work,
-    "motion classes": lambda path: Annotator(load_classes(path)).annotate(feature_matrices()[0]),
-    "motion model": lambda path: MotionModel.load(path).annotate(graded_features(2)),
-    "track npz": Track.load,
-    "tracker state": lambda path: load_checkpoint(path, "hybrid"),
-    "person state": _person_state,
-    "amass npz": read_clip,
-    "body npz": load_body_file,
-    "sensors npz": read_file,
-}
-"""Formats whose content is changed under a right checksum too, and what then has to stand it."""
-FORMATS |= {
-    f"{name}, resealed": replace(FORMATS[name], read=read, checked=False, mutate=resealed)
-    for name, read in SEALED.items()
 }

@@ -1,4 +1,4 @@
-"""Small whole files of every format that is read, each written into an empty folder, as fuzzing starts from them."""
+"""Writers of one small valid file for each format that the project reads."""
 
 from __future__ import annotations
 
