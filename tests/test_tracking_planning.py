@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -38,7 +39,7 @@ SMALLEST = 100
 
 def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
     shown = np.array([1.0, 9.0, 8.0, 2.0, 7.0, 3.0])
-    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown, np.zeros((6, 2)), np.zeros(6))
+    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown, np.zeros((6, 2)), np.zeros(6), np.ones(6, bool))
     assert survey.best(2, 0, 100, TIMES) == [20, 60], "25 is a quarter of a second beside the best"
     assert survey.best(9, 0, 100, TIMES) == [20, 60, 80, 40, 0]
     assert survey.best(9, 25, 60, TIMES) == [25, 60]
@@ -73,8 +74,8 @@ class FakeFollower:
         self.state, self.heading, self.stepped = PersonState.begin(BODY, sized=False, seed=0), np.zeros(2), []
         self.winner: Any = None
 
-    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float]:
-        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), math.nan
+    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float, bool]:
+        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), math.nan, True
 
     def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
         assert self.state.sized and self.state.body is BODY
@@ -170,3 +171,20 @@ def test_a_frame_is_looked_at_afresh_though_it_has_become_known_since_where_the_
     for _ in planner.run():
         pass
     assert len(follower.stepped) == 2 * looked
+
+
+@pytest.mark.parametrize(("whole", "relearn", "learnt"), [(True, True, 0), (False, False, 0), (False, True, 1)])
+def test_sizes_are_searched_only_for_a_person_who_is_cut_off_in_every_keyframe(
+    whole: bool, relearn: bool, learnt: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    searched = []
+
+    def own_body(self: Planner, *args: object) -> Iterator[None]:
+        searched.append(args)
+        yield
+        return BODY
+
+    monkeypatch.setattr(Planner, "_own_body", own_body)
+    monkeypatch.setattr(FakeFollower, "shown", lambda self, *_: (1.0, np.zeros(2), math.nan, whole))
+    planner, _, _ = planned(np.arange(0, 60), np.ones(400), np.ones(400), relearn=relearn)
+    assert len(searched) == learnt and planner.plan is not None and planner.plan.body is BODY

@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
+from toolkit.fitting.regressed_joints import links_out_of_view
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
@@ -110,17 +111,25 @@ class Follower(FollowedPerson):
         clock.record("select")
         return replace(row, stage_ms=clock.milliseconds)
 
-    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float]:
-        """How many joints of the person a frame shows, as the regressor is sure of them, where they face
-        (`voted_facing`) and where the head ends (`head_top`); without a regressor, which share of the image they fill.
+    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float, bool]:
+        """Return the visibility of the person in a frame.
+
+        Returns
+        -------
+        shown : expected number of joints in view, each weighted by its reliability; without a regressor, the share of
+            the image that the person covers
+        facing : float64 (2,), see `voted_facing`
+        top : y of the top of the head, see `head_top`
+        whole : neither the image border nor an occluder cuts off a limb
         """
         cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
         votes = observation.votes
         if votes is None:
-            return len(cloud) / cloud.depth.size, voted_facing(None), math.nan
+            return len(cloud) / cloud.depth.size, voted_facing(None), math.nan, not observation.cut.any()
         joints = float((votes.reliability * votes.in_view).sum())
-        return joints, voted_facing(votes), head_top(cloud, votes.points[HEAD])
+        whole = not observation.cut.any() or not links_out_of_view(votes.in_view).any()
+        return joints, voted_facing(votes), head_top(cloud, votes.points[HEAD]), whole
 
     @property
     def distance(self) -> float:

@@ -42,12 +42,14 @@ class Survey:
     shown : float64 (N,), joints that the regressor expects to be in view and is sure of
     facing : float64 (N, 2), where they have the person face, see `voted_facing`
     tops : float64 (N,), where the head ends, see `head_top`
+    whole : bool (N,), neither the image border nor an occluder cuts off a limb
     """
 
     frames: np.ndarray
     shown: np.ndarray
     facing: np.ndarray
     tops: np.ndarray
+    whole: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
         """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` or half of the time apart."""
@@ -74,7 +76,8 @@ class Planner:
     timestamps : float64 (T,), seconds, of all frames of the recording
     stages : names of the followers' stages
     smallest : measured points that a sighting needs to be looked at
-    body : the person's own, if it is known
+    body : the person's own, from the first pass
+    relearn : search sizes and learn the body again if the person is truncated or occluded in every keyframe
     walked : float64 (T, 2), where they walk in each frame, see `directions_walked`
     """
 
@@ -86,13 +89,16 @@ class Planner:
         timestamps: np.ndarray,
         stages: tuple[str, ...],
         smallest: int,
-        body: Body | None = None,
+        body: Body,
+        *,
+        relearn: bool = True,
         walked: np.ndarray | None = None,
     ) -> None:
         self._learner, self._follower, self._seen = learner, follower, seen
         self._walked = np.zeros((len(timestamps), 2)) if walked is None else walked
         self._looker = FrameDetector(follower, seen, timestamps, stages, self._walked)
-        self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
+        self._timestamps, self._stages, self._smallest = timestamps, stages, smallest
+        self._body, self._relearn = body, relearn
         self.plan: Plan | None = None
 
     def run(self) -> Iterator[None]:
@@ -104,10 +110,10 @@ class Planner:
         survey = yield from self._survey(usable)
         faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
         self._looker.heading = heading(self._walked, faced)
-        stood = height_stood(survey.tops, self._learner.follower.floor)
         body = self._body
-        if body is None:
-            moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
+        moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
+        if self._relearn and not survey.whole[np.isin(survey.frames, moments)].any():
+            stood = height_stood(survey.tops, self._learner.follower.floor)
             body = yield from self._own_body(moments, usable, stood)
         rows, checks, looks = [], [], dict[int, Detection]()
         for number, (first, last) in enumerate(stretches):
@@ -125,19 +131,16 @@ class Planner:
         self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), self._looker.heading, looks)
 
     def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
-        frames, shown, facing, tops, due = [], [], [], [], -np.inf
+        frames, views, due = [], [], -np.inf
         for frame in usable.tolist():
             moment = float(self._timestamps[frame])
             if moment >= due:
                 due = moment + SURVEYED
                 frames.append(frame)
-                joints, faced, top = self._follower.shown(self._sighting(frame), moment)
-                shown.append(joints)
-                facing.append(faced)
-                tops.append(top)
+                views.append(self._follower.shown(self._sighting(frame), moment))
                 yield
-        facings = np.array(facing).reshape(-1, 2)
-        return Survey(np.array(frames, dtype=np.int64), np.array(shown), facings, np.array(tops))
+        shown, facing, tops, whole = map(np.array, zip(*views, strict=True))
+        return Survey(np.array(frames, dtype=np.int64), shown, facing.reshape(-1, 2), tops, whole)
 
     def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments, whose head `stood` so high."""

@@ -141,6 +141,7 @@ class SearchingTracker(ABC):
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
+        body: Body,
         floor: float | None = None,
         walked: np.ndarray | None = None,
     ) -> Planner:
@@ -149,7 +150,10 @@ class SearchingTracker(ABC):
         learner = maker.learner(camera, level_rotation, floor)
         follower = maker.follower(camera, level_rotation, self._first_body)
         smallest = self._common.smallest_person
-        return Planner(learner, follower, seen, timestamps, self.stage_names, smallest, self._known_body, walked)
+        return Planner(
+            learner, follower, seen, timestamps, self.stage_names, smallest, body,
+            relearn=self._known_body is None, walked=walked,
+        )  # fmt: skip
 
     def both_ways(
         self,

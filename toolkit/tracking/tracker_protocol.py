@@ -221,10 +221,11 @@ class LooksBack(Tracker, Protocol):
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
+        body: Body,
         floor: float | None = None,
         walked: np.ndarray | None = None,
     ) -> Planner:
-        """Learns the body of the person whose sightings these are, and says where to begin; see `Planner`."""
+        """Return the planner of the person whose sightings these are, with their body of the first pass."""
         ...
 
     def both_ways(

@@ -137,7 +137,9 @@ class SecondPass:
             plan: Plan | None = Plan.restore(self._resumed["plan"])
         else:
             walked = directions_walked(before, self._timestamps, self._rotation)
-            planner = self._tracker.planner(self._camera, self._rotation, seen, self._timestamps, self._floor, walked)
+            planner = self._tracker.planner(
+                self._camera, self._rotation, seen, self._timestamps, self.bodies[person], self._floor, walked
+            )
             for _ in planner.run():
                 yield 0
             plan = planner.plan
