@@ -36,7 +36,7 @@ quick:
 test: lint node
 	$(BIN)/pytest -n logical --dist loadfile --no-loadscope-reorder
 
-# Needs a folder of recordings and motion capture of others: DEPTHMOCAP_DATA names it.
+# Needs data sets of others (`depthmocap data fetch`); DEPTHMOCAP_DATA names their folder.
 test-data: environment
 	$(BIN)/pytest -n logical --dist loadfile --no-loadscope-reorder -m data
 

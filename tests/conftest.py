@@ -12,6 +12,10 @@ import typer.main
 from filelock import FileLock
 from hypothesis import settings
 
+from toolkit.datasets.folder import VARIABLE
+from toolkit.datasets.folder import data_folder as datasets_folder
+from toolkit.datasets.registry import data_set_of
+
 QUICK = frozenset({
     "test_config", "test_configs", "test_database_canonical", "test_database_query", "test_files", "test_fitting_parts",
     "test_kernels_linear", "test_kernels_planes", "test_sensing_camera", "test_sensing_parts",
@@ -29,17 +33,29 @@ LONGEST = (
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # its threads would spin on the processor of the other worker
 settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("suite")
-ABSENT = "needs recordings of others: set DEPTHMOCAP_DATA to the folder that holds them"
+
+
+@cache
+def _absent(names: tuple[str, ...]) -> str | None:
+    """Return the sentence that brings the data sets of a test into the data folder; None if all are there."""
+    folder = datasets_folder()
+    missing = [name for name in names if not data_set_of(name).is_present(folder)]
+    return f"needs data sets: depthmocap data fetch {' '.join(missing)}" if missing else None
+
+
+def pytest_configure() -> None:
+    """Refuse a `DEPTHMOCAP_DATA` that is no folder, with which all tests of data would be skipped."""
+    if (named := os.environ.get(VARIABLE)) and not Path(named).is_dir():
+        raise pytest.UsageError(f"{VARIABLE} names {named}, which is no folder")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what `make quick` runs, and put the longest modules first."""
     places = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.path.stem, len(LONGEST)))
-    absent = pytest.mark.skip(reason=ABSENT)
     for item in items:
-        if item.get_closest_marker("data") is not None and not os.environ.get("DEPTHMOCAP_DATA"):
-            item.add_marker(absent)
+        if (marker := item.get_closest_marker("data")) is not None and (absent := _absent(marker.args)):
+            item.add_marker(pytest.mark.skip(reason=absent))
         if item.path.stem in QUICK and item.get_closest_marker("data") is None:
             item.add_marker(pytest.mark.quick)
 
@@ -82,7 +98,5 @@ def cut_recordings(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) 
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
-    """Return the folder of recordings and mocap of others; skip the test where there is none."""
-    if not os.environ.get("DEPTHMOCAP_DATA"):
-        pytest.skip(ABSENT)
-    return Path(os.environ["DEPTHMOCAP_DATA"])
+    """Return the data folder; the marker `data` of a test names what has to be in it."""
+    return datasets_folder()

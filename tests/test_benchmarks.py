@@ -38,13 +38,13 @@ def test_the_splits_share_no_actor(name: str) -> None:
     assert actors == [{"bk"}, {"dg", "02", "49"}]
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_the_database_holds_no_actor_of_a_split(data_folder: Path) -> None:
     names = [path.stem for path in suite.database_sources() or []]
     assert names and not any(name.startswith(("02_", "49_", "HDM_bk", "HDM_dg")) for name in names)
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_every_motion_of_the_suites_exists(data_folder: Path) -> None:
     for scene in takes("tune") + takes("report") + scenes("tune") + scenes("report"):
         for actor in scene.actors:

@@ -224,7 +224,7 @@ def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
         assert words in text
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_real_mocap_becomes_a_database_with_plausible_people(data_folder: Path, tmp_path: Path) -> None:
     folder = data_folder / "mocap"
     files = [

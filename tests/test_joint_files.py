@@ -197,7 +197,7 @@ def test_a_run_says_which_joints_it_was_told(tmp_path: Path) -> None:
     assert RunInfo.load(tmp_path / "none").joints_2d == "none"
 
 
-@pytest.mark.data
+@pytest.mark.data("realsense")
 def test_openpose_joints_of_a_real_frame_land_on_the_right_people_and_sides(data_folder: Path, tmp_path: Path) -> None:
     clip = data_folder / "depth" / "realsense" / "image_i1"
     people = [{"pose_keypoints_2d": rows.ravel().tolist()} for rows in np.load(clip / "body_joints.npy")]

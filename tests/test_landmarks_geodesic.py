@@ -307,7 +307,7 @@ def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:
     assert source == torso[np.linalg.norm(cloud.points[torso] - hips, axis=1).argmin()]
 
 
-@pytest.mark.data
+@pytest.mark.data("utd-mhad")
 def test_on_real_recordings_the_fast_extrema_are_those_of_algorithm_1(data_folder) -> None:
     from scipy.io import loadmat
 

@@ -170,7 +170,7 @@ def test_the_smoothing_does_not_depend_on_the_frame_rate(first: float, then: flo
         assert degrees_between(*yaws) < 1e-5
 
 
-@pytest.mark.data
+@pytest.mark.data("utd-mhad")
 def test_people_who_face_the_camera_have_a_yaw_near_zero(data_folder) -> None:
     from scipy.io import loadmat
 

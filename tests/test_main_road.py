@@ -12,7 +12,7 @@ from toolkit.body.skeleton import REPORTED
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.tracks import TRACKED, RunInfo, Track
 
-pytestmark = pytest.mark.data
+pytestmark = pytest.mark.data("utd-mhad")
 
 NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
 

@@ -258,7 +258,7 @@ def test_the_command_writes_page_table_and_figures(
     assert "left_knee" in (tmp_path / "page" / "validation.csv").read_text()
 
 
-@pytest.mark.data
+@pytest.mark.data("opensim")
 @pytest.mark.parametrize(
     ("file", "joints"),
     [

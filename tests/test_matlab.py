@@ -39,7 +39,7 @@ def test_cells_are_lists_and_what_holds_no_numbers_is_left_out(tmp_path: Path) -
     assert [cell.shape for cell in found["sensor"]] == [(2, 3), (4, 1)]
 
 
-@pytest.mark.data
+@pytest.mark.data("utd-mhad", "utd-mhad-inertial")
 @pytest.mark.parametrize("folder", ["depth/utd_mhad", "inertial/utd_mhad"])
 def test_files_of_matlab_itself_are_read_as_scipy_reads_them(data_folder: Path, folder: str) -> None:
     for path in sorted((data_folder / folder).glob("*.mat"))[::60]:

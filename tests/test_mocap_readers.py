@@ -74,7 +74,7 @@ def test_position_channels_of_an_inner_joint_replace_its_offset(tmp_path: Path) 
     np.testing.assert_allclose(still, np.broadcast_to(clip.offsets[6], still.shape), atol=1e-9)
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap")
 def test_cmu_clips_agree_with_pybvh(data_folder: Path) -> None:
     for path in find_clips(data_folder / "mocap" / "cmu")[::17]:
         clip, oracle = read_clip(path), pybvh.read_bvh_file(path)
@@ -146,7 +146,7 @@ def test_acclaim_bones_with_own_axes_and_few_degrees_of_freedom_agree_with_the_d
             np.testing.assert_allclose(positions[frame - 1, clip.index(bone)], start * CMU_UNIT, atol=1e-9)
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_hdm05_clips_agree_with_the_definition(data_folder: Path) -> None:
     for path in find_clips(data_folder / "mocap" / "hdm05")[::60]:
         clip = read_clip(path)

@@ -193,7 +193,7 @@ def real(data_folder: Path) -> list[tuple[Clip, PoseClip]]:
     return [(clip, retarget(clip, load_body("neutral"))) for clip in clips]
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_limbs_of_real_clips_point_as_in_the_source(real: list[tuple[Clip, PoseClip]]) -> None:
     errors: dict[tuple[str, str], list[np.ndarray]] = {bone: [] for bone in LIMBS}
     for clip, found in real:
@@ -206,7 +206,7 @@ def test_limbs_of_real_clips_point_as_in_the_source(real: list[tuple[Clip, PoseC
         assert np.quantile(degrees, 0.95) < 8.0, bone
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_real_clips_keep_facing_sides_and_floor(real: list[tuple[Clip, PoseClip]]) -> None:
     body = load_body("neutral")
     heights = []
@@ -222,7 +222,7 @@ def test_real_clips_keep_facing_sides_and_floor(real: list[tuple[Clip, PoseClip]
     assert np.quantile(np.abs(heights), 0.8) < 0.08
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_poses_of_real_clips_respect_the_limits_and_move_smoothly(real: list[tuple[Clip, PoseClip]]) -> None:
     low, high = skeleton.POSE_LIMITS.T
     jumps, steps = 0, 0
@@ -236,7 +236,7 @@ def test_poses_of_real_clips_respect_the_limits_and_move_smoothly(real: list[tup
     assert jumps / steps < 0.004  # some sources flip a thigh by half a turn within a frame
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 def test_calibration_frames_of_cmu_clips_are_dropped_and_none_of_hdm05(data_folder: Path) -> None:
     for folder, dropped in (("cmu", 1), ("hdm05", 0)):
         for path in find_clips(data_folder / "mocap" / folder)[::15]:

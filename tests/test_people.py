@@ -128,7 +128,7 @@ def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
     assert unobserved_pixels(whole[:, 2:4], own[:, 2:4], None) is None
 
 
-@pytest.mark.data
+@pytest.mark.data("five-people")
 def test_five_people_in_a_real_room_are_five(data_folder):
     recording = open_recording(data_folder / "depth/pcl/five_people.pcd")
     sightings = MultiPersonFinder(recording.camera, recording.up_camera).find(recording.depth(0), 0.0, {})
@@ -158,7 +158,7 @@ def test_a_room_is_known_from_its_empty_scene_or_learnt_from_people_who_walk(tmp
     assert np.median(overlaps) > 0.9
 
 
-@pytest.mark.data
+@pytest.mark.data("realsense")
 def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(data_folder):
     recording = open_recording(data_folder / "depth/realsense/images_n40")
     finder = find_people(recording)
@@ -166,7 +166,7 @@ def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(data_fo
     assert set(ids) == {(1, 2)}
 
 
-@pytest.mark.data
+@pytest.mark.data("pairs")
 @pytest.mark.parametrize(
     ("name", "count"),
     [("cleaning whiteboard", 1), ("person standing", 1), ("two people moving", 2), ("two people walking", 2)],
@@ -180,7 +180,7 @@ def test_single_frames_of_real_rooms_hold_the_right_number(data_folder, name, co
         assert len(MultiPersonFinder(camera, UP).find((depth // 5).astype(np.uint16), 0.0, {})) == count
 
 
-@pytest.mark.data
+@pytest.mark.data("skeltrack")
 def test_somebody_behind_is_found_without_a_visible_head(data_folder):
     camera = Camera(575.8, 575.8, 319.5, 239.5, 640, 480)
     for path in sorted((data_folder / "depth/skeltrack").glob("depth-data-*")):

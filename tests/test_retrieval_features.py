@@ -201,21 +201,21 @@ def joint(motion: Motion, name: str) -> np.ndarray:
     return motion.joints[:, NAMED_JOINTS.index(name)]
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_the_share_of_ones_per_class_is_the_published_one_to_half_a_percent(data_folder: Path) -> None:
     for name, expected in PERCENT_ONES.items():
         shares = np.mean([100.0 * values.mean(axis=1) for _, values in hdm05(data_folder)[name]], axis=0)
         np.testing.assert_allclose(shares[np.array(COLUMNS) - 1], expected, atol=0.5, err_msg=name)
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_every_left_kick_raises_the_left_foot_and_not_the_right_one(data_folder: Path) -> None:
     for motion, values in hdm05(data_folder)["kickLFront1Reps"]:
         highest = int(joint(motion, "left_toes")[:, 1].argmax())
         assert values[17, highest] and not values[16, highest]
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(data_folder: Path) -> None:
     changed, frames = np.zeros(40), 0
     for clips in hdm05(data_folder).values():

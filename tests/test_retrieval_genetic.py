@@ -132,7 +132,7 @@ def test_a_population_grows_fitter_until_the_class_is_told_apart() -> None:
     assert training.quality(best, 2.0).fitness == 1.0
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_keyframes_learned_from_two_actors_find_the_third(data_folder: Path) -> None:
     kinds = ("squat1Reps", "elbowToKnee1RepsLelbowStart", "kickLFront1Reps", "rotateArmsBothBackward1Reps")
     seen: dict[str, list[Motion]] = {kind: [] for kind in kinds}
@@ -203,7 +203,7 @@ def test_tightened_distances_find_as_much_and_are_no_greater_than_needed() -> No
     assert training.quality(narrower, 2.0).recall < recall
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_checks_lie_twice_as_far_from_the_clips_as_what_is_learned_from(data_folder: Path) -> None:
     motion = load_motion(data_folder / "mocap" / "hdm05" / "HDM_bd_squat1Reps_001_120.amc")
     classes, checks = training_clips({"squat": [motion]}, LearningSettings(proportions=(0.8,), speeds=(1.25,)))

@@ -158,7 +158,7 @@ def test_reported_joints_give_the_same_features_as_the_poses_they_come_from_but_
     assert np.mean(full.values != reported.values) < 0.06
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_retargeting_changes_few_entries_and_using_only_the_reported_joints_few_more(data_folder: Path) -> None:
     body = load_body("neutral")
     by_poses, by_joints = [], []
@@ -175,7 +175,7 @@ def test_retargeting_changes_few_entries_and_using_only_the_reported_joints_few_
     assert np.mean(by_joints) < 0.03
 
 
-@pytest.mark.data
+@pytest.mark.data("cmu-mocap", "hdm05")
 @pytest.mark.parametrize("rig", FILES)
 def test_real_skeletons_have_human_proportions_left_at_positive_x_when_facing_z(data_folder: Path, rig: str) -> None:
     motion = from_clip(read_clip(data_folder / FILES[rig]))

@@ -134,7 +134,7 @@ def squats(data_folder: Path) -> list[Path]:
     return sorted(folder.glob("HDM_bd_squat1Reps_00*.amc"))[:4] + sorted(folder.glob("HDM_bd_kickLFront*.amc"))[:4]
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_an_index_grows_by_the_clips_that_are_added(squats: list[Path], tmp_path: Path) -> None:
     path = tmp_path / "motions.index"
     index_motions(squats[:2], path)
@@ -147,7 +147,7 @@ def test_an_index_grows_by_the_clips_that_are_added(squats: list[Path], tmp_path
     assert len(KeyframeIndex.open(path)) == 4
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tmp_path: Path) -> None:
     index = index_motions(squats, tmp_path / "motions.index")
     example = cut_example(squats[0], 0.1, load_motion(squats[0]).duration - 0.1)
@@ -157,7 +157,7 @@ def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tm
     assert {match.document for match in best} == own
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path) -> None:
     import typer
 
@@ -191,7 +191,7 @@ def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path)
         run("search", index, "--by-example", squats[0], "--play", film)
 
 
-@pytest.mark.data
+@pytest.mark.data("hdm05")
 def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path], tmp_path: Path) -> None:
     import typer
 

@@ -38,7 +38,7 @@ def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OPENBLAS_NUM_THREADS")
 
 
-@pytest.mark.data
+@pytest.mark.data("desk")
 def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
     data_folder: Path, tmp_path: Path, scripts: None
 ) -> None:

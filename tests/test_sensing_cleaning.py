@@ -170,7 +170,7 @@ def test_a_person_cut_off_by_the_border_is_kept_up_to_it(x, options):
         assert edge.any()
 
 
-@pytest.mark.data
+@pytest.mark.data("utd-mhad")
 def test_real_segmented_recordings_keep_their_pixels(data_folder):
     for name in ("a27_s7_t1", "a21_s1_t1"):
         recording = open_recording(data_folder / "depth" / "utd_mhad" / f"{name}_depth.mat")
@@ -179,7 +179,7 @@ def test_real_segmented_recordings_keep_their_pixels(data_folder):
             assert (cleaner.clean(frame) > 0).sum() > 0.95 * (frame > 0).sum()
 
 
-@pytest.mark.data
+@pytest.mark.data("skeltrack")
 def test_the_second_person_of_a_real_recording_is_left_out(data_folder):
     recording = open_recording(data_folder / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))
     frame = recording.depth(7)
@@ -189,7 +189,7 @@ def test_the_second_person_of_a_real_recording_is_left_out(data_folder):
     assert cleaned.max() < 1.6 < frame.max() / 1000
 
 
-@pytest.mark.data
+@pytest.mark.data("five-people")
 def test_one_of_five_real_people_is_cut_out(data_folder):
     recording = open_recording(data_folder / "depth" / "pcl" / "five_people.pcd")
     frame = recording.depth(0)
@@ -205,7 +205,7 @@ def test_one_of_five_real_people_is_cut_out(data_folder):
     assert 0.35 < area < 0.8
 
 
-@pytest.mark.data
+@pytest.mark.data("realsense")
 def test_a_real_person_in_a_cluttered_room_is_followed(data_folder):
     recording = open_recording(data_folder / "depth" / "realsense" / "images_n40")
     finder = find_person(recording, SensingSettings(segment="seed:450,200"))

@@ -49,7 +49,7 @@ def test_a_realsense_file_of_the_sdk_opens_with_its_camera_and_unit(tmp_path: Pa
     assert recording.timestamps[0] == 0 and (np.diff(recording.timestamps) > 0).all()
 
 
-@pytest.mark.data
+@pytest.mark.data("realsense-bag")
 def test_an_old_realsense_bag_opens_with_its_camera_and_unit(data_folder: Path) -> None:
     recording = open_recording(data_folder / "containers" / "single_depth_color_640x480.bag")
     assert len(recording) == 2 and recording.camera.shape == (480, 640)
@@ -158,7 +158,7 @@ def test_a_kinect_recording_opens_with_camera_times_and_vertical(tmp_path: Path,
     assert_frames(recording, [np.where(depth < 65000, depth, 0) for depth in mkv_frames()])
 
 
-@pytest.mark.data
+@pytest.mark.data("azure-kinect")
 def test_a_real_kinect_recording_opens_with_colour_registered_to_depth(data_folder: Path) -> None:
     recording = open_recording(data_folder / "containers" / "recording.mkv")
     assert recording.camera.shape == (576, 640) and len(recording) == 1

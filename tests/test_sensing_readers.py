@@ -97,7 +97,7 @@ def test_a_skeleton_is_optional_and_may_lie_elsewhere(tmp_path):
         open_recording(path, skeleton=tmp_path / "nowhere.mat")
 
 
-@pytest.mark.data
+@pytest.mark.data("utd-mhad")
 def test_real_subjects_face_the_camera_with_the_left_hand_at_positive_x(data_folder):
     for action in (1, 27):
         recording = open_recording(data_folder / "depth" / "utd_mhad" / f"a{action}_s1_t1_depth.mat")
@@ -282,7 +282,7 @@ def test_a_cloud_that_states_more_points_than_any_camera_has_is_refused(tmp_path
         open_recording(path)
 
 
-@pytest.mark.data
+@pytest.mark.data("realsense", "five-people", "skeltrack")
 def test_the_real_room_scans_open_with_their_cameras(data_folder):
     real = open_recording(data_folder / "depth" / "realsense" / "images_n40")
     assert len(real) == 40

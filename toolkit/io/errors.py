@@ -64,5 +64,9 @@ class ModelError(DepthMocapError):
     """A detector whose model or runtime is missing, or is not the one that is expected."""
 
 
+class DataError(DepthMocapError):
+    """A data set that is not there, cannot be fetched or is another one."""
+
+
 class OutputError(DepthMocapError):
     """A result that cannot be written: no permission, no space, a name already taken."""

@@ -6,6 +6,9 @@ import typer
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "demo": ("depthmocap demo --output demo",),
+    "data list": ("depthmocap data list", "depthmocap data list hdm05"),
+    "data fetch": ("depthmocap data fetch two-people", "depthmocap data fetch cmu-mocap hdm05 --data recordings"),
+    "data where": ("depthmocap data where hdm05",),
     "database build": (
         "depthmocap database build --output poses.npz",
         "depthmocap database build mocap/cmu mocap/hdm05 --output poses.npz --max-poses 25000",

@@ -16,6 +16,7 @@ from toolkit.app.cli import (
     annotate,
     bench,
     body,
+    data,
     database,
     demo,
     evaluate,
@@ -61,6 +62,7 @@ def _root(
 
 
 app.command()(demo.demo)
+app.add_typer(data.app, name="data")
 app.add_typer(database.app, name="database")
 app.add_typer(body.app, name="body")
 app.command()(info.info)
