@@ -60,6 +60,7 @@ COLUMNS = (
     ("residual_mm", "residual mm", 1.0),
     ("agreement", "agreement %", 100.0),
     ("agreement_offsets", "with offsets %", 100.0),
+    ("agreement_hands_feet", "hands, feet %", 100.0),
     ("extrema", "five extrema %", 100.0),
     ("tracked", "tracked %", 100.0),
     ("frame_ms", "ms/frame", 1.0),

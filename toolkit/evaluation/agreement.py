@@ -58,9 +58,10 @@ def local_differences(joints: np.ndarray, reference: np.ndarray) -> np.ndarray:
     return np.einsum("tca,tjc->tja", torso_frames(tracked), apart)[:, COMPARED].astype(np.float32)
 
 
-def agreement(joints: np.ndarray, reference: np.ndarray) -> float:
-    """Share of joints, hands and feet left out, that lie within 100 mm of the reference; NaN if none is known."""
-    return _share_near(np.linalg.norm(np.asarray(joints, np.float64)[:, COMPARED] - reference[:, COMPARED], axis=-1))
+def agreement(joints: np.ndarray, reference: np.ndarray, compared: Sequence[int] | np.ndarray = COMPARED) -> float:
+    """Return the share of the compared joints that lie within 100 mm of the reference; NaN if none is known."""
+    difference = np.asarray(joints, np.float64)[:, compared] - reference[:, compared]
+    return _share_near(np.linalg.norm(difference, axis=-1))
 
 
 def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence[str | None]) -> list[float]:

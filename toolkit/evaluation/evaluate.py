@@ -11,7 +11,7 @@ import numpy as np
 
 from toolkit.body.skeleton import REPORTED
 from toolkit.evaluation import joint_errors as metrics
-from toolkit.evaluation.agreement import agreement, agreement_with_offsets, local_differences, subject_of
+from toolkit.evaluation.agreement import COMPARED, agreement, agreement_with_offsets, local_differences, subject_of
 from toolkit.evaluation.extrema_scores import TIPS, all_free, extrema_found
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
@@ -202,7 +202,8 @@ def _distances(track: Track, reference: Reference) -> dict[str, Any]:
     if reference.is_truth:
         return figures | _error_figures(errors)
     apart = local_differences(track.joints, reference.joints)
-    return figures | {"agreement": agreement(track.joints, reference.joints), "differences": apart}
+    near, ends = (agreement(track.joints, reference.joints, own) for own in (COMPARED, metrics.HANDS_AND_FEET))
+    return figures | {"agreement": near, "agreement_hands_feet": ends, "differences": apart}
 
 
 def _error_figures(errors: np.ndarray) -> dict[str, Any]:

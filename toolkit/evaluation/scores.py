@@ -39,6 +39,7 @@ class RunScores:
         five are visible, and among those in which they also are free of the body
     agreement, agreement_offsets : share of joints, hands and feet left out, within 100 mm of another system's
         skeleton; plain, and with offsets fitted on other subjects
+    agreement_hands_feet : share of hands and feet within 100 mm of another system's skeleton, plain
     overlap, residual_mm : silhouette overlap and median absolute depth residual of the fitted body, medians over
         frames
     states, sources : share of frames in each state, and of the tracked frames in which each hypothesis won
@@ -64,6 +65,7 @@ class RunScores:
     extrema_free: float | None = None
     agreement: float | None = None
     agreement_offsets: float | None = None
+    agreement_hands_feet: float | None = None
     overlap: float | None = None
     residual_mm: float | None = None
     states: Figures = field(default_factory=dict)
