@@ -23,7 +23,7 @@ def export(
         str | None,
         typer.Option(
             help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json), body-index and ply "
-            "(folders: whose pixel is whose, and the clouds cut out).",
+            "(folders: pixels of each person, and their clouds), opensim (folder: scaled model, markers, angles).",
             show_default="by the suffix",
         ),
     ] = None,
@@ -33,6 +33,9 @@ def export(
             help="floor (y up, ground at 0, below the person's first place) or camera.",
             show_default="floor; of the .json formats camera",
         ),
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option("--model", help="Model of OpenSim (.osim) that --format opensim scales to the person.")
     ] = None,
     as_tracked: Annotated[
         bool,
@@ -51,6 +54,8 @@ def export(
     """
     from toolkit.output.export.run import export_run
 
-    written = export_run(run, output, rig=rig, format=format, origin=origin, recording=recording, as_tracked=as_tracked)
+    written = export_run(
+        run, output, rig=rig, format=format, origin=origin, recording=recording, as_tracked=as_tracked, model=model
+    )
     for path in written:
         say(path)

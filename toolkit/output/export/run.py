@@ -22,6 +22,7 @@ from toolkit.output.export.document import export_json
 from toolkit.output.export.glb import export_glb
 from toolkit.output.export.k4abt import export_k4abt
 from toolkit.output.export.notes import notes_of, write_notes
+from toolkit.output.export.opensim import export_opensim
 from toolkit.output.export.origin import CAMERA, FLOOR, Origin, origin_of
 from toolkit.output.export.pixels import LabelledFrame, labelled_frames, write_body_index, write_clouds
 from toolkit.output.export.rerun import export_rerun
@@ -46,6 +47,7 @@ class ExportJob:
     rig : whose joint names are written
     run : the run folder, None for people in memory
     recording : where the recording has been moved to
+    model : model of OpenSim that is scaled, None for none
     """
 
     people: Sequence[Person]
@@ -53,6 +55,7 @@ class ExportJob:
     rig: str
     run: Path | None = None
     recording: str | Path | None = None
+    model: str | Path | None = None
 
     def open_recording(self) -> tuple[Recording, RunInfo]:
         """The recording that was tracked, and what the run says about itself; raises UsageError without a run."""
@@ -158,6 +161,7 @@ FORMATS: dict[str, Format] = {
     "rerun": Format(".rrd", _rerun, together=True),
     "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
     "ply": Format("", _clouds, together=True, origin=CAMERA),
+    "opensim": Format("", lambda path, job: export_opensim(path, job.person, job.model), blank=False),
     "amass": Format(".npz", lambda path, job: export_amass(path, job.person), blank=False),
 }
 """What can be exported, by name; of formats with one suffix the first is the suffix's own."""
@@ -172,6 +176,7 @@ def export_run(
     origin: str | None = None,
     recording: str | Path | None = None,
     as_tracked: bool = False,
+    model: str | Path | None = None,
 ) -> tuple[Path, ...]:
     """Write all people of a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
 
@@ -186,7 +191,8 @@ def export_run(
     format : a key of `FORMATS`
     origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
     recording : where the recording has been moved to, for formats that hold what was measured
-    as_tracked : do not hold what rests where it is, as a file on the floor does otherwise, see `biomechanics.resting`
+    as_tracked : do not hold what rests where it is, as a file on the floor does otherwise, see `motion.resting`
+    model : `.osim` file that the format opensim scales to the person
 
     Returns
     -------
@@ -214,6 +220,7 @@ def export_run(
         run=run,
         recording=recording,
         as_tracked=as_tracked,
+        model=model,
     )
 
 
@@ -227,6 +234,7 @@ def export_people(
     run: str | Path | None = None,
     recording: str | Path | None = None,
     as_tracked: bool = False,
+    model: str | Path | None = None,
 ) -> tuple[Path, ...]:
     """The same of people whose tracks are in memory, or of those of the run folder `run`; raises as `export_run`."""
     target = Path(path)
@@ -236,16 +244,18 @@ def export_people(
         raise UsageError(f"--rig {rig} is for {named}; {name} names the joints that are reported")
     if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
+    if model is not None and name != "opensim":
+        raise UsageError(f"--model {model} is for --format opensim; {name} has no model")
     place = origin or format_.origin
     if place == FLOOR and not as_tracked:
         people = [at_rest(person) for person in people]
     if format_.together or len(people) == 1:
-        _write(format_, target, people, place, rig, run, recording)
+        _write(format_, target, people, place, rig, run, recording, model)
         return (target,)
     written = []
     for person in people:
         written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        _write(format_, written[-1], [person], place, rig, run, recording)
+        _write(format_, written[-1], [person], place, rig, run, recording, model)
     return tuple(written)
 
 
@@ -274,6 +284,7 @@ def _write(
     rig: str | None,
     run: str | Path | None,
     recording: str | Path | None,
+    model: str | Path | None,
 ) -> None:
     if not format_.blank and not people[0].there.any():
         raise UsageError(
@@ -281,4 +292,4 @@ def _write(
         )
     place = origin_of(people, origin)
     moved = [person.moved(place.offset) for person in people]
-    format_.write(path, ExportJob(moved, place, rig or OWN, None if run is None else Path(run), recording))
+    format_.write(path, ExportJob(moved, place, rig or OWN, None if run is None else Path(run), recording, model))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,12 @@ def export_trc(path: str | Path, person: Person) -> None:
     OutputError
         The file cannot be written.
     """
-    names, rate, count = skeleton.REPORTED, f"{person.frame_rate():.6g}", len(person.track)
+    write_trc(path, skeleton.REPORTED, person.joints_level, person.times, person.frame_rate())
+
+
+def write_trc(path: str | Path, names: Sequence[str], points: np.ndarray, times: np.ndarray, frame_rate: float) -> None:
+    """Write points (T, M, 3), metres, as a TRC file, blank where they are NaN; raises OutputError."""
+    rate, count = f"{frame_rate:.6g}", len(times)
     settings = {
         "DataRate": rate, "CameraRate": rate, "NumFrames": count, "NumMarkers": len(names), "Units": "m",
         "OrigDataRate": rate, "OrigDataStartFrame": 1, "OrigNumFrames": count,
@@ -80,7 +86,7 @@ def export_trc(path: str | Path, person: Person) -> None:
         "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(len(names)) for axis in "XYZ"),
         "",
     ]
-    for i, (time, row) in enumerate(zip(person.times, person.joints_level.reshape(count, -1), strict=True)):
+    for i, (time, row) in enumerate(zip(times, points.reshape(count, -1), strict=True)):
         lines.append("\t".join([str(i + 1), f"{time:.6f}", *_fields(row.tolist(), 6)]))
     save_text(path, "\n".join(lines) + "\n")
 
