@@ -1,7 +1,8 @@
 # make demo: set up and run the main job on bundled motions.   make test: set up and run everything that CI runs.
 # make quick: for the loop of a person who edits; what answers within half a minute.
 # make wheel: build the wheel and run the demo from it in an empty environment.
-# PYTHON=python3.12 chooses the interpreter (3.10 to 3.13); without it the first one found is taken.
+# make package: build sdist and wheel into dist/ and check them.   make docs: build the documentation site into site/.
+# PYTHON=python3.12 chooses the interpreter (range: `requires-python` in pyproject.toml); the default is the first one found.
 
 SHELL := /bin/bash
 VENV := .venv
@@ -10,7 +11,7 @@ BIN := $(VENV)/bin
 # Bytecode is kept: without it every process compiles all sources anew, and pytest writes all assertions anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-data quick environment lint node wheel clean
+.PHONY: demo test test-data quick environment lint node wheel package docs clean
 
 environment:
 	@scripts/check_system_libraries.sh
@@ -24,6 +25,7 @@ lint: environment
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/codespell
 
 node:
 	@scripts/install_node_packages.sh
@@ -43,5 +45,11 @@ test-data: environment
 wheel: environment
 	scripts/check_wheel.sh $(BIN)/python
 
+package: environment
+	scripts/check_package.sh $(BIN)/python
+
+docs: environment
+	$(BIN)/mkdocs build --strict --quiet
+
 clean:
-	rm -rf $(VENV) build dist demo
+	rm -rf $(VENV) build dist demo site

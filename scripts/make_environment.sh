@@ -12,18 +12,22 @@ if [ ! -e "$unfinished" ] && [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ]; then
     exit 0
 fi
 
-works() { "$1" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 14))' 2>/dev/null; }
+range=$(sed -n 's/^requires-python = ">=3\.\([0-9]*\),<3\.\([0-9]*\)"$/\1 \2/p' pyproject.toml)
+first=${range% *}
+last=$((${range#* } - 1))
+
+works() { "$1" -c "import sys; sys.exit(not (3, $first) <= sys.version_info[:2] <= (3, $last))" 2>/dev/null; }
 
 find_python() {
     if [ -n "${PYTHON:-}" ]; then
         works "$PYTHON" && { echo "$PYTHON"; return; }
-        echo "PYTHON=$PYTHON is not a Python 3.10 to 3.13; name another one" >&2
+        echo "PYTHON=$PYTHON is not a Python 3.$first to 3.$last; name another one" >&2
         return 1
     fi
-    for candidate in python3 python3.13 python3.12 python3.11 python3.10 python; do
+    for candidate in python3 $(seq -f python3.%.0f "$last" -1 "$first") python; do
         works "$candidate" && { echo "$candidate"; return; }
     done
-    echo "no Python 3.10 to 3.13 was found; install one or name it: make PYTHON=/path/to/python3.11" >&2
+    echo "no Python 3.$first to 3.$last was found; install one or name it: make PYTHON=/path/to/python3.11" >&2
     return 1
 }
 

@@ -1,8 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from toolkit.app.cli import demo
+from toolkit.app.cli.main import main
+from toolkit.datasets import registry
 from toolkit.tracks import Track
 
 
@@ -18,3 +23,32 @@ def test_the_demo_does_the_main_job_from_motions_to_a_film(tmp_path: Path) -> No
     suffixes = {path.suffix for path in result.files}
     assert {".npz", ".csv", ".json", ".png", ".webm", ".html"} <= suffixes
     assert len({what.split(":")[0] for what in doing}) >= 4
+
+
+def test_without_a_network_the_real_demo_names_the_simulated_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(registry, "GITHUB", "http://127.0.0.1:9/{repository}/{commit}/")
+    with pytest.raises(SystemExit, match="1"):
+        main(["demo", "--real", "--data", str(tmp_path / "data"), "--output", str(tmp_path / "demo")])
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "check the network" in line and line.endswith("`depthmocap demo` tracks a simulated recording")
+    assert not (tmp_path / "demo").exists()
+
+
+@pytest.mark.parametrize("options", [["--real", "--seed", "1"], ["--data", "here"]])
+def test_options_of_the_other_demo_are_refused(options: list[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["demo", *options])
+
+
+@pytest.mark.data("two-people")
+def test_the_real_demo_tracks_two_men(data_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = registry.DATA_SETS[demo.REAL]
+    kept = [line for line in (whole.assets / f"{demo.REAL}.tsv").read_text().splitlines() if "0002" in line]
+    others = [line for line in (whole.assets / f"{demo.REAL}.tsv").read_text().splitlines() if ".png" not in line]
+    (tmp_path / f"{demo.REAL}.tsv").write_text("\n".join(others + kept[:3]))
+    monkeypatch.setitem(registry.DATA_SETS, demo.REAL, replace(whole, assets=tmp_path))
+    result = demo.run_real_demo(tmp_path / "demo", data=data_folder)
+    assert len(result.people.people) == 2 and result.summary.frames == 3
+    assert all(path.exists() for path in result.files)

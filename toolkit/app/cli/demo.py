@@ -1,7 +1,8 @@
-"""`depthmocap demo`: the main job on what is bundled, from motions to a film."""
+"""`depthmocap demo`: the main job, from a recording to a film, on bundled motions or on fetched real frames."""
 
 from __future__ import annotations
 
+import shutil
 import time
 from dataclasses import replace
 from functools import partial
@@ -10,12 +11,14 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import next_commands, say
+from toolkit.io.errors import DataError, UsageError
 from toolkit.io.progress import Progress, silent
 
 if TYPE_CHECKING:
     from toolkit.app.pipeline.run_summary import RunSummary
     from toolkit.evaluation.scores import EvaluationTable
+    from toolkit.tracks.runs import People
 
 SUBJECT, SUBJECT_SEED = "slim_male", 7
 """Whose body is simulated, and the seed of what makes it unlike every body that a tracker can fit."""
@@ -23,6 +26,8 @@ MOTIONS = 3
 """Motions of the recording; none of them is in the database."""
 SECONDS = 5.0
 """Of each motion."""
+REAL = "two-people"
+"""Data set of the real demo."""
 
 
 class DemoResult(NamedTuple):
@@ -30,6 +35,14 @@ class DemoResult(NamedTuple):
 
     table: EvaluationTable
     summary: RunSummary
+    files: list[Path]
+
+
+class RealDemoResult(NamedTuple):
+    """Result of the real demo: summary, people, and the files in their order."""
+
+    summary: RunSummary
+    people: People
     files: list[Path]
 
 
@@ -88,27 +101,114 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     return DemoResult(table, summary, files)
 
 
+def run_real_demo(output: str | Path, *, data: str | Path | None = None, show: Progress = silent) -> RealDemoResult:
+    """Fetch 20 real depth frames of two men in a room, track both, and draw the film and the page.
+
+    Parameters
+    ----------
+    output : folder of everything that is written; an earlier demo in it is replaced
+    data : data folder; `toolkit.datasets.folder.data_folder()` if None
+    show : called with the work that is done
+
+    Raises
+    ------
+    DataError
+        The frames are not in the data folder and cannot be fetched.
+    OutputError
+        The folder cannot be written.
+    """
+    from toolkit.app.cli.terminal import doing_words
+    from toolkit.app.pipeline import TrackerRecipe, track_recording
+    from toolkit.database.default import default_database_path
+    from toolkit.datasets.fetch import fetch_data_set
+    from toolkit.datasets.registry import data_set_of
+    from toolkit.io.files import atomic_path
+    from toolkit.output.rendering.film import render_run
+    from toolkit.output.report.page import write_report
+    from toolkit.recordings.opening import open_upright
+    from toolkit.tracks import PARTIAL_FILE
+    from toolkit.tracks.runs import load_people
+
+    folder, data_set = Path(output), data_set_of(REAL)
+    fetched = fetch_data_set(data_set, data, progress=show)
+    frames, run = folder / REAL, folder / "real_run"
+    for file in data_set.files:  # a recording of these frames only, beside its run
+        inside = Path(file.path).relative_to(data_set.folder)
+        with atomic_path(frames / inside, lasting=False) as temporary:
+            shutil.copyfile(fetched / inside, temporary)
+    for unfinished in run.rglob(PARTIAL_FILE):
+        unfinished.unlink()
+    summary = track_recording(
+        open_upright(frames / "images_n40"), TrackerRecipe(database=default_database_path()).build(), run, people=None,
+        progress=lambda name, doing, done, total: show(doing_words(doing), done, total),
+    )  # fmt: skip
+    files = [frames, run]
+    for name in ("real_film.webm", "real_contact_sheet.png"):
+        files.append(render_run(run, folder / name, progress=partial(show, f"drawing {name}")))
+    page = write_report(
+        [run], folder / "real_report.html",
+        progress=lambda doing, done, total: show(f"writing the page: {doing}", done, total),
+    )  # fmt: skip
+    return RealDemoResult(summary, load_people(run), [*files, page])
+
+
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of everything that is written.")] = Path(
         "demo"
     ),
-    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
+    seed: Annotated[int | None, typer.Option(help="Seed of everything random.", min=0, show_default="0")] = None,
+    real: Annotated[
+        bool, typer.Option("--real", help="Fetch and track 20 real frames of two people (3 MB) instead.")
+    ] = False,
+    data: Annotated[
+        Path | None, typer.Option(help="With --real: data folder.", show_default="that of `data where`")
+    ] = None,
 ) -> None:
     """Do the main job on bundled motions: simulated recording, track, table, film and a page of it all."""
-    from toolkit.app.cli.terminal import next_commands, print_table, progress_bars
-
     start = time.monotonic()
+    if real:
+        if seed is not None:
+            raise UsageError("--seed belongs to the simulated demo; leave it out with --real")
+        page = _demo_real(output, data)
+    else:
+        if data is not None:
+            raise UsageError("--data belongs to --real; add it or leave --data out")
+        page = _demo_simulated(output, seed or 0)
+    say(f"{time.monotonic() - start:.0f} seconds; open {page} in a browser: film, body in three dimensions, plots")
+    recording = output / REAL / "images_n40" if real else output / "take.npz"
+    people = ("--people", "all") if real else ()
+    next_commands(
+        {
+            ("track", str(recording), *people, "--output", "run"): "with the default poses; then a recording of yours",
+            ("info", str(recording)): "what a recording holds, and which option would help",
+        }
+    )
+
+
+def _demo_simulated(output: Path, seed: int) -> Path:
+    """Run the simulated demo, print its results and return the page."""
+    from toolkit.app.cli.terminal import print_table, progress_bars
+
     with progress_bars() as bars:
         result = run_demo(output, seed=seed, show=bars)
     print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
     say("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
         say(path)
-    seconds = time.monotonic() - start
-    say(f"{seconds:.0f} seconds; open {result.files[-1]} in a browser: film, body in three dimensions, errors")
-    next_commands(
-        {
-            ("track", str(output / "take.npz"), "--output", "run"): "with the default poses; then a recording of yours",
-            ("info", str(output / "take.npz")): "what a recording holds, and which option would help",
-        }
-    )
+    return result.files[-1]
+
+
+def _demo_real(output: Path, data: Path | None) -> Path:
+    """Run the real demo, print its results and return the page."""
+    from toolkit.app.cli.terminal import progress_bars
+
+    try:
+        with progress_bars() as bars:
+            result = run_real_demo(output, data=data, show=bars)
+    except DataError as error:
+        raise DataError(f"{error}. Without a network, `depthmocap demo` tracks a simulated recording") from error
+    say(result.summary.text())
+    say(result.people.text())
+    for path in result.files:
+        say(path)
+    return result.files[-1]

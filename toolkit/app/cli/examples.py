@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 EXAMPLES: dict[str, tuple[str, ...]] = {
-    "demo": ("depthmocap demo --output demo",),
+    "demo": ("depthmocap demo --output demo", "depthmocap demo --real --output demo"),
     "data list": ("depthmocap data list", "depthmocap data list hdm05"),
     "data fetch": ("depthmocap data fetch two-people", "depthmocap data fetch cmu-mocap hdm05 --data recordings"),
     "data where": ("depthmocap data where hdm05",),
