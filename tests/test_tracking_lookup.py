@@ -1,4 +1,4 @@
-"""Database lookup: labelings, scores, and the poses that the querys bring back (Baak 2013, 5.4.3)."""
+"""Database lookup: labelings, scores, and the poses that the queries bring back (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
