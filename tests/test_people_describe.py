@@ -31,7 +31,7 @@ def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
     assert camera == "camera: 320 x 240, 59 degrees wide, 9 frames, 30.0 frames a second"
     assert up == "up: file; the camera looks 11 degrees down, rolled by 0"
     assert surroundings.startswith("room: known")
-    why = "a person's shape in 1 of 1 looks, in all +5.0 log odds of a person"
+    why = "person score +5.0 (shape matched in 1 of 1 sampled frames)"
     assert people.split("\n  ") == [
         "people: 2 in the first 3 s", f"1 at 2.5 m, whole ({why})", f"2 at 3.1 m, whole ({why})"
     ]  # fmt: skip

@@ -174,7 +174,7 @@ def test_what_never_moves_and_stands_as_nobody_does_is_furniture_whatever_its_sh
     own = Evidence(6, 6, 15.0, rested, unlikely)
     assert own.lifeless == dropped and (furniture({2: own}) == {2}) == dropped
     assert own.log_odds == pytest.approx(Evidence(6, 6, 15.0).log_odds - 12.0 * dropped)
-    assert ("nothing moves and nobody stands like that" in own.text()) == dropped
+    assert ("motionless in an improbable pose" in own.text()) == dropped
     assert restore_evidence(export_evidence({2: own})) == {2: own}
     assert [Evidence(n, n, 2.5 * n, n, 0.05).lifeless for n in range(6)] == [False] * 4 + [True] * 2
 
@@ -212,10 +212,10 @@ def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_withou
     assert [person.folder for person in load_people(tmp_path / "run").people] == ["person_01", "person_02"]
     assert "person_03" not in json.dumps((tmp_path / "run" / "people.json").read_text())
     first, second = load_people(tmp_path / "run").text().split("\n")[:2]
-    assert first.startswith("person_01: 1.") and first.endswith("in all +8.0 log odds of a person")
-    assert second.startswith("person_02") and "looks" not in second
+    assert first.startswith("person_01: 1.") and "person score +8.0" in first
+    assert second.startswith("person_02") and "score" not in second
     assert load_people(tmp_path / "run").furniture == (Evidence(3, 0, -9.0),)
-    assert load_people(tmp_path / "run").text().split("\n")[2].startswith("furniture, left out: a person's shape in 0")
+    assert load_people(tmp_path / "run").text().split("\n")[2].startswith("furniture, left out: person score -5.5")
 
 
 # The one who is meant.

@@ -20,17 +20,17 @@ from toolkit.people.unassigned import head_of
 from toolkit.people.view import CoarseCamera, View
 
 KNEE_REACH = 0.75
-"""Metres horizontally, within which what lies more below a head than beside it, on the surface that hangs on the head,
-is a knee (of one who sits, 0.55 m below) or the back of one who leans."""
+"""Horizontal distance, metres, within which a place below a head on its surface is a knee of a seated person (0.55 m
+below) or the back of a leaning one."""
 MIRROR_DEPTH, MIRROR_GATE = 0.3, 0.4
-"""Metres: a head so far behind a wall, and so close to the mirror image of one before it mirrored, is that mirror
-image; walls are known to a few degrees."""
+"""Metres behind a wall, and metres from the mirror image of a head before it, for a head to be that mirror image; walls
+are known to a few degrees."""
 
 # Places are (3,), level frame, metres.
 
 
 def shaped_alone(view: View, lens: CoarseCamera, place: np.ndarray) -> bool:
-    """Whether the surface below a head has a person's shape; other people are ignored."""
+    """Return True if the surface below a head has a person's shape; other people are ignored."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, [place], seeds)
     mask = share_out(view, lens, seeds, [place], bridge=BRIDGE_CUT) == 1
@@ -38,25 +38,25 @@ def shaped_alone(view: View, lens: CoarseCamera, place: np.ndarray) -> bool:
 
 
 def beside(place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
-    """Whether a place is within a seated person's reach of one of the other heads."""
+    """Return True if a place is within a seated person's reach of one of the other heads."""
     asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
     return min(asides, default=np.inf) < REACH_STILL
 
 
 def apart(head: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two heads on one surface may be two people's."""
+    """Return True if two heads on one surface may be of two people."""
     aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
     level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
     return aside >= (SHOULDER_DISTANCE if level else KNEE_REACH)
 
 
 def headless(view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Those bodies (masks) that hang under none of the heads."""
+    """Return the bodies (masks) that are connected to none of the heads."""
     return [body for body in bodies if not beside(head_of(view, body), heads)]
 
 
 def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: CoarseCamera) -> bool:
-    """Whether a head is behind a wall, at the mirror image of one of the `places` before it."""
+    """Return True if a head is behind a wall, at the mirror image of one of the `places` before it."""
     for plane in planes:
         normal = lens.to_level(plane.normal[None])[0]
         behind = linear.dot(normal, place) + plane.offset

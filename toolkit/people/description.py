@@ -1,4 +1,4 @@
-"""A first look at a recording: camera, up, room, people, and which option would help (`depthmocap info`)."""
+"""Description of a recording: camera, vertical, room, people, and helpful options (`depthmocap info`)."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ FRAMES = 45  # of them that are looked at, at the most
 BORDER = 3  # pixels from the image border within which a person counts as cut: registered depth often ends before it
 BORDER_SHARE = 0.05  # of a person's width or height that lies on such a border
 CUTS = ((0.35, "head"), (0.6, "chest"), (1.0, "waist"), (1.35, "knees"))
-"""Metres below the middle of the head at which the image cuts an adult off, and what that is near."""
+"""Metres below the centre of the head at which the image truncates an adult, and the body part there."""
 FULL_SIZE = 300_000  # pixels of an image that half resolution makes four times as fast
 
 
 @dataclass(frozen=True, eq=False)
 class FirstLook:
-    """What a first look sees.
+    """Description of the first seconds of a recording.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class FirstLook:
 def describe(
     recording: Recording, sensing: SensingSettings | None = None, judge: PersonClassifier | None = None
 ) -> FirstLook:
-    """Look at the first seconds of a recording; `judge` tells people from furniture.
+    """Describe the first seconds of a recording; `judge` classifies people and furniture.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _room_line(surroundings: Surroundings) -> str:
 
 
 def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | None = None) -> str:
-    """Number, distance, how the image border cuts the person, and the evidence for one where that was a question."""
+    """Return number, distance, truncation by the image border, and the evidence that it is a person."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
     height, width = sighting.depth.shape
@@ -135,7 +135,7 @@ def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | Non
 
 
 def largest_surface(depth: np.ndarray) -> np.ndarray:
-    """The largest piece of what was measured, bool (H, W): specks are no part of a person.
+    """Return the largest connected surface, bool (H, W): specks are not part of a person.
 
     `depth` is float32 (H, W) in metres, 0 where nothing was measured.
     """
@@ -148,7 +148,7 @@ def largest_surface(depth: np.ndarray) -> np.ndarray:
 
 
 def _cut_at(sighting: Sighting, lens: CoarseCamera) -> str:
-    """What is near the lower border of the image, by the height from there to the top of the head."""
+    """Return the body part at the lower image border, by the height from there to the top of the head."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     z = sighting.depth[v, u].astype(np.float64)
     camera: Camera = sighting.camera

@@ -1,4 +1,4 @@
-"""People in a single depth image: heads above shoulders, each with the surface that hangs on it."""
+"""People in a single depth image: heads above shoulders, each with its connected surface."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ AROUND = np.column_stack([0.17 * np.cos(_ANGLES), 0.20 * np.sin(_ANGLES)])
 SHOULDERS = np.array([(x, y) for y in (-0.29, -0.36) for x in (-0.1, -0.05, 0.0, 0.05, 0.1)])
 TOLERANCES = np.array([0.10, 0.12, 0.3, 0.1])  # m: head's depth, gap behind it, head to shoulders, head's radius
 TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
-"""Size of head and body against these, and the least score, of an adult and of a child of a metre, whom a fist on a
-forearm resembles."""
+"""Scale of head and body against these, and the minimum score: an adult, and a child of a metre, whose shape a fist on
+a forearm resembles."""
 HEAD_SCORE = 0.8  # of 1, which a head must reach
 HEAD_DISTANCE = 0.25  # m between two heads; shoulder to shoulder, cheek to cheek
 SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a shoulder that looks like one
-BODY_DISTANCE, HEAD_DROP = 0.45, 0.5  # m from a head's axis, of an elbow or a knee, and m down from where on
+BODY_DISTANCE, HEAD_DROP = (
+    0.45,
+    0.5,
+)  # m from a head's axis to an elbow or a knee, and m below the head from which it applies
 SURFACE_GAP = 0.05  # m in depth between neighbours on one surface, on top of the quantisation: a torso's side, at 3 m
 BRIDGE_CUT = 0.5  # m of the largest step within a person where only people are measured: an arm before the chest
 BRIDGE_ROOM = 0.12  # m, the same in a room: less than what separates a person from a shelf behind
@@ -53,8 +56,8 @@ PLANAR_SAMPLES, PLANAR_TRIPLES = 800, 200
 
 @dataclass(frozen=True, eq=False)
 class Head:
-    """A place that looks like the centre of a head: float64 (3,), level frame, metres; how much, 0 to 1; and whether
-    only as that of a small child.
+    """Head candidate: centre float64 (3,), level frame, metres; score, 0 to 1; True if only a small child's head
+    fits.
     """
 
     place: np.ndarray
@@ -63,7 +66,7 @@ class Head:
 
 
 def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
-    """Heads in a frame, the highest first; of those above one another on a body only the highest.
+    """Detect heads in a frame, the highest first; of several on one body the highest only.
 
     `cut_out`: unmeasured pixels are background, so that they count as space beside a head.
     """
@@ -97,7 +100,7 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
 
 
 def _on_body_below(place: np.ndarray, head: np.ndarray) -> bool:
-    """Whether `place` is so close to the axis below `head` that it is a shoulder, an elbow or a knee."""
+    """Return True if `place` is so close to the axis below `head` that it is a shoulder, an elbow or a knee."""
     aside, drop = float(np.hypot(place[0] - head[0], place[2] - head[2])), head[1] - place[1]
     if drop < LEAST_DROP:
         return False
@@ -105,14 +108,14 @@ def _on_body_below(place: np.ndarray, head: np.ndarray) -> bool:
 
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:
-    """Pixels that belong to the head at `place` (3,), level frame, metres: bool (h, w)."""
+    """Return the pixels of the head at `place` (3,), level frame, metres: bool (h, w)."""
     near = np.empty(view.depth.shape, dtype=np.bool_)
     mark_near(view.points, place.astype(np.float32), SEED_RADIUS, near)
     return near
 
 
 def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> None:
-    """Mark the pixels around the places of heads in `seeds` int32 (h, w) with 1, 2, ..., where it is still 0."""
+    """Mark the pixels around heads in `seeds` int32 (h, w) with 1, 2, ..., where it is 0."""
     rows = np.array(heads, dtype=np.float64).reshape(-1, 3)
     mark_seeds(view.points, view.foreground, np.zeros(seeds.shape, dtype=np.int32), rows, SEED_RADIUS, 0.0, seeds)
 
@@ -120,13 +123,13 @@ def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> No
 def share_out(
     view: View, lens: CoarseCamera, seeds: np.ndarray, heads: Sequence[np.ndarray], *, bridge: float
 ) -> np.ndarray:
-    """Give the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = background.
+    """Assign the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = background.
 
     Parameters
     ----------
     seeds : int32 (h, w), 1.. the people
-    heads : (3,) each, level frame, metres; pixels beyond a person's reach of them are left out
-    bridge : metres of the largest depth step within one person
+    heads : (3,) each, level frame, metres; pixels beyond a person's reach are left out
+    bridge : largest depth step within one person, metres
     """
     labels = np.zeros(seeds.shape, dtype=np.int32)
     if len(heads) == 0:
@@ -142,13 +145,13 @@ def share_out(
 
 
 def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
-    """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
+    """Return True if a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
     return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < PLANAR
 
 
 def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:
-    """Whether a surface is narrow around a head's centre (3,) and wide below it, for a body of a `scale`."""
+    """Return True if a surface is narrow around a head's centre (3,) and wide below it, for a body of a `scale`."""
     across_head = float(np.median(_run_widths(view, mask, head, HEAD_BAND, scale)))
     across_chest = float(np.max(_run_widths(view, mask, head, CHEST_BAND, scale)))
     fits = HEAD_WIDTH[0] <= across_head <= HEAD_WIDTH[1] and CHEST_WIDTH[0] <= across_chest <= CHEST_WIDTH[1]
@@ -156,10 +159,11 @@ def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float)
 
 
 def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[float, float], scale: float) -> np.ndarray:
-    """Metres across a surface, divided by `scale`, in every row of the image between two heights above a head's centre.
+    """Return the width of a surface, metres divided by `scale`, in each image row between two heights above a head's
+    centre.
 
-    In each row it is the run that is nearest below the head, and ends where nothing is or where depth jumps: a hand
-    beside or before the head is another run.
+    In each row the run nearest below the head counts. It ends at free space or at a depth step: a hand beside or before
+    the head is another run.
     """
     widths = np.zeros(len(view.depth))
     lowest, highest = scale * band[0], scale * band[1]
@@ -168,9 +172,9 @@ def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[floa
 
 
 def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
-    """Share of the outline of head and chest, to the left and right, at which the surface ends: 0 to 1.
+    """Return the fraction of the lateral outline of head and chest at which the surface ends: 0 to 1.
 
-    A piece of a wall or of a cupboard goes on beside its outline.
+    A part of a wall or of a cupboard continues beside its outline.
     """
     aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
     upper = mask & (view.points[..., 1] > head[1] + CHEST_BAND[0]) & (aside < CHEST_WIDTH[1] / 2)
@@ -186,7 +190,7 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
 
 
 def planar_share(view: View, lens: CoarseCamera, mask: np.ndarray) -> float:
-    """Share of a surface's pixels that lie in one plane, 0 to 1; 0 as well where noise makes everything flat."""
+    """Return the fraction of a surface's pixels in one plane, 0 to 1; 0 where noise makes every surface flat."""
     v, u = np.nonzero(mask)
     picked = np.linspace(0, len(v) - 1, min(PLANAR_SAMPLES, len(v))).astype(np.int64)
     points = view.points[v[picked], u[picked]].astype(np.float64)

@@ -1,4 +1,4 @@
-"""The evidence of repeated looks at a track: of a person, or of furniture that looked like one for a while."""
+"""Evidence of repeated samples that a track is a person, not furniture."""
 
 from __future__ import annotations
 
@@ -13,20 +13,18 @@ from toolkit.io.checkpoint import check_state
 from toolkit.io.typed_values import Range
 
 SHAPED = 6.0
-"""Log odds between what never has a person's shape and what is seen with it in all frames."""
+"""Log odds between a track that never has a person's shape and one that always has it."""
 JUDGED, MOST_JUDGED = 1.5, 4.0
-"""Log odds for each of the mean that the judge gives, for its pixels tell more of one another than of other frames; and
-the mean beyond which it is not believed."""
+"""Weight of the classifier's mean log odds, whose pixels are correlated, and the bound of that mean."""
 FOLLOWED = 2.0
-"""Prior log odds of a followed track, before its shape and the judge are asked: it moved, or had a person's shape in
-the room."""
+"""Prior log odds of a track: it moved, or had a person's shape in the room."""
 
 LIFELESS = 12.0
-"""Log odds against what never moves and has a body that stands as nobody does: more than shape and pixels can say."""
+"""Log odds against a motionless track in an improbable pose: more than shape and pixels can add."""
 NOBODYS = 0.035
-"""Energy of the pose prior, in the median over the frames, that fewer than one person in a hundred has."""
+"""Median energy of the pose prior over a track that fewer than one person in a hundred exceeds."""
 STILL_LOOKS = 4
-"""Looks, a few a second, before it counts that nothing moves: anybody keeps still for a moment."""
+"""Samples, a few a second, before stillness counts: people keep still for a moment."""
 
 COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float, "rested": int, "unlikely": float}
 """Columns of the evidence of many tracks in a file."""
@@ -34,16 +32,16 @@ COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float, "rested": in
 
 @dataclass(frozen=True)
 class Evidence:
-    """The evidence of the looks at one track.
+    """Accumulated evidence of one track.
 
     Attributes
     ----------
-    looks : their number
-    shaped : how many of the looks showed a person's shape
-    judged : sum of the mean log odds that the judge gave for the head's pixels
-    rested : how many of the looks showed a head at which nothing ever moves
-    unlikely : energy of the pose prior, in the median over the frames, of the body that was followed; 0 before, and of
-        whom a detector saw in the image
+    looks : number of samples
+    shaped : samples with a person's shape
+    judged : sum of the classifier's mean log odds over the head's pixels
+    rested : samples with a head at which nothing ever moves
+    unlikely : median energy of the pose prior over the tracked poses; 0 before tracking, and for people with detected
+        joints
     """
 
     looks: Annotated[int, Range(0)] = 0
@@ -53,46 +51,46 @@ class Evidence:
     unlikely: Annotated[float, Range(0, 1e12)] = 0.0
 
     def after(self, shaped: bool, judged: float, rests: bool) -> Evidence:
-        """With one more look."""
+        """Return the evidence with one more sample."""
         looks, shapes, rested = self.looks + 1, self.shaped + shaped, self.rested + rests
         return replace(self, looks=looks, shaped=shapes, judged=self.judged + judged, rested=rested)
 
     @property
     def lifeless(self) -> bool:
-        """Whether nothing of it ever moves, and its body stands as nobody does."""
+        """True if nothing of it ever moves and its pose is improbable."""
         return self.looks == self.rested >= STILL_LOOKS and self.unlikely > NOBODYS
 
     @property
     def log_odds(self) -> float:
-        """Log odds of a person against furniture."""
+        """Person score: log odds of a person against furniture."""
         if self.looks == 0:
             return FOLLOWED
         mean = float(np.clip(self.judged / self.looks, -MOST_JUDGED, MOST_JUDGED))
         return FOLLOWED + SHAPED * (self.shaped / self.looks - 0.5) + JUDGED * mean - LIFELESS * self.lifeless
 
     def text(self) -> str:
-        """Why it was taken for what it is, for people."""
+        """Return the score with its evidence, for people."""
         if self.looks == 0:
-            return "never looked at closely"
+            return "no evidence sampled"
         pixels = f", pixels {self.judged / self.looks:+.1f}" if self.judged else ""
-        shape = f"a person's shape in {self.shaped} of {self.looks} looks"
-        still = ", nothing moves and nobody stands like that" if self.lifeless else ""
-        return f"{shape}{pixels}{still}, in all {self.log_odds:+.1f} log odds of a person"
+        shape = f"shape matched in {self.shaped} of {self.looks} sampled frames"
+        still = ", motionless in an improbable pose" if self.lifeless else ""
+        return f"person score {self.log_odds:+.1f} ({shape}{pixels}{still})"
 
 
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:
-    """Ids of what is no person by all that was seen of it."""
+    """Return the ids of tracks that score as furniture."""
     return frozenset(person for person, own in evidence.items() if own.log_odds <= 0)
 
 
 def export_evidence(evidence: Mapping[int, Evidence]) -> dict[str, Any]:
-    """Evidence by id as columns."""
+    """Return evidence by id as columns."""
     rows = [(person, *astuple(own)) for person, own in sorted(evidence.items())]
     return {name: np.array([row[k] for row in rows], dtype=kind) for k, (name, kind) in enumerate(COLUMNS.items())}
 
 
 def restore_evidence(state: Mapping[str, Any]) -> dict[int, Evidence]:
-    """Evidence by id from what `export_evidence` gave; raises TrackError for anything else."""
+    """Restore evidence by id from what `export_evidence` returned; raises TrackError for anything else."""
     whole, number = Column("i", ("n",), 0, 1e9), Column("f", ("n",), -1e12, 1e12)
     check_state(state, {name: number if kind is float else whole for name, kind in COLUMNS.items()}, (), "evidence")
     rows = zip(*(state[name].tolist() for name in COLUMNS), strict=True)

@@ -1,4 +1,4 @@
-"""The floor of a scene: a plane that tells where up is."""
+"""Floor of a scene and the vertical that it defines."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PROMINENT = 1.5  # times as large as what is seen 9 cm higher: walls are as wide
 
 @dataclass(frozen=True)
 class Floor:
-    """A plane: `up_camera . p + height = 0` for points p (metres, camera frame) on it.
+    """Plane `up_camera . p + height = 0` of points p, metres, camera frame.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Floor:
 
 
 def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
-    """The floor in a depth image, uint16 (H, W) millimetres, or None where no floor is visible.
+    """Find the floor in a depth image, uint16 (H, W), millimetres; None where no floor is visible.
 
     Planes are taken one after the other by RANSAC from a sample of the points. The floor is the largest one
     that is nearly level for a camera tilted by up to 50 degrees, has the scene above it and is larger than any plane
@@ -70,10 +70,10 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
 
 
 def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray) -> Floor | None:
-    """The floor in a depth image, uint16 (H, W) millimetres, of which is known where up is; None where none is seen.
+    """Find the floor in a depth image, uint16 (H, W), millimetres, with a known vertical; None where none is visible.
 
-    Of the heights at which there is a level surface of a floor's size with the scene above it, the one of the largest
-    area. What is as large a little higher is no floor but walls, which are as wide at every height.
+    Of the level surfaces of a floor's size with the scene above them, the largest is taken. A surface that is as large
+    a little higher belongs to walls, which have the same width at every height.
     """
     v, u = np.nonzero(depth_mm)
     if not len(v):

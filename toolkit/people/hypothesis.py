@@ -1,7 +1,7 @@
-"""Person or furniture: what was seen of something with a head, over the frames of a recording, and what it speaks for.
+"""Person score of a head candidate: the sum of log odds over the frames of a recording.
 
-Nothing here is decided in a single frame. Every head above shoulders is a hypothesis; motion, a person's shape
-and what the regressor says of its pixels are evidence for it, and so is its absence against it. Log odds add up.
+Each head above shoulders is a hypothesis. Motion, a person's shape and the classifier's log odds of its pixels are
+evidence for it; their absence is evidence against it. A single frame decides only where there is no other.
 """
 
 from __future__ import annotations
@@ -18,60 +18,54 @@ from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import Camera
 
 PRIOR_LOG_ODDS = -1.8
-"""Log odds of something with a head and without other evidence: rooms hold more such things than people."""
+"""Log odds of a head candidate without other evidence: rooms hold more candidates than people."""
 MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL = 4.0, 2.0, 3.0
-"""Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place."""
+"""Log odds of a candidate that stood elsewhere in other frames; of a surface, and of a head, that moves in place."""
 ENOUGH, ENOUGH_HEAD = 0.02, 0.1
-"""Share of the pixels of a body (a hand) and of a head that move in place, and that is all the evidence they give."""
+"""Fractions of moving pixels of a body (a hand) and of a head at which that evidence is complete."""
 SHAPED = 3.0
-"""Log odds between what never has a person's shape and what has it in all frames in which it is seen."""
+"""Log odds between a candidate that never has a person's shape and one that has it in all its frames."""
 JUDGED, UNDECIDED = 2.2, 1.2
-"""Log odds for each of the mean that the judge gives, and the mean at which it says nothing: what has a head looks more
-like a person than the walls and desks among which it learnt."""
+"""Weight of the classifier's mean log odds, and the mean without evidence: a head candidate looks more like a person
+than the walls and desks of the training images."""
 ALONE = 0.7
-"""Log odds by which less is enough where only one frame is known: no later frame finds a person who is missed."""
+"""Log odds added where there is only one frame: no later frame finds a missed person."""
 HEAD_HEIGHT = (0.5, 2.4)
-"""Metres of a head's middle above the floor: a child of 0.8 m who squats, an adult of 2.2 m on a step."""
+"""Height of a head's centre above the floor, metres: a squatting child of 0.8 m, an adult of 2.2 m on a step."""
 LOW = 2.0
 """Log odds against a low head: chairs, boxes and low cupboards end there."""
 SEATED, LOWEST = 1.0, 0.75
-"""Metres above the floor: no head of a seated adult is lower than the first; below the second it is low altogether."""
+"""Metres above the floor: heads of seated adults are above the first; below the second a head counts as fully low."""
 
 
 class PersonClassifier(Protocol):
-    """Says of single pixels how likely they are of a person, whatever moves."""
+    """Classifier of single pixels as person or room, independent of motion."""
 
     def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """Log odds that pixels are of a person and not of a room: float64 (N,).
+        """Return the log odds that pixels show a person and not a room: float64 (N,).
 
         Parameters
         ----------
-        depth : float32 (h, w), metres along z, 0 = no measurement; the whole image as it was measured
+        depth : float32 (h, w), metres along z, 0 = no measurement; the whole image
         camera : of that image
         rotation : float64 (3, 3), `R_level_camera`
-        pixels : int64 (N,), flat indices of pixels that were measured
+        pixels : int64 (N,), flat indices of measured pixels
         """
         ...
 
 
 def possible_height(place: np.ndarray, floor: float | None) -> bool:
-    """Whether a head at `place` (3,), level frame, metres, is as high above the floor (its y) as a head can be that is
-    above shoulders; any is where the floor is not known.
-    """
+    """Return True if a head at `place` (3,), level frame, has a possible height above `floor` (y, metres or None)."""
     return floor is None or HEAD_HEIGHT[0] <= place[1] - floor <= HEAD_HEIGHT[1]
 
 
 def lowness(place: np.ndarray, floor: float | None) -> float:
-    """How low a head at `place` (3,), level frame, metres, is above the floor (its y): from 0 of a person who sits or
-    stands to 1; 0 where the floor is not known.
-    """
+    """Return how low a head at `place` (3,), level frame, metres, is: 0 (sitting or standing, or no floor) to 1."""
     return 0.0 if floor is None else float(np.clip((SEATED - (place[1] - floor)) / (SEATED - LOWEST), 0.0, 1.0))
 
 
 def judged_head(view: View, lens: CoarseCamera, place: np.ndarray, judge: PersonClassifier | None) -> float | None:
-    """Mean log odds that the pixels around a head's place (3,), level frame, metres, are of a person; None without a
-    judge or a measured pixel.
-    """
+    """Return the mean log odds of a person around a head (3,), level frame; None without judge or pixel."""
     pixels = np.flatnonzero(near_head(view, place) & view.foreground)
     if judge is None or len(pixels) == 0:
         return None
@@ -80,15 +74,15 @@ def judged_head(view: View, lens: CoarseCamera, place: np.ndarray, judge: Person
 
 @dataclass(frozen=True)
 class EvidenceSample:
-    """What one frame says of something with a head.
+    """Evidence of one frame for a head candidate.
 
     Attributes
     ----------
-    shaped : whether it has a person's shape
-    moved : share of the head's pixels that stand before the room as it lasts
-    alive, head_alive : share of its pixels, and of the head's, that show other depths close by in other frames
-    judged : mean log odds of the judge over the head's pixels; None without a judge
-    low : how low its head is, see `lowness`
+    shaped : True with a person's shape
+    moved : fraction of the head's pixels before the lasting background
+    alive, head_alive : fraction of its pixels, and of the head's, with other depths close by in other frames
+    judged : mean log odds of the classifier over the head's pixels; None without one
+    low : see `lowness`
     """
 
     shaped: bool
@@ -100,7 +94,7 @@ class EvidenceSample:
 
 
 def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
-    """Log odds that something is a person and not furniture, by glimpses of it, at least one."""
+    """Return the log odds of a person against furniture from at least one sample."""
 
     def mean(values: list[float]) -> float:
         return float(np.mean(values))
@@ -118,5 +112,5 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
 
 
 def alone_log_odds(shaped: bool, judged: float | None, low: float = 0.0) -> float:
-    """Log odds that something with a head is a person, by the only frame that there is."""
+    """Return the log odds of a person from the only frame of a recording."""
     return ALONE + log_odds([EvidenceSample(shaped, 0.0, judged=judged, low=low)])

@@ -1,4 +1,4 @@
-"""Cameras that stand on their side: by how many quarters their images have to be turned, found by what they see."""
+"""Cameras on their side: the quarter turns that bring their images upright."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
 OTHERS = (1, 3, 2)
-"""Quarter turns clockwise, the likelier ones first."""
+"""Quarter turns clockwise, the most frequent ones first."""
 ON_FLOOR = 0.5
-"""Metres above a floor of the lowest twentieth of a person who stands on it: shins, for soles pass for the floor."""
+"""Maximum height above a floor, metres, of the lowest twentieth of a standing person: soles may be part of the
+floor.
+"""
 CLEARLY = np.cos(np.radians(35.0))
-"""Between where up is and the vertical of the turned image: a camera that is tilted as well is left to `--rotate`."""
+"""Minimum cosine between up and the vertical of the turned image; a tilted camera needs `--rotate`."""
 
 
 def quarter_turns(recording: Recording) -> int:
-    """Quarter turns clockwise that bring the images upright, 0 where nothing says that they are not.
+    """Return the quarter turns clockwise that bring the images upright; 0 without evidence for another orientation.
 
-    The vertical that the file knows decides, else a floor that is seen only in a turned image, on which a person stands
-    who does not stand in the image as it is: a ceiling is no floor, for what hangs above it in the turned image does
-    not stand on it. What the user said (`--rotate`, `--up`) holds.
+    The vertical of the file decides. Else a floor decides that is visible in a turned image only and on which a person
+    stands. A ceiling is no floor: no person stands on it in the turned image. `--rotate` and `--up` override.
     """
     if recording.options.keys() & {"rotate", "up_camera"}:
         return 0
@@ -51,7 +52,9 @@ def quarter_turns(recording: Recording) -> int:
 
 
 def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarray]:
-    """Points (N, 3), camera frame, metres, of each person who stands in the image after so many quarter turns."""
+    """Return the points (N, 3), camera frame, metres, of each person who stands in the image after `turns` quarter
+    turns.
+    """
     lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
     people = people_axes(lens.coarse(_turned(depth_mm, turns)), lens)
     up = np.array(DEFAULT_UP)
@@ -59,12 +62,12 @@ def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarr
 
 
 def _lowest(points: np.ndarray, floor: Floor) -> float:
-    """Metres of the lowest twentieth of points (N, 3) above a floor, camera frame."""
+    """Return the height above a floor, metres, of the lowest twentieth of points (N, 3), camera frame."""
     return float(np.quantile(linear.times(points, floor.up_camera) + floor.height, 0.05))
 
 
 def turns_with_heads(depth_mm: np.ndarray, camera: Camera) -> int:
-    """The first quarter turns clockwise after which heads are seen, 0 for none."""
+    """Return the first number of quarter turns clockwise after which heads are detected; 0 for none."""
     for turns in OTHERS:
         lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
         depth = lens.coarse(_turned(depth_mm, turns))

@@ -1,4 +1,4 @@
-"""Whose joints are whose: from what a detector found in the image to the sightings of a frame."""
+"""Assignment of detected image joints to the sightings of a frame."""
 
 from __future__ import annotations
 
@@ -15,60 +15,60 @@ from toolkit.sensing.joints2d import Joints2D, same_rays
 from toolkit.sensing.stream import Frame
 
 REACH = 2
-"""Pixels beside a cut-out that still count as on it: its contour is deleted, and joints are seldom exact."""
+"""Pixels beside a mask that count as on it: its contour is deleted, and joints are seldom exact."""
 LEAST_SHARE = 0.3
-"""Share of the sure joints that have to lie on a cut-out; with fewer they are another person's."""
+"""Minimum fraction of the sure joints on a mask."""
 
 
 class JointSource(Protocol):
-    """Adds joints in the image to the people who were found.
+    """Source of image joints for sightings.
 
     Attributes
     ----------
-    name : what `run.json` says of it
-    needs_color : whether frames have to bring their colour
+    name : name in `run.json`
+    needs_color : True if frames must hold colour
     """
 
     name: str
     needs_color: bool
 
     def add(self, frame: Frame, sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
-        """The sightings of the next frame with the joints that are known of them."""
+        """Return the sightings of the next frame with their joints."""
         ...
 
     def export_state(self) -> dict[str, Any]:
-        """All that the next frame depends on, see `PeopleFinder.export_state`."""
+        """Return the state that the next frame depends on, see `PeopleFinder.export_state`."""
         ...
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave."""
+        """Restore what `export_state` returned."""
         ...
 
 
 class NoJoints:
-    """A source without joints."""
+    """Source without joints."""
 
     name = "none"
     needs_color = False
 
     def add(self, frame: Frame, sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
-        """See `JointSource.add`."""
+        """Return the sightings unchanged, see `JointSource.add`."""
         return tuple(sightings)
 
     def export_state(self) -> dict[str, Any]:
-        """See `JointSource.export_state`."""
+        """Return an empty state, see `JointSource.export_state`."""
         return {}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `JointSource.restore_state`."""
+        """Restore nothing, see `JointSource.restore_state`."""
         check_state(state, {}, what="joints")
 
 
 class GivenJoints(NoJoints):
-    """Joints that the frames bring with them.
+    """Source of joints that the frames hold.
 
-    Each person of a detector goes to the sighting on whose cut-out most of their sure joints lie, the clearest case
-    first; of equal claims the first in both orders counts.
+    Each detected person goes to the sighting whose mask holds most of the sure joints, the clearest case first; ties
+    go to the first in both orders.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class GivenJoints(NoJoints):
         self._camera = camera
 
     def add(self, frame: Frame, sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
-        """See `JointSource.add`."""
+        """Add the joints of the frame, see `JointSource.add`."""
         if not frame.joints or not sightings:
             return tuple(sightings)
         seen = [self._seen_by(joints, sightings[0].camera) for joints in frame.joints]
@@ -96,7 +96,7 @@ class GivenJoints(NoJoints):
         return tuple(with_joints)
 
     def _seen_by(self, joints: Joints2D, flat: Camera) -> Joints2D:
-        """In pixels of the sightings; what lies outside the image is unknown."""
+        """Convert to pixels of the sightings; joints outside the image are unknown."""
         rows = np.concatenate([same_rays(joints.pixels, self._camera, flat), joints.confidence[:, None]], axis=1)
         u, v = rows[:, 0], rows[:, 1]
         inside = (u >= -0.5) & (u <= flat.width - 0.5) & (v >= -0.5) & (v <= flat.height - 0.5)
@@ -105,7 +105,7 @@ class GivenJoints(NoJoints):
 
 
 def on_cut_out(joints: Joints2D, depth: np.ndarray) -> np.ndarray:
-    """Which of the sure joints lie on a person's depth (H, W), or close beside it: bool (20,)."""
+    """Return the sure joints that lie on a person's depth (H, W), or close beside it: bool (20,)."""
     found = np.zeros(len(joints.sure), dtype=np.bool_)
     for joint in np.flatnonzero(joints.sure):
         u, v = np.rint(joints.pixels[joint]).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Who is who: the people who were seen, matched from frame to frame and known again when they come back."""
+"""Identities: tracked people, matched between frames and re-identified when they return."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from toolkit.people.view import CoarseCamera
 logger = logging.getLogger(__name__)
 
 PATIENCE = 1.0
-"""Seconds during which an unseen person is expected at their last place."""
+"""Seconds for which an unseen person is expected at the last place."""
 RESTED = 0.15
-"""Metres from a head's last place within which it rests there."""
+"""Metres around a head's last place within which it counts as motionless."""
 TALLER, SHORTER = 0.08, 0.12  # m by which a returning person may differ: shoes and noise; a bent neck as well
 WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
 
 
 class KnownPeople:
-    """The people seen so far.
+    """Tracked people of one stream.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class KnownPeople:
         self._lens, self._most, self._left_out = lens, most, False
 
     def present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[KnownPerson]:
-        """The people seen within `PATIENCE`, with stature and head of their predicted bodies (by id)."""
+        """Return the people seen within `PATIENCE`, with stature and head of their predicted bodies (by id)."""
         present = [p for p in self.people if timestamp - p.last <= PATIENCE]
         for k, person in enumerate(present):
             if person.id in predicted:
@@ -55,22 +55,22 @@ class KnownPeople:
         return present
 
     def at_last_places(self, heads: Sequence[np.ndarray], timestamp: float) -> list[int]:
-        """Indices of the heads at the last places of people who are absent now."""
+        """Return the indices of heads at the last places of people who are absent."""
         absent = [replace(p, last=timestamp) for p in self._absent(timestamp)]
         return list(match_heads(absent, heads, timestamp).values())
 
     def expected_back(self, timestamp: float) -> list[KnownPerson]:
-        """Those out of sight who may come back.
+        """Return the people out of view who may return.
 
-        In a room of several people a person who went out of the image is not expected back: who comes in is mostly
-        another person. Where there is only one, or no more are told apart, any of them may come back.
+        In a room of several people a person who left the image is not expected back: the next one to enter is mostly
+        another person. With one person, or at the maximum number, any of them may return.
         """
         people = sum(person.evidence.log_odds > 0 for person in self.people)
         others = 1 < people and len(self.people) < self._most
         return [p for p in self._absent(timestamp) if not (others and p.gone)]
 
     def keep(self, person: KnownPerson) -> int:
-        """Put a person in the place of what was known under that id; returns the id."""
+        """Replace the person with the same id and return the id."""
         self.people[person.id - 1] = person
         return person.id
 
@@ -84,7 +84,7 @@ class KnownPeople:
         *,
         head_seen: bool,
     ) -> int:
-        """The id of a person who comes in, 0 for one who is left out.
+        """Return the id of a person who enters; 0 for one beyond the maximum number.
 
         Parameters
         ----------
@@ -112,13 +112,13 @@ class KnownPeople:
         return 0
 
     def end_frame(self, timestamp: float) -> None:
-        """Note who went out of the image: who is neither seen in this frame nor expected within the image."""
+        """Mark people who left the image: unseen in this frame and expected outside the image."""
         for k, person in enumerate(self.people):
             unseen = person.last < timestamp and not self._lens.shows(person.expected(timestamp))
             self.people[k] = replace(person, gone=person.gone or unseen)
 
     def export_state(self) -> dict[str, Any]:
-        """The people as arrays by the name of the attribute."""
+        """Return the people as arrays by attribute."""
         if not self.people:
             return {}
         plain = [f.name for f in fields(KnownPerson) if f.name != "evidence"]
@@ -126,7 +126,7 @@ class KnownPeople:
         return {name: np.array([getattr(p, name) for p in self.people]) for name in plain} | {"evidence": looks}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave; raises TrackError for anything else."""
+        """Restore what `export_state` returned; raises TrackError for anything else."""
         if isinstance(state, Mapping) and not state:
             self.people = []
             return
@@ -152,7 +152,7 @@ class KnownPeople:
 
 
 def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs (row, column) of least total cost (R, C) among those not above their row's gate (R,)."""
+    """Return pairs (row, column) of minimum total cost (R, C) below the gate of each row (R,)."""
     from scipy.optimize import linear_sum_assignment
 
     if costs.size == 0:
@@ -165,10 +165,10 @@ def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
 def match_heads(
     people: Sequence[KnownPerson], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
 ) -> dict[int, int]:
-    """Which head is whose: index of the person to index of the head.
+    """Match heads to people: index of the person -> index of the head.
 
-    `resting` says of each head whether nothing ever moved there: such a head is that of a person whose head was
-    there before, or a chair's.
+    `resting` is True for a head where nothing ever moved: it belongs to a person whose head was there before, or to a
+    chair.
     """
     if not people or not heads:
         return {}
@@ -181,10 +181,9 @@ def match_heads(
 
 
 def known_again(absent: Sequence[KnownPerson], head: np.ndarray, timestamp: float) -> KnownPerson | None:
-    """The absent person who may have come back with this head: the one whose height fits best, or None.
+    """Return the absent person who may have returned with this head: the one whose height fits best, or None.
 
-    A person who comes back may sit, but is not taller than before, and was out of sight long enough to
-    get there.
+    A returning person may sit but is not taller than before, and had enough time to get there.
     """
     best: tuple[float, KnownPerson] | None = None
     for person in absent:

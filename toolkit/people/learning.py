@@ -1,7 +1,7 @@
-"""A room learnt from frames with people in it, without a frame in which it is empty.
+"""Background model learnt from frames with people in them, without an empty frame.
 
-A pixel's background is the farthest depth that lasts. That alone would make background of a still person's torso; so
-the people among the heads there are left out (`toolkit.people.hypothesis`).
+A pixel's background is the farthest depth that lasts. A motionless person's torso would become background, so heads
+that score as people are left out first (`toolkit.people.hypothesis`).
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ LEAST_ODDS = -1.2  # of a still pixel that hangs on a person's head and is their
 
 @dataclass(frozen=True, eq=False)
 class HeadTrack:
-    """Something with a head in one of the samples.
+    """Head candidate in one of the samples.
 
     Attributes
     ----------
     frame : number of the sample
     place : float64 (3,), the middle of the head, level frame, metres
-    own : bool (h, w), what hangs on the head
-    glimpse : what it speaks for
+    own : bool (h, w), surface connected to the head
+    glimpse : evidence sample
     """
 
     frame: int
@@ -69,9 +69,9 @@ def learnt(
     judge: PersonClassifier | None,
     floor: float | None = None,
 ) -> Surroundings:
-    """Surroundings from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
+    """Learn the background from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
 
-    `floor` is its y, metres, level frame, where it is known.
+    `floor` is the y of the floor, metres, level frame, None if unknown.
     """
     if len(frames) < FEWEST:
         return room_of(frames[0], lens)
@@ -126,7 +126,7 @@ def learnt(
 
 
 def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
-    """Whether the first half of coarse frames float32 (h, w), metres, shows another room than the second."""
+    """Return True if the two halves of coarse frames float32 (h, w), metres, show different rooms."""
     if len(frames) < 2 * FEWEST:
         return False
     stack = np.stack(frames)
@@ -138,7 +138,7 @@ def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
 
 
 def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.ndarray:
-    """The farthest depth of each pixel that at least `share` of its samples, and 2, agree on: float32 (h, w), 0 = none.
+    """Return the farthest depth that at least `share` of a pixel's samples, and 2, agree on: float32 (h, w), 0 = none.
 
     `stack` float32 (K, h, w), metres, 0 = no sample.
     """
@@ -154,8 +154,8 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.
 
 
 def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> np.ndarray:
-    """Mean log odds of a person, over samples and neighbours, of each pixel: float32 (h, w), 0 where nothing is
-    measured.
+    """Return the mean log odds of a person, over samples and neighbours, of each pixel: float32 (h, w), 0 if
+    unmeasured.
     """
     import cv2
 
@@ -177,9 +177,7 @@ def hanging(
     planes: list[Plane],
     lens: CoarseCamera,
 ) -> np.ndarray:
-    """What hangs on the head of a person who stays, over `likely` pixels (h, w) alone, shared out with the other
-    people there: bool (h, w), in the middle one of their samples.
-    """
+    """Return the surface connected to the head of a motionless person: bool (h, w), in the middle sample."""
     middle = figure[len(figure) // 2]
     depth = stack[middle.frame]
     on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
@@ -191,7 +189,7 @@ def hanging(
 def below_heads(
     people: Sequence[HeadTrack], near: np.ndarray, background: np.ndarray, lens: CoarseCamera
 ) -> np.ndarray:
-    """Pixels of the background (h, w), metres, above which somebody's head mostly is while they show it: bool (h, w).
+    """Return the background pixels (h, w) that are below a head in most samples that show them: bool (h, w).
 
     `near` bool (K, h, w) are the samples that do.
     """
@@ -204,9 +202,7 @@ def below_heads(
 def _below(
     people: Sequence[HeadTrack], background: np.ndarray, lens: CoarseCamera, aside: float
 ) -> Iterator[tuple[int, np.ndarray]]:
-    """Of each sample with people in it where the background is lower than a head and so near it, horizontally, metres:
-    the sample's number, and bool (h, w).
-    """
+    """Yield for each sample with people the background pixels below and near a head: number, bool (h, w)."""
     points = lens.view(background, background > 0, background > 0).points
     for frame in sorted({s.frame for s in people}):
         below = np.zeros(background.shape, dtype=np.bool_)
@@ -219,9 +215,9 @@ def _below(
 def left_with(
     people: Sequence[HeadTrack], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: CoarseCamera
 ) -> np.ndarray:
-    """Pixels of the background that are legs of `people`, parted from the head by what they carry: bool (h, w).
+    """Return the background pixels that are legs of `people`, separated from the head by a carried object: bool (h, w).
 
-    The pixels are hardly ever seen but below a head, and something nearer covers them while the heads are elsewhere.
+    These pixels are hardly ever visible except below a head, and a nearer surface covers them otherwise.
 
     Parameters
     ----------
@@ -238,8 +234,8 @@ def left_with(
 
 
 def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> tuple[np.ndarray, np.ndarray]:
-    """Metres before the background in which it may still be noise, float32 (h, w), and the samples that show it, bool
-    (K, h, w).
+    """Return the noise margin of the background, float32 (h, w), metres, and the samples that show it, bool (K, h,
+    w).
     """
     tolerance = tolerances(background, lens)
     near = (stack > 0) & (np.abs(stack - background) <= 2 * tolerance)
@@ -249,7 +245,7 @@ def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> t
 
 
 def _opened(mask: np.ndarray) -> np.ndarray:
-    """Without what is thinner than 3 pixels: edges at which near and far take turns do not move."""
+    """Remove structures thinner than 3 pixels: edges where near and far alternate do not move."""
     import cv2
 
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
@@ -265,7 +261,7 @@ def _seen(
     judge: PersonClassifier | None,
     floor: float | None,
 ) -> list[HeadTrack]:
-    """What has a head in one of the samples. `moved` bool (K, h, w): what stands before the rough background."""
+    """Return the head candidates of one sample. `moved` bool (K, h, w): surfaces before the rough background."""
     depth = stack[frame]
     on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
     view = lens.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
@@ -283,7 +279,7 @@ def _seen(
 
 
 def _figures(seen: Sequence[HeadTrack]) -> list[list[HeadTrack]]:
-    """What was seen, by the place where it was."""
+    """Group head candidates by place."""
     figures: list[list[HeadTrack]] = []
     middles: list[np.ndarray] = []
     for s in seen:
@@ -299,14 +295,14 @@ def _figures(seen: Sequence[HeadTrack]) -> list[list[HeadTrack]]:
 
 
 def share_of(mask: np.ndarray, among: np.ndarray) -> float:
-    """Share of the pixels `among` (h, w) that are in `mask`."""
+    """Return the fraction of the pixels `among` (h, w) that are in `mask`."""
     return float(np.count_nonzero(mask & among)) / max(int(np.count_nonzero(among)), 1)
 
 
 def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.ndarray) -> np.ndarray:
-    """Pixels of a thing, `own` (h, w), that often show another depth close by in the other frames: bool (h, w).
+    """Return the pixels of `own` (h, w) that often show another depth close by in the other frames: bool (h, w).
 
-    A person who walks by in front is neither close to it nor there for long.
+    A person who walks past in front is neither close nor there for long.
     """
     changed = np.zeros(own.shape, dtype=np.int32)
     box = _box(own)
@@ -318,7 +314,7 @@ def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.n
 
 
 def _box(mask: np.ndarray) -> tuple[slice, slice]:
-    """The pixels of a mask (h, w) and those beside them, as rows and columns; all where there are none."""
+    """Return the bounding box of a mask (h, w), one pixel larger, as rows and columns; everything for an empty mask."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     if len(rows) == 0:
         return slice(None), slice(None)

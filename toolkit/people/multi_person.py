@@ -1,4 +1,4 @@
-"""A finder of several people, who come, go, cross and touch, in any room."""
+"""Finder of several people who enter, leave, cross and touch, in any room."""
 
 from __future__ import annotations
 
@@ -48,32 +48,32 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.sensing_settings import SensingSettings
 
 NEVER_MOVED = 0.3
-"""Share of still pixels above which a head candidate beside a person is furniture."""
+"""Fraction of still pixels above which a head candidate beside a person is furniture."""
 LOOK_AGAIN = 0.3
-"""Seconds between two looks at a track whether it is a person."""
+"""Seconds between two evaluations of a track's evidence."""
 SAME_SURFACE = 0.15
-"""Metres of depth by which a surface moves from frame to frame: 5 m/s at 30 Hz."""
+"""Metres of depth by which a surface moves between frames: 5 m/s at 30 Hz."""
 MIN_MASK_OVERLAP = 0.5
-"""Share of a surface that was a person's a frame ago, from which on it is still theirs."""
+"""Minimum fraction of a surface that was a person's in the previous frame to keep it."""
 LEAST_PART = 0.02
-"""Square metres of a known person: a shoulder beside another person."""
+"""Smallest visible part of a present person, square metres: a shoulder beside another person."""
 MOST_PEOPLE = 16
-"""That are told apart, where nothing else is asked for; later ones are left out."""
+"""Default maximum number of tracked people."""
 MIDDLE_SAMPLES = 300
-"""Points of a person whose median is their middle."""
+"""Points of a person that are sampled for the median position."""
 
 
 class MultiPersonFinder:
-    """A `PeopleFinder` of all people in view.
+    """`PeopleFinder` of all people in view.
 
     Parameters
     ----------
     camera : of the raw frames, lens distortion included
     up_camera : (3,), the vertical in the camera frame
-    surroundings : what is known of the room; None decides with the first frame
+    surroundings : background model; None decides with the first frame
     sensing : how depth is cleaned
-    most : how many people are told apart; later ones are left out
-    judge : tells people from furniture by their pixels; None cannot tell
+    most : maximum number of tracked people
+    judge : person classifier; None for none
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class MultiPersonFinder:
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
-        """The people to be seen in the next frame, see `PeopleFinder.find`.
+        """Find the people in the next frame, see `PeopleFinder.find`.
 
         Raises
         ------
@@ -119,12 +119,12 @@ class MultiPersonFinder:
         return self._sightings(flat, surroundings)
 
     def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
-        """As `find`, without bodies and coarsely: ids int32 (h, w), 0 = none, and depth float32 (h, w), metres."""
+        """Find people without predicted bodies: ids int32 (h, w), 0 = none, and depth float32 (h, w), metres."""
         self._follow(self._polisher.checked(depth_mm), timestamp, {})
         return self._labels, self._depth
 
     def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
-        """Row and column of `follow`'s images that hold a pixel, not negative, of a frame."""
+        """Return row and column in the images of `follow` for a pixel of a frame."""
         height, width = self._labels.shape
         return min(round(v / self.lens.step), height - 1), min(round(u / self.lens.step), width - 1)
 
@@ -178,24 +178,24 @@ class MultiPersonFinder:
         return surroundings
 
     def redetect(self) -> MultiPersonFinder:
-        """See `PeopleFinder.redetect`: in the same room."""
+        """Return a finder for the same room, see `PeopleFinder.redetect`."""
         camera, up_camera, sensing, most, judge = self._made_of
         return MultiPersonFinder(camera, up_camera, self._surroundings, sensing, most, judge)
 
     @property
     def people(self) -> list[KnownPerson]:
-        """The people seen so far, by rising id."""
+        """People detected so far, by rising id."""
         return self._known.people
 
     @property
     def evidence(self) -> dict[int, Evidence]:
-        """See `PeopleFinder`: nothing where nothing but people is measured."""
+        """Evidence by track id, see `PeopleFinder`; empty in a recording of segmented people."""
         if self._surroundings is None or self._surroundings.cut_out:
             return {}
         return {person.id: person.evidence for person in self.people}
 
     def export_state(self) -> dict[str, Any]:
-        """See `PeopleFinder.export_state`."""
+        """Return the state, see `PeopleFinder.export_state`."""
         return {
             "people": self._known.export_state(),
             "newcomers": self._newcomers.export_state(),
@@ -205,7 +205,7 @@ class MultiPersonFinder:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `PeopleFinder.restore_state`."""
+        """Restore a state, see `PeopleFinder.restore_state`."""
         shape = self.lens.camera.shape
         columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
         check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
@@ -227,9 +227,7 @@ class MultiPersonFinder:
         return lens.view(depth, foreground, surroundings.unclaimed), surroundings
 
     def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
-        """Places of heads, which of them are of a small child's size, and places of furniture, whose pixels go to no
-        person beside it.
-        """
+        """Return head places, a flag for heads of a small child's size, and places of furniture."""
         if surroundings.known:
             heads = find_heads(view, self.lens, cut_out=surroundings.cut_out)
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
@@ -241,7 +239,7 @@ class MultiPersonFinder:
     def _seeds(
         self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], matched: set[int]
     ) -> np.ndarray:
-        """The heads that are seen, 1, 2, ... for those present: int32 (h, w)."""
+        """Mark the visible heads of the present people with 1, 2, ...: int32 (h, w)."""
         seeds = np.zeros(view.depth.shape, dtype=np.int32)
         unseen = np.full(3, np.nan)
         head_seeds(view, [places[k] if k in matched else unseen for k in range(len(present))], seeds)
@@ -256,7 +254,7 @@ class MultiPersonFinder:
         predicted: Mapping[int, PredictedBody],
         seeds: np.ndarray,
     ) -> View:
-        """Add the pixels near the expected bodies to `seeds`, of those whose head is where that body is.
+        """Add the pixels near the predicted bodies to `seeds`, for people whose head is where the body has it.
 
         Where every person has a body, still pixels near none of them are furniture that a person touches; they are not
         in the foreground of the view that is returned.
@@ -273,14 +271,14 @@ class MultiPersonFinder:
         return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
 
     def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
-        """Whether a body's surface is near the place (3,) of the person's head."""
+        """Return True if a body's surface is near the place (3,) of the person's head."""
         head = self.lens.from_level(place[None])[0]
         return bool(((body.vertices - head) ** 2).sum(axis=1).min() < HEAD_DISTANCE**2)
 
     def _stayed(
         self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], seeds: np.ndarray
     ) -> None:
-        """Add heads where they are expected, and torsos that stayed where they were, to `seeds`."""
+        """Add expected heads, and torsos that did not move, to `seeds`."""
         numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
         for k, person in enumerate(present, start=1):
             numbers[person.id] = k
@@ -289,7 +287,7 @@ class MultiPersonFinder:
         stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, seeds)
 
     def _lasting(self, view: View) -> np.ndarray:
-        """Pixels that show the surface of the frame before: bool (h, w)."""
+        """Return the pixels that show the surface of the previous frame: bool (h, w)."""
         return np.asarray(np.abs(view.depth - self._depth) < SAME_SURFACE)
 
     def _shared(
@@ -300,7 +298,7 @@ class MultiPersonFinder:
         places: Sequence[np.ndarray],
         furniture: Sequence[np.ndarray],
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Labels of the people at `places` (1, 2, ...), and masks of possible people without a visible head."""
+        """Return labels of the people at `places` (1, 2, ...), and masks of possible people without a visible head."""
         bridge = BRIDGE_CUT if surroundings.known else BRIDGE_ROOM
         everything = seeds.copy()
         for k, place in enumerate(furniture, start=len(places) + 1):
@@ -323,9 +321,8 @@ class MultiPersonFinder:
         heads: Sequence[np.ndarray],
         children: Sequence[bool],
     ) -> tuple[list[np.ndarray], list[bool], dict[int, int]]:
-        """Heads that may be new people, and which of them touch a person: no shoulder, knee or fist of a person who is
-        present or comes earlier in the list. A head of a child's size that touches a person is a fist, a still one
-        beside a person a chair's back. And the heads of those present that are seen for the first time, by person.
+        """Return head candidates of new people, a flag for those that touch a person, and first heads of present
+        people.
         """
         people, found, touching, seeds = list(places), [], [], seeds.copy()
         own: dict[int, int] = {}
@@ -347,8 +344,8 @@ class MultiPersonFinder:
         return found, touching, own
 
     def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
-        """Whether the last of the `places` has a person's shape by its own share of the surface alone, which was not
-        there, or nobody's, a frame ago: the elbow of somebody who bends has one, too.
+        """Return True if the last of `places` has a person's shape on new surface alone; a bent elbow has that shape
+        too.
         """
         labels, _ = self._shared(view, surroundings, seeds, places, [])
         share = labels == len(places)
@@ -356,7 +353,7 @@ class MultiPersonFinder:
         return fresh and a_person(view, self.lens, share, places[-1])
 
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
-        """Whether the surface below a candidate head is surely a person's, who counts at once.
+        """Return True if the surface below a head candidate is certainly a person's, who then counts at once.
 
         Before a known background carried things move, too: its shape or the judge says what moves there. In a cut out
         recording all of the first frame is people. In an unknown room candidates were chosen by the same evidence.
@@ -373,7 +370,7 @@ class MultiPersonFinder:
         return log_odds([EvidenceSample(False, moved, judged=judged, low=low)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
-        """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
+        """Add evidence to the tracks whose heads are visible, by id, a few times a second."""
         surroundings = self._surroundings
         if surroundings is None or surroundings.cut_out:
             return
@@ -395,9 +392,7 @@ class MultiPersonFinder:
         timestamp: float,
         cut_out: bool,
     ) -> np.ndarray:
-        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background. `matched` and `doubtful`
-        are indices of places: whose head is seen, and which new person may be known by another part than the head.
-        """
+        """Update the people and return the id of every label, int32 (n + 1,), 0 for background."""
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         back = self._known.expected_back(timestamp)
         for k, place in enumerate(places):
@@ -417,7 +412,7 @@ class MultiPersonFinder:
         return ids
 
     def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
-        """Depth of each person at full resolution."""
+        """Return the sightings at full resolution."""
         coarse = np.rint(1000 * self._depth).astype(np.uint16)
         refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * SURFACE_GAP, self._fine)
         step = self._polisher.step
@@ -435,6 +430,6 @@ class MultiPersonFinder:
 
 
 def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
-    """Whether nothing ever moved at a head's place (3,)."""
+    """Return True if nothing ever moved at a head's place (3,)."""
     here = near_head(view, head) & view.foreground
     return bool(np.count_nonzero(surroundings.resting & here) > NEVER_MOVED * np.count_nonzero(here))

@@ -1,4 +1,4 @@
-"""Those who may have come into view, until they have been seen often enough to count."""
+"""Candidates for new people, until they were detected often enough."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PATIENCE = 0.3  # s without being seen, after which it is forgotten
 
 @dataclass(frozen=True, eq=False)
 class Newcomer:
-    """A place that looked like a head: float64 (3,), level frame, metres; in how many frames; when first and last."""
+    """Place of a head candidate: float64 (3,), level frame, metres; frames with it; first and last time."""
 
     place: np.ndarray
     frames: int
@@ -29,7 +29,7 @@ class Newcomer:
 
 
 class Newcomers:
-    """Remembers candidates from frame to frame."""
+    """Candidates over frames."""
 
     def __init__(self) -> None:
         self._waiting: list[Newcomer] = []
@@ -38,7 +38,7 @@ class Newcomers:
     def promoted(
         self, candidates: Sequence[np.ndarray], touching: Sequence[bool], shaped: Sequence[bool], timestamp: float
     ) -> list[int]:
-        """Indices of the candidates, places (3,), that now count.
+        """Return the indices of the candidates, places (3,), that count as people.
 
         A candidate counts at once where it has a person's shape (`shaped`) and touches no other person (`touching`).
         """
@@ -61,7 +61,7 @@ class Newcomers:
         return sorted(counted)
 
     def export_state(self) -> dict[str, Any]:
-        """What the next frame depends on, as arrays."""
+        """Return the state as arrays."""
         return {
             "before": self._before,
             "places": np.array([n.place for n in self._waiting]).reshape(-1, 3),
@@ -71,7 +71,7 @@ class Newcomers:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave; raises TrackError for the state of something else."""
+        """Restore what `export_state` returned; raises TrackError for another state."""
         number = Column("f", ("n",), -1e12, 1e12)
         columns = {
             "before": Column("iuf", (), -1e12, 1e12), "places": Column("f", ("n", 3), -1e3, 1e3),

@@ -1,4 +1,4 @@
-"""Cutting one person out of a depth image."""
+"""Segmentation of one person in a depth image."""
 
 from __future__ import annotations
 
@@ -39,24 +39,24 @@ class Components:
     extents: np.ndarray
 
     def large(self) -> np.ndarray:
-        """Indices of the components that are large enough for a person."""
+        """Return the indices of the components that are large enough for a person."""
         size = self.extents[:, :, 1] - self.extents[:, :, 0]
         return np.flatnonzero((self.areas >= PERSON_AREA[0]) & (size[:, :2].max(axis=1, initial=0) >= PERSON_HEIGHT))
 
     def too_large(self) -> bool:
-        """Whether some component is larger than any person."""
+        """Return True if a component is larger than any person."""
         size = self.extents[:, :, 1] - self.extents[:, :, 0]
         return bool((self.areas > PERSON_AREA[1]).any() or (size > PERSON_EXTENT).any())
 
     def gaps(self, members: list[int]) -> np.ndarray:
-        """Distance of every component's box from the nearest box of `members`: float64 (n,), metres."""
+        """Return the distance of each component's box from the nearest box of `members`: float64 (n,), metres."""
         low, high = self.extents[:, None, :, 0], self.extents[:, None, :, 1]
         gap = np.maximum(np.maximum(low - high[members, 0], low[members, 0] - high), 0.0)
         return np.linalg.norm(gap, axis=-1).min(axis=1)
 
 
 class Segmenter:
-    """Cuts the person out of the frames of one recording, in order.
+    """Segmenter of one person in the frames of one recording, in order.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Segmenter:
         self._box = np.zeros(4, dtype=np.int64)
 
     def person(self, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-        """The person in one frame, uint16 (H, W), millimetres.
+        """Segment the person in one frame, uint16 (H, W), millimetres.
 
         Returns
         -------
@@ -129,11 +129,11 @@ class Segmenter:
 
     @property
     def cut_out(self) -> bool:
-        """Whether the frames are taken as segmented already: zero depth is then background."""
+        """True if the frames are segmented already: zero depth is then background."""
         return self._mode.name in ("auto", "segmented")
 
     def export_state(self) -> dict[str, Any]:
-        """What the next frame depends on, see `PeopleFinder.export_state`."""
+        """Return the state that the next frame depends on, see `PeopleFinder.export_state`."""
         return {
             "background": self._background,
             "empty_wanted": self._empty_wanted,
@@ -144,12 +144,12 @@ class Segmenter:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave.
+        """Restore what `export_state` returned.
 
         Raises
         ------
         TrackError
-            It is the state of something else.
+            The state belongs to another object.
         """
         image, padded = Column("u", self._camera.shape), Column("u", self._padded.shape)
         columns = {
@@ -168,7 +168,7 @@ class Segmenter:
         self._last[:], self._last_box[:] = state["last"], state["last_box"]
 
     def _learnt(self, depth: np.ndarray) -> bool:
-        """Collect the empty frames; True once the background is known, from the frame after them on."""
+        """Collect the empty frames; return True once the background is known."""
         if self._empty_wanted == 0:
             return True
         self._empty_frames.append(depth.copy())
@@ -179,7 +179,7 @@ class Segmenter:
         return False
 
     def _choose_person(self) -> bool:
-        """Drop from the foreground all that is not the person; whether a person is left."""
+        """Remove everything but the person from the foreground; return True if a person is left."""
         parts = self._components()
         if parts.areas.sum() < SMALLEST_AREA:
             return False
@@ -212,7 +212,7 @@ class Segmenter:
         return Components(sizes[:, 0], sizes[:, 1], extents)
 
     def _people(self, parts: Components) -> list[list[int]]:
-        """Large components, those that belong to one person (cut apart by its own arm) together."""
+        """Return large components; those that one person's arm separates are joined."""
         groups: list[list[int]] = []
         for k in parts.large():
             near = [g for g in groups if self._distance(g, int(k)) <= OCCLUDED_GAP]
@@ -221,7 +221,7 @@ class Segmenter:
         return groups
 
     def _distance(self, group: list[int], k: int) -> float:
-        """Least distance between the surfaces of `group` and component `k`, metres."""
+        """Return the smallest distance between the surfaces of `group` and component `k`, metres."""
         from scipy.spatial import cKDTree
 
         one, other = self._points([k]), self._points(group)
@@ -237,7 +237,7 @@ class Segmenter:
         return np.column_stack([(u + u0 - 1 - camera.cx) * z / camera.fx, (v + v0 - 1 - camera.cy) * z / camera.fy, z])
 
     def _one_of(self, groups: list[list[int]], parts: Components) -> list[int]:
-        """The person that was followed so far, else the one that the setting `subject` means."""
+        """Return the person of the previous frames, else the one that the setting `subject` selects."""
         if self._seen:
             shared = np.empty(len(parts.areas), dtype=np.int64)
             components.label_overlap(self._labels, self._box, len(shared), self._last, shared)
@@ -260,9 +260,7 @@ class Segmenter:
 
 
 def median_background(frames: list[np.ndarray]) -> np.ndarray:
-    """Median per pixel of depth frames (uint16 (H, W), 0 = no measurement) over the frames that measured it: uint16
-    (H, W).
-    """
+    """Return the median per pixel of depth frames (uint16 (H, W), 0 = no measurement), unmeasured values left out."""
     stack = np.sort(np.stack(frames), axis=0)
     missing = (stack == 0).sum(axis=0)
     middle = np.minimum(missing + (len(frames) - missing) // 2, len(frames) - 1)

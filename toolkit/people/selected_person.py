@@ -1,4 +1,4 @@
-"""One person among several: the finder of all people, and who is meant over the whole recording."""
+"""Finder of one person among several, selected over the whole recording."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 ID = 1
 TOGETHER = 0.5
-"""Share of the frames of the person seen most; another person seen with them in more may be meant as well."""
+"""Maximum fraction of frames in common with a rival for a person to be the only one."""
 
 
 class SelectedPersonFinder:
-    """A `PeopleFinder` of the one person with an id among those of a finder; all others are left out.
+    """`PeopleFinder` of one id of another finder.
 
     Parameters
     ----------
@@ -39,7 +39,9 @@ class SelectedPersonFinder:
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
-        """See `PeopleFinder.find`: one sighting in every frame, an empty one where the person is not seen."""
+        """Find the person, see `PeopleFinder.find`: one sighting in every frame, empty where the person is not
+        visible.
+        """
         told = {self._meant: predicted[ID]} if ID in predicted else {}
         for sighting in self._finder.find(depth_mm, timestamp, told):
             if sighting.id == self._meant:
@@ -47,21 +49,21 @@ class SelectedPersonFinder:
         return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
 
     def redetect(self) -> MultiPersonFinder:
-        """See `PeopleFinder.redetect`: who is meant is not known before they were found."""
+        """Return the finder of all people, see `PeopleFinder.redetect`."""
         return self._finder.redetect()
 
     def export_state(self) -> dict[str, Any]:
-        """See `PeopleFinder.export_state`."""
+        """Return the state, see `PeopleFinder.export_state`."""
         return self._finder.export_state()
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `PeopleFinder.restore_state`."""
+        """Restore a state, see `PeopleFinder.restore_state`."""
         self._finder.restore_state(state)
 
 
 @dataclass
 class Presence:
-    """What is seen of a person over a recording: frames, total area in m^2, and distance in each frame in metres."""
+    """Presence of a person over a recording: frames, total area in m^2, distance in each frame in metres."""
 
     frames: set[int] = field(default_factory=set)
     area: float = 0.0
@@ -69,7 +71,7 @@ class Presence:
 
 
 def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: SensingSettings) -> int:
-    """Id of the person whom `sensing.subject` means, over all frames, as `finder`, which is used up, numbers them.
+    """Return the id of the person that `sensing.subject` selects; `finder` is used up.
 
     The ids are those of the tracking pass: a person gets theirs in the first frame in which they are seen.
 
@@ -117,5 +119,5 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
 
 
 def _together(first: Presence, other: Presence) -> float:
-    """Share of the first one's frames in which the other is seen as well."""
+    """Return the fraction of the first one's frames with the other in view."""
     return len(first.frames & other.frames) / max(len(first.frames), 1)

@@ -1,4 +1,4 @@
-"""Seeds, the pixels that surely belong to a person: near a predicted body, of a visible head, of a still torso."""
+"""Seeds of the segmentation: pixels near a predicted body, of a visible head, or of a torso that did not move."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from toolkit.people.sighting import PredictedBody
 from toolkit.people.view import CoarseCamera, View
 
 BODY_GATE = 0.12
-"""Metres from a measured point to the surface of the body that it belongs to."""
+"""Maximum distance from a measured point to the surface of its body, metres."""
 TORSO = 0.25
-"""Metres horizontally from the head's axis, of what stays a person's from frame to frame."""
+"""Horizontal radius around the head's axis, metres, that keeps its label between frames."""
 
 
 def body_seeds(view: View, lens: CoarseCamera, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
     """Give each foreground pixel to the body whose expected surface is nearest, within `BODY_GATE`.
 
-    All bodies are drawn into one z-buffer, so that one behind another claims nothing that the other hides.
+    All bodies are drawn into one z-buffer, so that an occluded body claims no pixel of the one before it.
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ def stayed_seeds(view: View, stayed: np.ndarray, places: Sequence[np.ndarray], s
 
     Parameters
     ----------
-    stayed : int32 (h, w), person of a pixel in the frame before, where its surface is still there; 0 = none
+    stayed : int32 (h, w), label of a pixel in the previous frame, where its surface did not move; 0 = none
     places : (3,) each, where the heads are or are expected, level frame, metres
 
-    Limbs are shared out anew in every frame, so that no mistake outlives the touch that caused it.
+    Limbs are segmented again in every frame, so that no mistake outlasts the contact that caused it.
     """
     rows = np.array(places, dtype=np.float64).reshape(-1, 3)
     mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, TORSO, seeds)

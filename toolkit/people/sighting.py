@@ -1,4 +1,4 @@
-"""What a people finder is told and what it says; one person, already cut out, is the simplest case."""
+"""Interface of a people finder: sightings out, predicted bodies in."""
 
 from __future__ import annotations
 
@@ -20,10 +20,9 @@ class Sighting:
     Attributes
     ----------
     id : 1, 2, ... in order of appearance, the same for the same person over a recording
-    depth : float32 (H, W), metres along z, cleaned: the person's own depth, 0 elsewhere. A new array
-    unobserved : bool (H, W), pixels that say nothing about the person: nothing was measured there, or something nearer
-        that is not the person. None where every pixel of the image says something. Whatever lies outside the image is
-        unobserved as well
+    depth : float32 (H, W), metres along z, cleaned: depth of the person alone, 0 elsewhere; a new array
+    unobserved : bool (H, W), unobserved pixels: no measurement there, or something nearer that is not the person. None
+        where every pixel is observed. Everything outside the image is unobserved as well
     camera : of that depth, without lens distortion
     joints : the person's joints in the image, in pixels of `depth`, or None without a source of joints
     """
@@ -37,14 +36,14 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class PredictedBody:
-    """Where a followed person is expected in the next frame.
+    """Expected body of a tracked person in the next frame.
 
     Attributes
     ----------
     vertices : float64 (V, 3), metres, camera frame
     faces : int32 (F, 3)
     stature : metres
-    head : float64 (3,), metres, camera frame, the middle of the head; None where the body is not known to be right
+    head : float64 (3,), metres, camera frame, centre of the head; None where the body is not verified
     """
 
     vertices: np.ndarray
@@ -54,25 +53,25 @@ class PredictedBody:
 
 
 class PeopleFinder(Protocol):
-    """Finds the people in the frames of one stream, in order.
+    """Finder of the people in the frames of one stream, in order.
 
     Attributes
     ----------
-    camera : of every sighting
-    evidence : by id, of each track whether it is a person; empty where all tracks are people
+    camera : camera of every sighting
+    evidence : track id -> evidence that the track is a person; empty where all tracks are people
     """
 
     camera: Camera
 
     @property
     def evidence(self) -> Mapping[int, Evidence]:
-        """See above."""
+        """Return the evidence by track id."""
         ...
 
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
-        """The people in the next frame, each once, by rising id.
+        """Find the people in the next frame, each once, by rising id.
 
         Parameters
         ----------
@@ -83,13 +82,17 @@ class PeopleFinder(Protocol):
         ...
 
     def redetect(self) -> PeopleFinder | None:
-        """A finder of all people in the stream that has seen nobody yet; None where the settings cut one person out."""
+        """Return a finder of all people in the same stream without any state; None where the settings select one
+        person.
+        """
         ...
 
     def export_state(self) -> dict[str, Any]:
-        """All that the next frame depends on: arrays, numbers and text by name, nested; fit for `checkpoint`."""
+        """Return the state that the next frame depends on: arrays, numbers and text by name, nested, for
+        `checkpoint`.
+        """
         ...
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` of a finder of the same stream and settings gave."""
+        """Restore the state that `export_state` of a finder of the same stream and settings returned."""
         ...

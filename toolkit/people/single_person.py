@@ -1,6 +1,6 @@
-"""One person, cut out of every frame by the settings, as cleaned depth (Baak 2013, 5.3.1). The simplest people finder.
+"""Finder of one person, segmented by the settings, as cleaned depth (Baak 2013, 5.3.1).
 
-Undistort, subtract the background or cut out the person, delete mixed pixels at contours, 3x3 median.
+Steps: undistort, subtract the background or segment the person, delete mixed pixels at contours, 3x3 median.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ ID = 1
 
 
 class SinglePersonSegmenter:
-    """Finds the one person whom the settings mean; every frame is a sighting, an empty one where the person is not.
+    """Finder of the one person that the settings select; each frame is a sighting, empty where the person is absent.
 
     Parameters
     ----------
     camera : of the raw frames, lens distortion included
     background : uint16 (H, W), depth of the empty scene, millimetres, or None
-    settings : how to cut out and to clean
+    settings : segmentation and cleaning
     up_camera : (3,), the vertical in the camera frame
 
     Attributes
@@ -63,22 +63,22 @@ class SinglePersonSegmenter:
 
     @classmethod
     def of(cls, recording: Recording, settings: SensingSettings | None = None) -> SinglePersonSegmenter:
-        """A finder with the camera, background and vertical of `recording`."""
+        """Return a finder with the camera, background and vertical of `recording`."""
         return cls(recording.camera, recording.background, settings, recording.up_camera)
 
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
-        """See `PeopleFinder.find`; raises as `clean`."""
+        """Find the person, see `PeopleFinder.find`; raises as `clean`."""
         depth, whole_mm = self._cut(depth_mm)
         holes = None if self._segmenter.cut_out else hole_sizes(whole_mm)
         return (Sighting(ID, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
 
     def redetect(self) -> None:
-        """See `PeopleFinder.redetect`."""
+        """Return None, see `PeopleFinder.redetect`."""
 
     def clean(self, depth_mm: np.ndarray) -> np.ndarray:
-        """The person's depth in a frame.
+        """Return the person's depth in a frame.
 
         Parameters
         ----------
@@ -99,7 +99,7 @@ class SinglePersonSegmenter:
         return self._cut(depth_mm)[0]
 
     def _cut(self, depth_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `clean`, and beside it all that was measured: uint16 (H', W') of `self.camera`, millimetres."""
+        """Return the result of `clean` and the whole frame, uint16 (H', W') of `self.camera`, millimetres."""
         flat = self._filter.checked(depth_mm)
         step = self._filter.step
         person, box = self._segmenter.person(flat)
@@ -108,9 +108,9 @@ class SinglePersonSegmenter:
         return self._filter.filtered(person, box), flat[::step, ::step]
 
     def export_state(self) -> dict[str, Any]:
-        """See `PeopleFinder.export_state`."""
+        """Return the state, see `PeopleFinder.export_state`."""
         return self._segmenter.export_state()
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `PeopleFinder.restore_state`."""
+        """Restore a state, see `PeopleFinder.restore_state`."""
         self._segmenter.restore_state(state)

@@ -1,4 +1,4 @@
-"""People and what looks like them in a single image of a room of which nothing is known."""
+"""People and similar furniture in a single image of an unknown room."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def people_and_furniture(
     judge: PersonClassifier | None = None,
     floor: float | None = None,
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
-    """What looks like people in a single image of a room, and what only has something like a head.
+    """Return people and furniture with a head in a single image of a room.
 
     A person's shape is evidence as the judge's word is: who holds an arm before the face has none. `floor` is its y,
     metres, level frame, where it is known.
@@ -70,7 +70,7 @@ def people_and_furniture(
 
 
 def hanging_on(view: View, lens: CoarseCamera, heads: list[np.ndarray]) -> list[np.ndarray]:
-    """What hangs on each of the heads when they share out the foreground: masks bool (h, w)."""
+    """Return the surfaces connected to the heads, which share the foreground: masks bool (h, w)."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, heads, seeds)
     labels = share_out(view, lens, seeds, heads, bridge=BRIDGE_ROOM)
@@ -78,7 +78,7 @@ def hanging_on(view: View, lens: CoarseCamera, heads: list[np.ndarray]) -> list[
 
 
 def _part_of(view: View, place: np.ndarray, arm: bool, people: list[np.ndarray], surfaces: list[np.ndarray]) -> bool:
-    """Whether what looks like a head is a part of one of the people: lower on the body, or the hand of an `arm`.
+    """Return True if a head candidate is part of one of the people: lower on the body, or the hand of an `arm`.
 
     A hand lies on the surface (h, w) of one of the people.
     """
@@ -96,10 +96,10 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
 def _shaped(
     view: View, lens: CoarseCamera, heads: list[np.ndarray], alone: list[np.ndarray], shared: list[np.ndarray]
 ) -> list[bool]:
-    """Which heads have a person's shape, by their share (`shared`) of a surface or by the whole (`alone`) of it.
+    """Return for each head whether it has a person's shape, by its part (`shared`) or by the whole (`alone`) of a
+    surface.
 
-    A whole that holds another head with a shape of its own says nothing: a door that a person touches would borrow the
-    shape of the person.
+    A whole with another shaped head does not count: a door that a person touches would get the shape of the person.
     """
     own = [a_person(view, lens, mask, head) for head, mask in zip(heads, shared, strict=True)]
     found = list(own)
@@ -111,12 +111,12 @@ def _shaped(
 
 
 def a_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
-    """Whether a surface has a person's area and height, and below the head (3,) a person's shape."""
+    """Return True if a surface has a person's area and height, and below the head (3,) a person's shape."""
     return large_enough(view, lens, mask) and looks_like_person(view, lens, mask, head)
 
 
 def large_enough(view: View, lens: CoarseCamera, mask: np.ndarray, *, cut_out: bool = False) -> bool:
-    """Whether a surface has a person's area and height; `cut_out`: nothing but people is measured."""
+    """Return True if a surface has a person's area and height; `cut_out`: the recording holds segmented people."""
     if lens.area(view.depth[mask]) < (LEAST_CUT_OUT if cut_out else LEAST_AREA):
         return False
     heights = view.points[mask][:, 1]

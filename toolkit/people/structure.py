@@ -1,4 +1,4 @@
-"""Walls, floor and ceiling of one depth image: its large planes."""
+"""Large planes of one depth image: walls, floor, ceiling."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ REFITS = 3
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane seen in an image.
+    """Plane in an image.
 
     Attributes
     ----------
     normal : float64 (3,), camera frame, length 1, towards the camera
     offset : metres: `normal . p + offset = 0` on it; the camera's distance from it
-    area : m^2 that its points cover on it
+    area : area that its points cover, m^2
     """
 
     normal: np.ndarray
@@ -39,7 +39,7 @@ class Plane:
 
 
 def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> list[Plane]:
-    """Large planes of a depth image, the largest first.
+    """Find large planes of a depth image, the largest first.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> l
 
 
 def on_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray, planes: list[Plane]) -> np.ndarray:
-    """Which measured pixels lie on one of the planes: bool (H, W)."""
+    """Return the measured pixels that lie on one of the planes: bool (H, W)."""
     import cv2
 
     mask = np.zeros(depth.shape, dtype=bool)
@@ -96,7 +96,7 @@ def on_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray, planes
 
 
 def _triples(v: np.ndarray, u: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndarray:
-    """Rows of three points each, half of them from anywhere, half close to the first."""
+    """Draw rows of three points each, half of them from anywhere, half close to the first."""
     n = len(v)
     triples = rng.integers(0, n, size=(TRIPLES, 3))
     for k in range(TRIPLES // 2):
@@ -109,7 +109,7 @@ def _triples(v: np.ndarray, u: np.ndarray, radius: float, rng: np.random.Generat
 def _refitted(
     points: np.ndarray, tolerances: np.ndarray, rest: np.ndarray, plane: np.ndarray
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """Least squares over the points on the plane, a few times; normal towards the camera, offset, and which are on."""
+    """Fit a plane by repeated least squares over its points; return normal towards the camera, offset, and members."""
     normal, offset = plane[:3], float(plane[3])
     on = rest & (np.abs(linear.times(points, normal) + offset) <= tolerances)
     for _ in range(REFITS):
@@ -125,7 +125,7 @@ def _refitted(
 
 
 def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: np.ndarray, offset: float) -> bool:
-    """Whether few points lie behind the plane within the rectangle of its own points, as seen from the camera."""
+    """Return True if few points lie behind the plane within the rectangle of its own points, as the camera sees it."""
     slopes = linear.times(points, normal)
     through = slopes + offset < -3 * tolerances
     if not through.any():
@@ -137,7 +137,7 @@ def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: 
 
 
 def _sides(points: np.ndarray, normal: np.ndarray) -> tuple[float, float]:
-    """Longer and shorter side of the rectangle that holds nine tenths of the points along each."""
+    """Return the longer and shorter side of the rectangle that holds nine tenths of the points along each."""
     first = np.cross(normal, (0.0, 1.0, 0.0) if abs(normal[1]) < 0.9 else (1.0, 0.0, 0.0))
     first /= math.hypot(*first)
     flat = np.stack([linear.times(points, first), linear.times(points, np.cross(normal, first))], axis=1)

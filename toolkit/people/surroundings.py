@@ -1,4 +1,4 @@
-"""What is known of the room, and what of a frame is not the room."""
+"""Background model of a room, and the foreground of a frame."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ NO_FIGURES = np.zeros((0, 3))
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The room as the coarse image sees it.
+    """Background model of a room at coarse resolution.
 
     Attributes
     ----------
-    cut_out : the source measures nothing but people: a pixel without depth is free
-    known : what is before it can only be people and what they carry; else furniture may be among them
-    background : float32 (h, w), metres, 0 = not known
+    cut_out : the recording holds segmented people: a pixel without depth is free
+    known : surfaces before it are people and what they carry; else furniture may be among them
+    background : float32 (h, w), metres, 0 = unknown
     margin : float32 (h, w), metres by which a person must stand before the background
     planes : walls and floor
     floor : its y, level frame, metres; None where no floor is known
-    figures : float64 (F, 3), level frame, metres: the heads of things of a person's shape that never moved while the
-        room was learnt, and are taken for furniture
-    still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
-    owned : bool (h, w), those of them that are surely a person's; None = none of them
+    figures : float64 (F, 3), level frame, metres: heads of person-shaped surfaces that never moved while the background
+        was learnt; they count as furniture
+    still : bool (h, w), pixels without motion while the background was learnt; False where it was not learnt
+    owned : bool (h, w), those of `still` that certainly belong to a person; None = none
     """
 
     cut_out: bool
@@ -51,16 +51,16 @@ class Surroundings:
 
     @property
     def resting(self) -> np.ndarray:
-        """Bool (h, w), still pixels that are not known to be the room: furniture's, or of a person who stays."""
+        """Still pixels that are not background: of furniture, or of a motionless person: bool (h, w)."""
         return self.still & (self.background == 0)
 
     @property
     def unclaimed(self) -> np.ndarray:
-        """Bool (h, w), those of them that may be of furniture as well as of a person who touches it."""
+        """Those of `still` that may be of furniture or of a person who touches it: bool (h, w)."""
         return self.resting if self.owned is None else self.resting & ~self.owned
 
     def export_state(self) -> dict[str, Any]:
-        """All of it as arrays and numbers."""
+        """Return all of it as arrays and numbers."""
         rows = [(*p.normal, p.offset, p.area) for p in self.planes]
         return {
             "cut_out": self.cut_out,
@@ -76,7 +76,9 @@ class Surroundings:
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any], shape: tuple[int, int]) -> Surroundings:
-        """From what `export_state` gave, of coarse frames of that shape; raises TrackError for anything else."""
+        """Restore what `export_state` returned, for coarse frames of that shape; raises TrackError for anything
+        else.
+        """
         columns = {
             "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
             "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape),
@@ -93,7 +95,7 @@ class Surroundings:
         return cls(*known, *arrays, planes, state["figures"], floor, state["owned"])
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
-        """Pixels of a coarse frame float32 (h, w) that are measured and not known to be the room: bool (h, w)."""
+        """Return the pixels of a coarse frame float32 (h, w) that are measured and not background: bool (h, w)."""
         known = self.background > 0
         before = (depth > 0) & (~known | (self.background - depth > self.margin))
         if self.planes:
@@ -102,26 +104,24 @@ class Surroundings:
 
 
 def tolerances(depth: np.ndarray, lens: CoarseCamera) -> np.ndarray:
-    """Metres within which a pixel lies on a plane, as `depth`."""
+    """Return the distance within which a pixel lies on a plane, metres, in the shape of `depth`."""
     return np.asarray(PLANE_DISTANCE + lens.quantisation * depth**2, dtype=np.float32)
 
 
 def nothing_but_people(lens: CoarseCamera) -> Surroundings:
-    """Surroundings of frames that are already cut out."""
+    """Return the model of frames that hold segmented people."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
     return Surroundings(True, True, empty, empty, np.zeros(empty.shape, dtype=np.bool_))
 
 
 def empty_scene(background: np.ndarray, lens: CoarseCamera, margin: float) -> Surroundings:
-    """Surroundings whose empty scene was recorded: float32 (h, w), metres; `margin` in metres before it."""
+    """Return the model of a recorded empty scene float32 (h, w), metres, with a margin in metres."""
     margins = margin + lens.quantisation * background**2
     return Surroundings(False, True, background, margins.astype(np.float32), np.zeros(background.shape, dtype=np.bool_))
 
 
 def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
-    """Whether a coarse frame holds nothing but people: much of it is 0, no wall or floor is in it, and no more of other
-    surfaces without a head than a person has.
-    """
+    """Return True if a coarse frame holds only people: mostly 0, no wall or floor, few surfaces without a head."""
     if np.count_nonzero(depth == 0) < EMPTY_SHARE * depth.size:
         return False
     view = lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
@@ -136,14 +136,14 @@ def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
 
 
 def room_of(depth: np.ndarray, lens: CoarseCamera) -> Surroundings:
-    """Surroundings without a background: walls and floor of one coarse frame float32 (h, w), metres."""
+    """Return a model without a background: walls and floor of one coarse frame float32 (h, w), metres."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
     planes = tuple(_planes_of(depth, lens))
     return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), planes)
 
 
 def first_look(depth: np.ndarray, lens: CoarseCamera) -> Surroundings:
-    """Surroundings as far as a single coarse frame float32 (h, w), metres, tells."""
+    """Return the model from a single coarse frame float32 (h, w), metres."""
     if is_cut_out(depth, lens):
         return nothing_but_people(lens)
     return room_of(depth, lens)

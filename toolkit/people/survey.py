@@ -1,4 +1,4 @@
-"""What a recording as a whole tells of its room, before its people are looked for frame by frame."""
+"""Background model of a recording, computed before its people are detected frame by frame."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 logger = logging.getLogger(__name__)
 
-SAMPLES = 40  # frames spread over a recording: who walks through leaves every pixel free in most of them
-FIRST = 3  # frames that tell whether people are cut out already
+SAMPLES = 40  # frames over a recording: a walking person leaves each pixel free in most of them
+FIRST = 3  # frames that decide whether people are segmented already
 
 
 def find_people(
@@ -34,7 +34,7 @@ def find_people(
     most: int | None = None,
     judge: PersonClassifier | None = None,
 ) -> MultiPersonFinder:
-    """A finder of all people in a recording, or of the first `most` people; `judge` tells people from furniture.
+    """Return a finder of all people in a recording, or of the first `most`; `judge` classifies people and furniture.
 
     Raises
     ------
@@ -50,12 +50,12 @@ def find_people(
 def find_person(
     recording: Recording, sensing: SensingSettings | None = None, judge: PersonClassifier | None = None
 ) -> PeopleFinder:
-    """A finder of the one person whom `sensing` means; in a room it is chosen by the whole recording.
+    """Return a finder of the person that `sensing` selects; in a room the whole recording decides.
 
     Raises
     ------
     SegmentationError
-        `sensing.segment` asks for a background that the recording has not, or it is not clear who is meant.
+        `sensing.segment` asks for a background that the recording has not, or several people fit.
     """
     sensing = sensing or SensingSettings()
     mode = SegmentationMode.parse(sensing.segment).name
@@ -70,9 +70,9 @@ def find_person(
 
 
 def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifier | None = None) -> Surroundings:
-    """The room of a recording: its empty scene, nothing but people, or what frames spread over it tell.
+    """Return the background model of a recording: its empty scene, people only, or a model of sampled frames.
 
-    `sensing.segment` counts as far as it speaks of the room; "person" and "seed" say that people are not cut out.
+    `sensing.segment` selects the model; "person" and "seed" mean that people are not segmented.
 
     Raises
     ------

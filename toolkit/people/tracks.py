@@ -1,4 +1,4 @@
-"""A person from frame to frame: a head that moves over a plan of the floor."""
+"""Track of a person: a head that moves over the floor plan."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ AREA_FADING = 0.1  # a second, by which the known area fades as a person walks a
 HEAD_ASIDE, HEAD_ABOVE = 0.8, 0.2  # m from the top of a leg that is all that is seen, to the head: a stride, a thigh
 
 LEVEL = np.array([1.0, 0.0, 1.0])
-"""Times a way in the level frame: what of it is horizontal."""
+"""Mask of the horizontal components of a displacement in the level frame."""
 NEVER = -1e9
-"""Seconds before every timestamp."""
+"""Time before every timestamp, seconds."""
 UNKNOWN = np.full(3, np.nan)
-"""The place where none is known."""
+"""Place of an unknown point."""
 
 
 @dataclass(frozen=True, eq=False)
 class KnownPerson:
-    """A person who was seen.
+    """State of a tracked person.
 
     Attributes
     ----------
     id : 1, 2, ...
     head : float64 (3,), level frame, metres
     velocity : float64 (3,), metres a second
-    first, last : timestamps of the first and the last frame in which they were seen, seconds
+    first, last : timestamps of the first and the last frame with the person in view, seconds
     tallest : height at which the head stands, level frame, metres
     middle : float64 (3,), median of the measured points, level frame, metres
-    area : m^2, seen head on, that are measured of them where nothing hides them
-    stature : metres, as learnt by the person's follower; 0 = not known
-    borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
-        body knows better where it is than what looks like a head
-    body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
-    head_seen : whether their head ever was; who comes in feet first is known by a leg, and what has no shape may be one
-    gone : whether they went out of the image: unseen in the last frame, and expected outside it
-    looked : time of the last look whether the track is a person, seconds
-    evidence : what these looks say
+    area : measured area without occlusion, m^2, as if it faced the camera
+    stature : metres, from the person's follower; 0 = unknown
+    borne_out : True once a head was detected where the tracked body has it; from then on the body overrides detected
+        heads
+    body_head : float64 (3,), level frame, metres, head of the tracked body in the last frame; NaN = unknown
+    head_seen : True once the head was visible; a person may enter feet first
+    gone : True after leaving the image: unseen in the last frame, and expected outside it
+    looked : time of the last sample of evidence, seconds
+    evidence : accumulated evidence that the track is a person
     """
 
     id: int
@@ -67,40 +67,42 @@ class KnownPerson:
     evidence: Evidence = Evidence()
 
     def expected(self, timestamp: float) -> np.ndarray:
-        """Where the head is expected: float64 (3,), level frame, metres."""
+        """Return the expected place of the head: float64 (3,), level frame, metres."""
         return self._start + self.velocity * min(max(timestamp - self.last, 0.0), LONGEST_FORECAST)
 
     @property
     def _start(self) -> np.ndarray:
-        """Where the head was in the last frame."""
+        """Return the place of the head in the last frame."""
         return self.body_head if self.borne_out and np.isfinite(self.body_head).all() else self.head
 
     def faced(self, head: np.ndarray, distance: float) -> KnownPerson:
-        """The person whose head is seen at `head` (3,); within `distance` metres it bears their body out."""
+        """Return the person whose head is at `head` (3,); within `distance` metres it verifies the person's body."""
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
 
     def may_have(self, head: np.ndarray) -> bool:
-        """Whether a head at `head` (3,), on their surface, may be theirs, which was not seen yet: above the rest."""
+        """Return True if a head at `head` (3,) on the person's surface may be their first visible head: above the
+        rest.
+        """
         aside = float(np.hypot(head[0] - self.head[0], head[2] - self.head[2]))
         return not self.head_seen and aside < HEAD_ASIDE and head[1] > self.head[1] + HEAD_ABOVE
 
     def with_head(self, head: np.ndarray) -> KnownPerson:
-        """The person whose head is seen for the first time, at `head` (3,)."""
+        """Return the person whose head is visible for the first time, at `head` (3,)."""
         return replace(self, head=head, velocity=np.zeros(3), tallest=float(head[1]), borne_out=False, head_seen=True)
 
     def looked_at(self, shaped: bool, judged: float, rests: bool, timestamp: float) -> KnownPerson:
-        """The person after a look whether it is one."""
+        """Return the person with one more sample of evidence."""
         return replace(self, looked=timestamp, evidence=self.evidence.after(shaped, judged, rests))
 
     def gate(self, timestamp: float) -> float:
-        """Metres around there in which it is looked for; who went out of the image has to turn round to come back."""
+        """Return the radius of the search for the head, metres; it does not grow after the person left the image."""
         if self.gone:
             return GATE
         return min(GATE + GATE_GROWTH * max(timestamp - self.last, 0.0), WIDEST_GATE)
 
     def seen(self, head: np.ndarray | None, middle: np.ndarray, area: float, timestamp: float) -> KnownPerson:
-        """The person in a new frame.
+        """Return the person after a new frame.
 
         Parameters
         ----------

@@ -29,15 +29,15 @@ def attach_islands(
     *,
     cut_out: bool,
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Give the pieces that are left over to the people near by.
+    """Assign the remaining components to nearby people.
 
-    One of a person's size is only given to a person whose head is, or is expected, right above it.
+    A component of a person's size goes only to a person whose head is, or is expected, right above it.
 
     Parameters
     ----------
     labels : int32 (h, w), 1.. the people, 0 = none
     places : where their heads are, (3,) each, level frame, metres
-    cut_out : nothing but people was measured, so that a small piece may be a child
+    cut_out : the recording holds segmented people, so that a small component may be a child
 
     Returns
     -------
@@ -68,9 +68,9 @@ def attach_islands(
 def attach_limbs(
     view: View, lens: CoarseCamera, labels: np.ndarray, people: int, judge: PersonClassifier
 ) -> np.ndarray:
-    """Give what the judge takes for limbs to the people near by, where nothing is known of the room.
+    """Assign components that the classifier scores as limbs to nearby people, in an unknown room.
 
-    An arm before the chest or behind it hangs on no surface of the person.
+    An arm before or behind the chest is connected to no surface of the person.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def attach_limbs(
 
 
 def _trees(view: View, labels: np.ndarray) -> dict[int, Any]:
-    """Points of each of the people, to be searched."""
+    """Return the points of each person in a search tree."""
     from scipy.spatial import cKDTree
 
     points = {int(k): view.points[labels == k] for k in np.unique(labels[labels > 0])}
@@ -103,7 +103,7 @@ def _trees(view: View, labels: np.ndarray) -> dict[int, Any]:
 
 
 def _owner(trees: Mapping[int, Any], points: np.ndarray) -> int:
-    """The nearest of the people to a piece (N, 3), 0 if none is near."""
+    """Return the person nearest to a component (N, 3), 0 if none is near."""
     sampled = points[:: max(1, len(points) // SAMPLES)]
     gaps = {k: float(tree.query(sampled)[0].min()) for k, tree in trees.items()}
     nearest = min(gaps, key=lambda k: gaps[k], default=0)
@@ -111,13 +111,13 @@ def _owner(trees: Mapping[int, Any], points: np.ndarray) -> int:
 
 
 def _aside(points: np.ndarray, place: np.ndarray) -> float:
-    """Metres horizontally from the middle of a piece to a head; infinite for what is above the head."""
+    """Return the horizontal distance from a component's centre to a head, metres; infinite above the head."""
     middle = np.median(points, axis=0)
     return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
 
 
 def surfaces(view: View, lens: CoarseCamera, labels: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
-    """Connected unassigned surfaces of the foreground: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
+    """Return unassigned connected surfaces of the foreground: labels int32 (h, w), count, areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)
     padded[1:-1, 1:-1] = np.where(view.foreground & (labels == 0), np.rint(1000 * view.depth), 0)
@@ -132,7 +132,7 @@ def surfaces(view: View, lens: CoarseCamera, labels: np.ndarray) -> tuple[np.nda
 
 
 def head_of(view: View, mask: np.ndarray) -> np.ndarray:
-    """Where the head of a standing body is: float64 (3,), level frame, metres, a little below its highest points."""
+    """Return the head of a standing body: float64 (3,), level frame, metres, a little below its highest points."""
     points = view.points[mask].astype(np.float64)
     top = np.percentile(points[:, 1], 98)
     highest = points[points[:, 1] >= top - 0.15]

@@ -1,8 +1,8 @@
-"""Where up is in a recording that does not say so: from the floor, else from walls and people.
+"""Vertical of a recording without one: from the floor, else from walls and people.
 
-A camera mostly stands level, and people mostly stand. Without a floor, up is the direction that agrees best with walls
-(at right angles to it), with the axes of people (along it) and with the image's vertical, each as far as it can be
-trusted: the least eigenvector of a weighted sum. The image's vertical stays unless that is clearly another direction.
+Cameras are mostly level and people mostly stand. Without a floor, up is the direction that agrees best with walls
+(normal to it), with the axes of people (parallel) and with the image's vertical, each with its own weight: the smallest
+eigenvector of a weighted sum. The image's vertical is kept unless that direction clearly differs.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ CHEST_DROP, CHEST_RADIUS = 0.45, 0.25  # m below a head's centre and around ther
 
 
 def find_vertical(recording: Recording) -> Vertical:
-    """Where up is, from the background or the first seconds of a recording."""
+    """Find the vertical in the background or the first seconds of a recording."""
     early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
     if recording.background is not None:
         scenes = [recording.background]
@@ -48,7 +48,7 @@ def find_vertical(recording: Recording) -> Vertical:
 
 
 def floor_height(recording: Recording) -> float | None:
-    """Metres of the camera above the floor, None where none is seen in the background or the first seconds."""
+    """Return the camera's height above the floor, metres; None where no floor is visible."""
     if recording.vertical.height is not None:
         return recording.vertical.height
     scenes = [recording.background]
@@ -66,9 +66,7 @@ def _spread(end: int, count: int) -> list[int]:
 
 
 def agreed_floor(scenes: Sequence[np.ndarray], camera: Camera) -> Floor | None:
-    """The floor that the first two of these frames (uint16 (H, W), millimetres) with any agree on; of a single frame
-    its own.
-    """
+    """Return the floor that two of these frames (uint16 (H, W), millimetres) agree on; of a single frame its own."""
     floors: list[Floor] = []
     for scene in scenes:
         floor = find_floor(scene, camera)
@@ -84,12 +82,12 @@ def agreed_floor(scenes: Sequence[np.ndarray], camera: Camera) -> Floor | None:
 
 
 def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
-    """The direction that walls, people and the image's vertical agree on best: float64 (3,), camera frame.
+    """Return the direction that best agrees with walls, people and the image's vertical: float64 (3,), camera frame.
 
     `frames` uint16 (H, W), millimetres.
     """
     image_up = np.array(DEFAULT_UP)
-    # What is minimised: squared sines to people's axes and to the image's vertical, squared cosines to walls' normals.
+    # Minimised: squared sines to people's axes and to the image's vertical, squared cosines to walls' normals.
     doubt = -_outer(image_up, TRUST["image"])
     lens = CoarseCamera(camera.undistorted(), image_up, SensingSettings())
     for frame in frames:
@@ -112,8 +110,8 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
 
 
 def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray, str, np.ndarray]]:
-    """Directions in which the people of a coarse frame point upwards, how far to trust them, and the people's points
-    (N, 3): camera frame, metres.
+    """Return for each person of a coarse frame the upward axis, its kind in `TRUST`, and the points (N, 3), camera
+    frame.
     """
     surroundings = first_look(depth, lens)
     view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
@@ -133,7 +131,7 @@ def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray,
 
 
 def _chest(points: np.ndarray, head: np.ndarray, lens: CoarseCamera) -> np.ndarray:
-    """Middle of what lies below a head (3,), level frame, on its axis: float64 (3,), camera frame, as `points`."""
+    """Return the centre of the points below a head (3,), level frame, on its axis: float64 (3,), camera frame."""
     below = lens.to_level(points) - head
     column = (np.hypot(below[:, 0], below[:, 2]) < CHEST_RADIUS) & (np.abs(below[:, 1] + CHEST_DROP) < CHEST_RADIUS)
     return linear.moments(points[column] if column.any() else points)[0]

@@ -1,4 +1,4 @@
-"""A frame as the finder of people sees it: coarse, with points in the level frame, and what of it is not the room."""
+"""Coarse frames for people detection: downsampled depth, points in the level frame, foreground."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.sensing_settings import SensingSettings
 
 COARSE_WIDTH = 160
-"""Pixels of the image in which people are looked for; a head of 0.16 m is 7 pixels wide at 3 m."""
+"""Width of the image for people detection, pixels; a head of 0.16 m is 7 pixels wide at 3 m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +22,8 @@ class View:
     ----------
     depth : float32 (h, w), metres along z, 0 = no measurement or out of range
     points : float32 (h, w, 3), level frame, metres
-    foreground : bool (h, w), measured and not known to be the room
-    still : bool (h, w), pixels in which nothing moved as long as the room was watched
+    foreground : bool (h, w), measured and not background
+    still : bool (h, w), pixels without motion while the background was learnt
     """
 
     depth: np.ndarray
@@ -33,18 +33,18 @@ class View:
 
 
 class CoarseCamera:
-    """Makes coarse frames of one camera.
+    """Camera of the coarse frames.
 
     Parameters
     ----------
-    camera : of the full frames, without lens distortion
+    camera : camera of the full frames, without lens distortion
     up_camera : (3,), the vertical in the camera frame
     sensing : its `near` and `far` bound what counts as measured
-    width : about that many pixels of a row are kept
+    width : approximate width of the coarse frames, pixels
 
     Attributes
     ----------
-    step : every how many-th pixel is kept
+    step : every `step`-th pixel is kept
     camera : of the coarse frames
     rays : float64 (h, w, 2), x/z and y/z
     up : float64 (3,), of length 1
@@ -67,15 +67,15 @@ class CoarseCamera:
         self._directions = self.to_level(rays).astype(np.float32)
 
     def to_level(self, vectors: np.ndarray) -> np.ndarray:
-        """Directions and places (N, 3) of the camera frame, in the level frame."""
+        """Rotate vectors (N, 3) from the camera frame to the level frame."""
         return linear.rotated(vectors, self.rotation.T)
 
     def from_level(self, vectors: np.ndarray) -> np.ndarray:
-        """Directions and places (N, 3) of the level frame, in the camera frame."""
+        """Rotate vectors (N, 3) from the level frame to the camera frame."""
         return linear.rotated(vectors, self.rotation)
 
     def shows(self, place: np.ndarray) -> bool:
-        """Whether a place (3,), level frame, metres, lies within the image."""
+        """Return True if a point (3,), level frame, metres, lies within the image."""
         x, y, z = self.from_level(place[None])[0]
         if z <= 0:
             return False
@@ -83,15 +83,15 @@ class CoarseCamera:
         return bool(0 <= u < self.camera.width and 0 <= v < self.camera.height)
 
     def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
-        """Float32 (h, w), metres, of a full frame (H, W) in millimetres."""
+        """Downsample a frame (H, W), millimetres: float32 (h, w), metres, 0 out of range."""
         z = depth_mm[:: self.step, :: self.step].astype(np.float32) * np.float32(1e-3)
         z[(z < self._near) | (z > self._far)] = 0.0
         return z
 
     def view(self, depth: np.ndarray, foreground: np.ndarray, still: np.ndarray) -> View:
-        """A coarse frame with its points."""
+        """Return a coarse frame with its points."""
         return View(depth, self._directions * depth[..., None], foreground, still)
 
     def area(self, depth: np.ndarray) -> float:
-        """Square metres, seen head on, of coarse pixels with these depths."""
+        """Return the area of coarse pixels with these depths, square metres, as if each faced the camera."""
         return float((depth.astype(np.float64) ** 2).sum() / (self.camera.fx * self.camera.fy))

@@ -1,4 +1,4 @@
-"""Which pixels of a frame say nothing about a person."""
+"""Unobserved pixels of a frame."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 THICKNESS = 0.1
 """Metres behind the farthest measured point of a person that the rest of the body may reach."""
 FARTHEST = 0.95
-"""Share of a person's pixels that are nearer than what counts as the farthest."""
+"""Quantile of a person's depth that counts as the farthest."""
 SAMPLES = 500
-"""Pixels of a person that tell how far away the farthest are."""
+"""Pixels of a person that are sampled for that quantile."""
 
 
 def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
-    """How many pixels the hole of a pixel without measurement has: int32 (H, W), 0 where something was measured.
+    """Return the size, in pixels, of the hole that each pixel lies in: int32 (H, W), 0 where there is a measurement.
 
     Parameters
     ----------
@@ -30,22 +30,21 @@ def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
 
 
 def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, holes: np.ndarray | None) -> np.ndarray | None:
-    """Pixels that say nothing about a person.
+    """Return the unobserved pixels for one person.
 
-    A hole in what was measured may be hair or a dark sleeve. One with more pixels than all that was measured of the
-    person is none of them: there is space, out of range.
+    A hole in the measurement may be hair or a dark sleeve. A hole with more pixels than the person is free space.
 
     Parameters
     ----------
-    whole_mm : uint16 (H, W), all that was measured, millimetres, 0 = no measurement
-    depth : float32 (H, W), the person's own depth, metres, 0 elsewhere
-    holes : int32 (H, W), as `hole_sizes` has them; None where the recording is cut out: unmeasured pixels are
+    whole_mm : uint16 (H, W), the whole frame, millimetres, 0 = no measurement
+    depth : float32 (H, W), depth of the person, metres, 0 elsewhere
+    holes : int32 (H, W), from `hole_sizes`; None where the recording holds segmented people, unmeasured pixels are
         background
 
     Returns
     -------
-    bool (H, W), or None if there is no such pixel. Something that is not this person hides what is behind it; it does
-    so for a person whose farthest measured point lies behind it.
+    bool (H, W), or None if there is no such pixel. A surface that is not this person occludes a person whose farthest
+    measured point lies behind it.
     """
     own = depth > 0
     measured = depth[own]

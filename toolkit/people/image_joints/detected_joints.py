@@ -1,4 +1,4 @@
-"""Joints of the people who were found, detected in the colour or in the shaded depth image."""
+"""Joints of sightings, detected in the colour or shaded depth image."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from toolkit.sensing.joints2d import Joints2D, same_rays
 from toolkit.sensing.stream import Frame
 
 ASPECT = 0.01
-"""Relative difference of width and height by which colour may be scaled against depth."""
+"""Maximum relative difference of width and height between the scales of colour and depth."""
 
 
 class DetectedJoints:
-    """Finds each person's joints by a network, in a crop that follows them; see `JointSource`.
+    """Detector of each person's joints by a network, in a crop that follows the person; see `JointSource`.
 
-    A person who is new, or whose crop has gone astray, is looked for twice: in a crop around their silhouette, and in
-    the one that the points found there ask for.
+    A new person, or one whose crop was lost, is detected twice: in a crop around the silhouette, and in the crop of the
+    points found there.
 
     Parameters
     ----------
@@ -43,15 +43,15 @@ class DetectedJoints:
         self._crops: dict[int, Crop] = {}
 
     def add(self, frame: Frame, sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
-        """See `JointSource.add`."""
+        """Add detected joints, see `JointSource.add`."""
         return tuple(replace(s, joints=self._joints(frame, s)) for s in sightings)
 
     def export_state(self) -> dict[str, Any]:
-        """See `JointSource.export_state`."""
+        """Return the crops, see `JointSource.export_state`."""
         return {str(person): np.array(crop) for person, crop in self._crops.items()}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `JointSource.restore_state`."""
+        """Restore the crops, see `JointSource.restore_state`."""
         crop = Column("f", (len(Crop._fields),), -1e6, 1e6)
         check_state(state, dict.fromkeys(state if isinstance(state, Mapping) else (), crop), what="joint detector")
         self._crops = {int(person): Crop(*map(float, crop)) for person, crop in state.items()}
@@ -73,7 +73,7 @@ class DetectedJoints:
         return joints
 
     def _picture(self, frame: Frame, sighting: Sighting) -> tuple[np.ndarray, float]:
-        """What is looked at, and by how much it is larger than the raw frame, or without colour, the sighting."""
+        """Return the picture, and its scale against the raw frame, or without colour, the sighting."""
         if not self.needs_color:
             return shaded(sighting.depth, sighting.camera), float(ENLARGED)
         color, camera = frame.color, self._camera
@@ -89,7 +89,7 @@ class DetectedJoints:
         return color, scale
 
     def _around(self, sighting: Sighting) -> Crop:
-        """The crop around a silhouette, in pixels of the raw frame, or without colour, of the sighting."""
+        """Return the crop around a silhouette, in pixels of the raw frame, or without colour, of the sighting."""
         crop = Crop.around(sighting.depth > 0)
         if not self.needs_color:
             return crop
@@ -98,7 +98,7 @@ class DetectedJoints:
         return Crop(float(u), float(v), float(edge - u), 0.0)
 
     def _found(self, seen: Landmarks, sighting: Sighting, scale: float) -> Joints2D | None:
-        """The person's joints, and their crop remembered; None where the network sees no person, or another person."""
+        """Return the person's joints and store the crop; None if the network detects no person or another one."""
         if seen.presence < LEAST_PRESENCE:
             return None
         pixels = (seen.points + 0.5) / scale - 0.5

@@ -1,4 +1,4 @@
-"""The pose model from where it is published, a file within the wheel of mediapipe 0.10.21 (Apache-2.0)."""
+"""Download of the pose model, a file within the wheel of mediapipe 0.10.21 (Apache-2.0)."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ MEMBER = f"mediapipe/modules/pose_landmark/{MODEL_FILE}"
 
 
 def fetch_pose_model(wheel: str | Path | None = None) -> Path:
-    """Put the model where the toolkit looks for it.
+    """Download the model into the data folder.
 
-    The wheel is downloaded by pip unless it is given, and never installed: the model is taken out of it and checked.
+    The wheel is downloaded by pip unless it is given, and never installed: the model is extracted and its hash checked.
 
     Parameters
     ----------

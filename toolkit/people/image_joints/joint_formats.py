@@ -1,4 +1,4 @@
-"""The points that detectors find, and which of them make the reported joints (Qammaz, 2.2)."""
+"""Keypoints of detectors, and the reported joints that they define (Qammaz, 2.2)."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from toolkit.body import skeleton
 
 Points = dict[str, tuple[int, ...]]
-"""Reported joint -> the points of a detector; it is their mean."""
+"""Reported joint -> keypoints of a detector; the joint is their mean."""
 
 
 def _both(ears: tuple[int, int], **pairs: tuple[Any, Any]) -> Points:
-    """The points of the left and the right side by joint; a tuple where several make one. The head is between the ears.
+    """Return the keypoints of the left and the right side by joint; a tuple where several define one.
 
-    Pelvis, spine and neck are derived from other joints and are no person's points.
+    The head is between the ears. Pelvis, spine and neck are derived from other joints.
     """
     points: Points = {"head": ears}
     for name, pair in pairs.items():
@@ -40,9 +40,10 @@ COCO_17 = _both((3, 4), shoulder=(5, 6), elbow=(7, 8), wrist=(9, 10), hip=(11, 1
 
 
 def reported_rows(found: np.ndarray, points: Points) -> np.ndarray:
-    """What a detector found (K, 3), u, v, confidence (0 = unknown), as the reported joints: float32 (20, 3), NaN there.
+    """Convert keypoints (K, 3), u, v, confidence (0 = unknown), to the reported joints: float32 (20, 3), NaN if
+    unknown.
 
-    Of the points that make one joint those count that are known: from the side one ear is seen.
+    Only known keypoints count: one ear is visible from the side.
     """
     rows = np.full((len(skeleton.REPORTED), 3), np.nan, dtype=np.float32)
     for name, sources in points.items():

@@ -1,7 +1,6 @@
-"""A network that finds the points of a person in a picture: the pose landmark model of MediaPipe 0.10.21 (Apache-2.0).
+"""Network that detects the keypoints of a person: the pose landmark model of MediaPipe 0.10.21 (Apache-2.0).
 
-Neither the model nor what runs it comes with the toolkit: `depthmocap joints --fetch` gets the one, the extra
-`joints` the other.
+The toolkit contains neither the model (`depthmocap joints --fetch`) nor its runtime (extra `joints`).
 """
 
 from __future__ import annotations
@@ -23,23 +22,23 @@ WITHOUT = "or choose --joints FOLDER (of OpenPose JSON) or --joints none"
 """What those may do who cannot have the model."""
 
 SIDE = 256
-"""Pixels: width and height of the picture that the network sees."""
+"""Width and height of the network's input, pixels."""
 POINTS, HEAT_SIDE = 39, 64
-"""Points that it finds, the last six of them for its own use, and the side of its heat maps in pixels."""
+"""Number of keypoints, the last six for internal use, and the side of the heat maps in pixels."""
 CENTRE, UPWARD = 33, 34
-"""Points by which the next crop is laid: the middle of the hips, and one above it."""
+"""Keypoints that define the next crop: the middle of the hips, and one above it."""
 CROP_MARGIN = 1.25
 """Side of a crop against the longer side of the person's silhouette."""
 CROP_REACH = 2.5
 """Side of a crop against the distance from `CENTRE` to `UPWARD`."""
 HEAT_REACH, HEAT_LEAST = 3, 0.5
-"""Pixels around a point in which the heat map places it anew, and what it has to reach there."""
+"""Pixels around a point in which the heat map corrects it, and the heat that is needed."""
 LEAST_PRESENCE = 0.5
-"""Probability from which on there is a person in the crop."""
+"""Minimum probability of a person in the crop."""
 
 
 class Crop(NamedTuple):
-    """A square of a picture.
+    """Square of a picture.
 
     Attributes
     ----------
@@ -55,36 +54,36 @@ class Crop(NamedTuple):
 
     @classmethod
     def around(cls, mask: np.ndarray) -> Crop:
-        """Upright around a silhouette, bool (H, W), that is not empty."""
+        """Return the upright crop around a silhouette, bool (H, W), that is not empty."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         extent = max(int(rows[-1] - rows[0]), int(columns[-1] - columns[0])) + 1
         return cls(0.5 * float(columns[0] + columns[-1]), 0.5 * float(rows[0] + rows[-1]), CROP_MARGIN * extent, 0.0)
 
     @classmethod
     def of_points(cls, centre: np.ndarray, upward: np.ndarray) -> Crop:
-        """By two points (2,) of a person, pixels, so that the second is above the first."""
+        """Return the crop given by two points (2,) of a person, pixels; the second is above the first in the crop."""
         du, dv = float(upward[0] - centre[0]), float(upward[1] - centre[1])
         return cls(float(centre[0]), float(centre[1]), CROP_REACH * math.hypot(du, dv), math.atan2(du, -dv))
 
     @property
     def to_picture(self) -> np.ndarray:
-        """Float64 (2, 3): pixels of the crop, 0 to 255, into pixels of the picture."""
+        """Return the map from pixels of the crop, 0 to 255, to pixels of the picture: float64 (2, 3)."""
         step, half = self.side / SIDE, 0.5 * (SIDE - 1)
         along, down = step * math.cos(self.angle), step * math.sin(self.angle)
         return np.array([[along, -down, self.u - half * (along - down)], [down, along, self.v - half * (along + down)]])
 
     def placed(self, pixels: np.ndarray) -> np.ndarray:
-        """Pixels (N, 2) of the crop in the picture."""
+        """Map pixels (N, 2) of the crop to the picture."""
         m = self.to_picture
         return pixels[:, :1] * m[:, 0] + pixels[:, 1:2] * m[:, 1] + m[:, 2]
 
     def scaled(self, factor: float) -> Crop:
-        """The same square of the picture resized by `factor`, pixel areas kept."""
+        """Return the same square of the picture resized by `factor`, pixel areas kept."""
         return Crop((self.u + 0.5) * factor - 0.5, (self.v + 0.5) * factor - 0.5, self.side * factor, self.angle)
 
 
 class Landmarks(NamedTuple):
-    """What the network found.
+    """Output of the network.
 
     Attributes
     ----------
@@ -99,7 +98,7 @@ class Landmarks(NamedTuple):
 
 
 def check_model(content: bytes, where: str | Path) -> bytes:
-    """The content, if it is the model's; raises ModelError."""
+    """Return the content if its hash is the model's; raises ModelError."""
     digest = hashlib.sha256(content).hexdigest()
     if digest != MODEL_SHA256:
         raise ModelError(
@@ -110,7 +109,7 @@ def check_model(content: bytes, where: str | Path) -> bytes:
 
 
 class PoseModel:
-    """The network, ready to run; the same picture gives the same points with any number of threads.
+    """The network, loaded; the same picture gives the same points with any number of threads.
 
     Parameters
     ----------
@@ -134,7 +133,7 @@ class PoseModel:
 
     @classmethod
     def load(cls, path: str | Path | None = None, threads: int = 1) -> PoseModel:
-        """The model from its file, by default from where `depthmocap joints --fetch` puts it.
+        """Load the model from its file, by default from the data folder.
 
         Raises
         ------
@@ -150,7 +149,7 @@ class PoseModel:
         return cls(check_model(file.read_bytes(), file), threads)
 
     def find(self, picture: np.ndarray, crop: Crop) -> Landmarks:
-        """Points of the person in one square of a picture, uint8 (H, W, 3), RGB."""
+        """Detect the keypoints of the person in one square of a picture, uint8 (H, W, 3), RGB."""
         interpreter = self._interpreter
         interpreter.set_tensor(self._input, cropped(picture, crop)[None])
         interpreter.invoke()
@@ -161,7 +160,7 @@ class PoseModel:
 
 
 def cropped(picture: np.ndarray, crop: Crop) -> np.ndarray:
-    """What the network sees: float32 (256, 256, 3), 0 to 1, black outside the picture."""
+    """Return the input of the network: float32 (256, 256, 3), 0 to 1, black outside the picture."""
     import cv2
 
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
@@ -170,7 +169,7 @@ def cropped(picture: np.ndarray, crop: Crop) -> np.ndarray:
 
 
 def refined(points: np.ndarray, heat: np.ndarray) -> np.ndarray:
-    """Points (39, 2), moved to the middle of the heat around them where it is sure.
+    """Move points (39, 2) to the centre of the heat around them where it is certain.
 
     `heat` (64, 64, 39) holds logits. The network measures from the crop's upper left corner, which is half a pixel
     before the centre of its first pixel, and means the corner of a cell of heat, not its middle.

@@ -1,4 +1,4 @@
-"""A depth image as a picture of a person, for detectors that know people from photographs."""
+"""Shaded pictures of a person's depth, for detectors trained on photographs."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ import numpy as np
 from toolkit.sensing.camera import Camera
 
 ENLARGED = 3
-"""The picture is so much larger than the depth image: its contours are smooth as in a photograph."""
+"""Enlargement of the picture against the depth image: its contours are smooth as in a photograph."""
 SMOOTHED = 5
-"""Pixels: side of the window over which depth is averaged before normals are taken."""
+"""Side of the window, pixels, over which depth is averaged before normals are computed."""
 BORDER = 4
 """Pixels around a person that are shaded with them: the enlarged contour reaches two."""
 SKIN = (224.0, 172.0, 138.0)
 GREY = 120.0
-"""Of the background."""
+"""Grey value of the background."""
 AMBIENT, HEAD_LIGHT, KEY_LIGHT = 0.35, 0.4, 0.35
-"""Shares of the light that comes from everywhere, from the camera, and from above to the left."""
+"""Fractions of ambient light, light from the camera, and light from above left."""
 KEY = np.array([-0.48, -0.64, -0.6])
 """Direction towards the light, camera frame."""
 
 
 def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """A person's depth, float32 (H, W), metres, 0 elsewhere, as a picture: uint8 (3H, 3W, 3), RGB, on grey.
+    """Shade a person's depth, float32 (H, W), metres, 0 elsewhere: uint8 (3H, 3W, 3), RGB, on grey.
 
     Pixels keep their areas: pixel u of the depth image is around 3u + 1 in the picture.
     """
@@ -42,7 +42,7 @@ def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def lit(depth: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """As `shaded`, of any part of an image; `slopes` (H, W, 3) are the rays of its pixels with z = 1."""
+    """Shade any part of an image as `shaded`; `slopes` (H, W, 3) are the rays of its pixels with z = 1."""
     import cv2
 
     mask = (depth > 0).astype(np.float32)
@@ -60,7 +60,7 @@ def lit(depth: np.ndarray, slopes: np.ndarray) -> np.ndarray:
 
 
 def _normals(depth: np.ndarray, mask: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """Unit normals towards the camera (H, W, 3) of the surface."""
+    """Return unit normals towards the camera (H, W, 3) of the surface."""
     points = slopes * depth[..., None]
     across, down = _difference(points, mask, 1), _difference(points, mask, 0)
     normals = np.cross(down, across)
@@ -70,7 +70,7 @@ def _normals(depth: np.ndarray, mask: np.ndarray, slopes: np.ndarray) -> np.ndar
 
 
 def _difference(points: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
-    """Differences of neighbours along one axis, from both sides where both are there, else from one; else 0."""
+    """Return differences of neighbours along one axis, central where both exist, else one-sided; else 0."""
     after, before = np.roll(points, -1, axis), np.roll(points, 1, axis)
     has_after, has_before = np.roll(mask, -1, axis), np.roll(mask, 1, axis)
     edge: list[slice | int] = [slice(None), slice(None)]
