@@ -1,0 +1,100 @@
+"""The texts of the repository use no ruled-out word, and each docstring opens with a verb or a noun."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("toolkit", "database_builder", "depthmocap", "benchmarks", "scripts", "examples", "docs", "configs")
+LEFT_OUT = ("notebook.md", "results", "assets")
+"""Names of files and folders that hold no text of the current version."""
+RULED_OUT = re.compile(
+    r"\b(whoever|whom|whence|anew|afresh|nobody|somebody|everybody|anybody|meanwhile|\w*manieth|hopelessly|beforehand"
+    r"|of theirs|is told|that says)\b",
+    re.IGNORECASE,
+)
+OPENINGS = re.compile(r"(What|Who|Whose|Whom|Whether|Where|How|That|As|Like)\b")
+CEILING: dict[str, tuple[int, int]] = {
+    "README.md": (4, 0),
+    "benchmarks": (8, 34),
+    "configs": (4, 0),
+    "database_builder": (7, 20),
+    "depthmocap": (0, 2),
+    "docs": (60, 0),
+    "scripts": (4, 5),
+    "toolkit/app": (21, 64),
+    "toolkit/body": (0, 7),
+    "toolkit/database": (0, 11),
+    "toolkit/evaluation": (3, 12),
+    "toolkit/fitting": (0, 14),
+    "toolkit/inertial": (1, 29),
+    "toolkit/io": (2, 13),
+    "toolkit/kernels": (4, 24),
+    "toolkit/landmarks": (2, 6),
+    "toolkit/mocap": (0, 9),
+    "toolkit/motion": (0, 7),
+    "toolkit/output": (0, 19),
+    "toolkit/people": (16, 57),
+    "toolkit/recordings": (0, 31),
+    "toolkit/retrieval": (7, 50),
+    "toolkit/sensing": (2, 7),
+    "toolkit/simulation": (3, 26),
+    "toolkit/trackers": (13, 32),
+    "toolkit/tracking": (34, 63),
+    "toolkit/tracks": (0, 7),
+}
+"""Folder -> ruled-out words and docstring openings that may be left in it; 0 in all others."""
+
+
+def texts() -> list[Path]:
+    """Return the files of code and pages."""
+    files = [
+        path
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in (".py", ".md", ".yaml", ".sh", ".jinja")
+    ]
+    return [ROOT / "README.md", *sorted(path for path in files if not set(LEFT_OUT) & set(path.parts))]
+
+
+def openings(source: str) -> list[str]:
+    """Return the first lines of docstrings and of constants' docstrings that open with a ruled-out word."""
+    strings = [
+        node.value.value
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    ]
+    return [text.strip().splitlines()[0] for text in strings if OPENINGS.match(text.strip())]
+
+
+def folder_of(path: Path) -> str:
+    """Return the top-level folder of a file; for the product the package, for example toolkit/io."""
+    parts = path.relative_to(ROOT).parts
+    return "/".join(parts[: 2 if parts[0] == "toolkit" and len(parts) > 2 else 1])
+
+
+@pytest.mark.quick
+def test_no_text_uses_a_ruled_out_word_or_opening() -> None:
+    words, opened = Counter[str](), Counter[str]()
+    for path in texts():
+        content = path.read_text(encoding="utf-8")
+        words[folder_of(path)] += len(RULED_OUT.findall(content))
+        opened[folder_of(path)] += len(openings(content)) if path.suffix == ".py" else 0
+    found = {folder: (words[folder], opened[folder]) for folder in words}
+    excess = {
+        folder: counts
+        for folder, counts in found.items()
+        if any(count > most for count, most in zip(counts, CEILING.get(folder, (0, 0)), strict=True))
+    }
+    assert excess == {}, f"{excess}: words and docstring openings over the ceiling {CEILING}"
+
+
+def test_a_ruled_out_word_and_an_opening_are_found() -> None:
+    source = '"""What a person heads for."""\nX = 1\n"""Seconds until somebody is forgotten."""\n'
+    assert openings(source) == ["What a person heads for."]
+    assert RULED_OUT.findall(source) == ["somebody"]
