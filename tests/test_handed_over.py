@@ -87,7 +87,7 @@ def test_what_is_there_and_is_not_this_runs_is_refused(stopped: Path, tmp_path: 
     mine.parent.mkdir(parents=True)
     mine.write_bytes(b"mine")
     for resume in (False, True):
-        with pytest.raises(TrackError, match="no run.json that says whose it is"):
+        with pytest.raises(TrackError, match="no run.json, so its run is unknown"):
             track_recording(open_recording(stopped / "take.npz"), FakeTracker(), tmp_path / "run", resume=resume)
     assert mine.read_bytes() == b"mine"
 

@@ -80,4 +80,4 @@ def test_axes_of_track_and_sensors_are_drawn_side_by_side(road: Path, capsys) ->
     assert axes.limbs == LIMBS and np.median(cosines) > 0.9
     with pytest.raises(SystemExit) as ended:
         main(["render", str(road / "run"), "--calibration", "x.json", "-o", str(road / "y.png")])
-    assert ended.value.code == 2 and "--calibration belongs to sensors" in capsys.readouterr().err
+    assert ended.value.code == 2 and "--calibration needs sensors" in capsys.readouterr().err

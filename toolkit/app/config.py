@@ -1,7 +1,7 @@
-"""YAML mapped onto the frozen settings dataclasses of the rooms, by their type hints.
+"""Settings files: YAML mapped onto the frozen settings dataclasses by their type hints.
 
-A settings file names any subset of the settings; the rest keep their defaults. Nothing is guessed: an unknown name, a
-wrong type or a value out of range is an error that lists what there is.
+A settings file names any subset of the settings; the others keep their defaults. An unknown name, a wrong type or a
+value out of range is an error that lists the valid ones.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ READER = TypedReader(SettingsError, written_by_hand=True, what="setting")
 def load_settings(
     kind: type[Settings], path: str | Path | None = None, overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Settings from a YAML file and overrides on top of the defaults.
+    """Return settings from a YAML file with overrides on top of the defaults.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ def load_settings(
     Raises
     ------
     SettingsError
-        The file cannot be read, or a name, a type or a value is not one that the dataclass knows.
+        The file cannot be read, or a name, type or value is invalid.
     UsageError
-        There is neither a file nor a shipped one of this name.
+        Neither a file nor a shipped configuration has this name.
     """
     values = {} if path is None else _read(path)
     for name, value in (overrides or {}).items():
@@ -47,7 +47,7 @@ def load_settings(
 
 
 def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> Any:
-    """One top-level value as `load_settings` would see it, None where neither file nor overrides name it.
+    """Return one top-level value of file and overrides, or None if neither names it.
 
     Raises
     ------
@@ -59,12 +59,12 @@ def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str
 
 
 def parse_overrides(pairs: list[str]) -> dict[str, Any]:
-    """Overrides from `name=value` texts; a value is read as YAML.
+    """Parse overrides from `name=value` texts; the value is YAML.
 
     Raises
     ------
     SettingsError
-        A text has no `=`, or its value is no YAML.
+        A text has no `=`, or its value is invalid YAML.
     """
     overrides = {}
     for pair in pairs:
@@ -76,13 +76,13 @@ def parse_overrides(pairs: list[str]) -> dict[str, Any]:
 
 
 def settings_text(settings: Any) -> str:
-    """All settings of a dataclass as YAML, and those constants that are not as they stand in the code."""
+    """Return all settings of a dataclass as YAML, and the constants that differ from their defaults."""
     shown = _plain(_shown(settings, type(settings)(), public=True))
     return yaml.safe_dump(shown, sort_keys=False, default_flow_style=False)
 
 
 def _shown(settings: Any, default: Any, *, public: bool) -> dict[str, Any]:
-    """Settings by name; of constants those that differ from `default`."""
+    """Return settings by name, and the constants that differ from `default`."""
     shown: dict[str, Any] = {}
     for item in fields(settings):
         value, usual = getattr(settings, item.name), getattr(default, item.name)

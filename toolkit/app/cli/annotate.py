@@ -1,4 +1,4 @@
-"""`depthmocap annotate`."""
+"""The verb `depthmocap annotate`."""
 
 from __future__ import annotations
 
@@ -14,23 +14,26 @@ def annotate(
     motions: Motions,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the reports.", show_default=False)],
     classes: Annotated[
-        Path, typer.Option(help="Motion model or template classes by `depthmocap learn`.", show_default=False)
+        Path, typer.Option(help="Motion model or template classes written by `depthmocap learn`.", show_default=False)
     ],
     queries: Annotated[
-        Path | None, typer.Option(help="Keyframe queries by `depthmocap learn`, for the search for templates.")
+        Path | None, typer.Option(help="Keyframe queries written by `depthmocap learn`; restrict the template search.")
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option(help="True segments (CSV: start, end, label), or a folder with one file per motion.")
+        Path | None,
+        typer.Option(help="True segments (CSV with start, end, label), or a folder with one file per motion."),
     ] = None,
     threshold: Annotated[
         float | None,
-        typer.Option(help="Largest cost of a template: share of features that differ.", show_default="its own, 0.13"),
+        typer.Option(
+            help="Maximum cost of a template match: fraction of features that differ.", show_default="its own, 0.13"
+        ),
     ] = None,
     as_published: Annotated[
-        bool, typer.Option("--as-published", help="Templates decide by the thesis's own rules, at a cost below 0.13.")
+        bool, typer.Option("--as-published", help="Use the decision rules of the thesis with a maximum cost of 0.13.")
     ] = False,
 ) -> None:
-    """Cut motions into segments and label them: CSV, JSON, a picture and a page for each."""
+    """Segment and label motions: CSV, JSON, a picture and a page for each."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table, progress_bars

@@ -1,4 +1,4 @@
-"""`depthmocap bench`: the scripts behind the figures of the README."""
+"""The verb `depthmocap bench`, which runs the benchmark scripts of a checkout."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_optio
 
 
 def benchmarks() -> dict[str, Path]:
-    """Benchmark scripts of a checkout by name."""
+    """Return the benchmark scripts of the checkout by name."""
     return {path.stem: path for path in sorted(FOLDER.glob("*.py")) if not path.stem.startswith("_")}
 
 
@@ -27,7 +27,7 @@ def _run_benchmark(name: str, arguments: list[str]) -> None:
     Raises
     ------
     UsageError
-        There is no such script; the message lists those that exist.
+        No script has this name; the message lists the available ones.
     """
     import runpy
 

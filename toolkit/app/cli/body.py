@@ -1,4 +1,4 @@
-"""`depthmocap body`."""
+"""The verb `depthmocap body`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toolkit.app.cli.options import Output, given, numbers
 from toolkit.app.cli.reading import SegmentOption
 from toolkit.app.cli.terminal import say
 
-app = typer.Typer(help="The body of one person.", no_args_is_help=True)
+app = typer.Typer(help="Learn the body of a person.", no_args_is_help=True)
 
 
 @app.command()
@@ -22,13 +22,13 @@ def scan(
         str | None,
         typer.Option(
             metavar="DEGREES,...",
-            help="By how much the person is turned to their left in each view.",
+            help="Angle by which the person is turned to their left in each view, degrees.",
             show_default="evenly, from 0",
         ),
     ] = None,
     segment: SegmentOption = None,
 ) -> None:
-    """Learn a person's body from recordings of a T-pose, one for each side, for `track --body`."""
+    """Learn the body of a person from recordings of a T-pose, one per side, for `track --body`."""
     from toolkit.app.pipeline.scan import scan_recordings
     from toolkit.body.personal import save_body
     from toolkit.io.files import check_output
@@ -40,5 +40,5 @@ def scan(
     save_body(found.body, output)
     say(
         f"{output}: {found.body.height:.2f} m tall, {100 * found.seen.mean():.0f} % of the skin seen, "
-        f"measured points {1000 * found.residual:.1f} mm from it"
+        f"median distance to the measured points {1000 * found.residual:.1f} mm"
     )

@@ -1,4 +1,4 @@
-"""`depthmocap database build` and `info`."""
+"""The verbs `depthmocap database build` and `depthmocap database info`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 from toolkit.app.cli.options import Output
 from toolkit.app.cli.terminal import say
 
-app = typer.Typer(help="Build a pose database from motion capture, or show what is in one.", no_args_is_help=True)
+app = typer.Typer(help="Build a pose database from motion capture, or describe one.", no_args_is_help=True)
 
 
 @app.command()
@@ -18,23 +18,27 @@ def build(
     sources: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="MOCAP...", help="BVH, AMC and AMASS files, or folders of them; the bundled motions without any."
+            metavar="MOCAP...", help="BVH, AMC and AMASS files, or folders of them; default: the bundled motions."
         ),
     ] = None,
     output: Output = Path("poses.npz"),
     threshold: Annotated[
         float | None,
-        typer.Option(help="Distance in metres (Baak 2013, Eq. 5.1) at which sampling stops.", show_default="0.009"),
+        typer.Option(
+            help="Minimum distance between sampled poses in metres (Baak 2013, Eq. 5.1).", show_default="0.009"
+        ),
     ] = None,
-    max_poses: Annotated[int | None, typer.Option(help="Largest number of poses.")] = None,
-    body: Annotated[str, typer.Option(help="Name of the body whose poses they become.")] = "neutral",
-    mirror: Annotated[bool, typer.Option(help="Add the mirror image of every pose.")] = True,
-    seated: Annotated[bool, typer.Option(help="Add the bundled motions of people who sit.")] = True,
+    max_poses: Annotated[int | None, typer.Option(help="Maximum number of poses.")] = None,
+    body: Annotated[str, typer.Option(help="Name of the body to which the motions are retargeted.")] = "neutral",
+    mirror: Annotated[bool, typer.Option(help="Add the mirror image of each pose.")] = True,
+    seated: Annotated[bool, typer.Option(help="Add the bundled seated motions.")] = True,
     parts: Annotated[bool, typer.Option(help="Train the joint regressor on the poses.")] = True,
     workers: Annotated[int | None, typer.Option(help="Number of processes.", show_default="one per processor")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="A file that cannot be used is an error.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Stop at a file that cannot be read instead of skipping it.")
+    ] = False,
 ) -> None:
-    """Read motion capture, sample it evenly and write one pose database."""
+    """Read motion capture, sample its poses evenly and write a pose database."""
     from database_builder.build import THRESHOLD, Sampling, build_database
     from database_builder.regressor import RegressorSettings
     from toolkit.app.cli.terminal import progress_bars
@@ -58,7 +62,7 @@ def build(
 def info(
     database: Annotated[Path, typer.Argument(metavar="DATABASE", help="A pose database.", show_default=False)],
 ) -> None:
-    """Print what a pose database holds and covers."""
+    """Print the contents and the coverage of a pose database."""
     from database_builder.build_report import database_text
     from toolkit.database.database import PoseDatabase
 

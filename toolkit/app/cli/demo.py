@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from toolkit.tracks.runs import People
 
 SUBJECT, SUBJECT_SEED = "slim_male", 7
-"""Whose body is simulated, and the seed of what makes it unlike every body that a tracker can fit."""
+"""Body of the simulated subject, and the seed of its deviation from the bodies that a tracker can fit."""
 MOTIONS = 3
-"""Motions of the recording; none of them is in the database."""
+"""Motions of the recording; the database contains none of them."""
 SECONDS = 5.0
 """Of each motion."""
 REAL = "two-people"
@@ -31,7 +31,7 @@ REAL = "two-people"
 
 
 class DemoResult(NamedTuple):
-    """What the demo made: scores, times, and the files in their order."""
+    """Result of the demo: scores, times and the written files in order."""
 
     table: EvaluationTable
     summary: RunSummary
@@ -47,12 +47,12 @@ class RealDemoResult(NamedTuple):
 
 
 def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, show: Progress = silent) -> DemoResult:
-    """Record a person unlike any body that is fitted in motions of no database, track, score and draw them.
+    """Simulate a recording of motions outside the database, track it, score it and draw it.
 
     Parameters
     ----------
-    output : folder of everything that is written; an earlier demo in it is replaced
-    seed : of the motions, the noise of the sensor and the subject's variation
+    output : folder of all files; replaces an earlier demo
+    seed : of the motions, the sensor noise and the subject's shape
     seconds : of each of the motions
     show : told what is going on
 
@@ -191,7 +191,7 @@ def _demo_simulated(output: Path, seed: int) -> Path:
 
     with progress_bars() as bars:
         result = run_demo(output, seed=seed, show=bars)
-    print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
+    print_table(result.table.to_rich("simulated recording, compared with its exact joint positions"))
     say("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
         say(path)

@@ -1,4 +1,4 @@
-"""`depthmocap evaluate`."""
+"""The verb `depthmocap evaluate`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 def evaluate(
     runs: Annotated[
-        list[Path], typer.Argument(metavar="RUN...", help="Run folders, or folders of them.", show_default=False)
+        list[Path],
+        typer.Argument(metavar="RUN...", help="Run folders, or folders that contain run folders.", show_default=False),
     ],
     references: Annotated[
         list[Path] | None,
@@ -37,20 +38,25 @@ def evaluate(
         bool,
         typer.Option(
             "--surface/--no-surface",
-            help="Look at the depth of one person's frames, too: overlap, extrema.",
+            help="Also compare the fitted body with the depth of single-person runs: overlap, extrema.",
         ),
     ] = True,
     recording: MovedRecording = None,
     markers: Annotated[
         str | None,
-        typer.Option("--markers", help="Marker set of a marker file: a name, or a YAML file as in configs/markers."),
+        typer.Option(
+            "--markers", help="Marker set of a marker file: a name, or a YAML file with the format of configs/markers."
+        ),
     ] = None,
     lag: Annotated[
         float | None,
-        typer.Option("--lag", help="Seconds that added to a marker file's clock give the track's; default: estimated."),
+        typer.Option(
+            "--lag",
+            help="Seconds to add to the clock of a marker file to get the clock of the track; default: estimated.",
+        ),
     ] = None,
 ) -> None:
-    """Compare tracks with the truth or another skeleton, and fitted bodies with the depth: one table for all runs."""
+    """Compare tracks with true joints or another skeleton, and fitted bodies with the depth, in one table."""
     from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.marker_files import is_marker_file
@@ -73,7 +79,7 @@ def evaluate(
         )
     print_table(table.to_rich())
     if output is None:
-        say("every figure, as files and plots: --output FOLDER", file=sys.stderr)
+        say("all figures as files and plots: --output FOLDER", file=sys.stderr)
         return
     for path in write_evaluation(table, output):
         say(path)
@@ -102,7 +108,7 @@ def _validate(
         if rows:
             print_table(_rich(head, rows))
     if output is None:
-        say("the page with curves: --output FOLDER", file=sys.stderr)
+        say("page with curves: --output FOLDER", file=sys.stderr)
         return
     for path in page.write_validation(found, output):
         say(path)

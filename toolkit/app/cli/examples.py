@@ -1,4 +1,4 @@
-"""What to type: the examples at the end of every help screen, by verb."""
+"""Example command lines for the end of each help screen, by verb."""
 
 from __future__ import annotations
 
@@ -64,11 +64,11 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "inertial check": ("depthmocap inertial check run --sensors sensors.npz --output check",),
     "bench": ("depthmocap bench", "depthmocap bench accuracy --split report"),
 }
-"""Command lines by verb; each of them can be typed as it stands, given its files."""
+"""Verb -> command lines that run without changes if their files exist."""
 
 
 def add_examples(app: typer.Typer, prefix: str = "") -> None:
-    """Put the examples under the help of every command that is registered in `app` and in its groups."""
+    """Add the examples to the help of each command of `app` and of its groups."""
     for command in app.registered_commands:
         name = command.name or str(getattr(command.callback, "__name__", ""))
         if lines := EXAMPLES.get(prefix + name):

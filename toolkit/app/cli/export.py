@@ -1,4 +1,4 @@
-"""`depthmocap export`."""
+"""The verb `depthmocap export`."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def export(
     origin: Annotated[
         str | None,
         typer.Option(
-            help="floor (y up, ground at 0, below the person's first place) or camera.",
-            show_default="floor; of the .json formats camera",
+            help="floor (y up, ground at 0, origin below the person's first position) or camera.",
+            show_default="floor; camera for the .json formats",
         ),
     ] = None,
     model: Annotated[
@@ -41,16 +41,16 @@ def export(
         bool,
         typer.Option(
             "--as-tracked",
-            help="With the floor as origin: do not hold still bodies and carrying feet in place.",
+            help="With origin floor: keep the jitter of motionless bodies and the sliding of feet in contact.",
         ),
     ] = False,
     recording: MovedRecording = None,
 ) -> None:
-    """Write a track for other programs, by OUTPUT's suffix.
+    """Write a track in a format of another program, chosen by the suffix of OUTPUT.
 
     .glb skinned and animated (Blender, Unity, browsers), .bvh (animation tools), .c3d (motion laboratories), .trc
-    (OpenSim), .mot (OpenSim, with markers), .csv, .json and .rrd (the viewer rerun). Of a format that several people do
-    not fit into, each has a file of their own.
+    (OpenSim), .mot (OpenSim, with markers), .csv, .json and .rrd (the viewer rerun). A format for one person gets one
+    file per person.
     """
     from toolkit.output.export.run import export_run
 

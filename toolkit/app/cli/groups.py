@@ -1,4 +1,4 @@
-"""Groups of options: a verb takes a dataclass, and on the command line each of its fields is an option."""
+"""Option groups: a verb takes a dataclass, and each of its fields becomes a command-line option."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, get_type_hints
 
 
 def spread(verb: Callable[..., None]) -> Callable[..., None]:
-    """`verb` as the parser of options sees it: in the place of each parameter that is a dataclass stand its fields.
+    """Return `verb` with each dataclass parameter replaced by its fields, for the option parser.
 
     >>> @dataclass(frozen=True)  # doctest: +SKIP
     ... class Where:

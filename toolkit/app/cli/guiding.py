@@ -1,4 +1,4 @@
-"""What guides a tracker besides the images, and who is told its rows: options of `track`."""
+"""Options of `track` for inertial sensors and for live motion events."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ EVENTS = "Live labels"
 
 @dataclass(frozen=True)
 class SensorGuideOptions:
-    """Classes of motions and inertial sensors, as they are typed."""
+    """Options for motion classes and inertial sensors."""
 
     classes: Annotated[
-        Path | None, typer.Option(help="Class file of `depthmocap learn --templates`.", rich_help_panel=EVENTS)
+        Path | None, typer.Option(help="Class file written by `depthmocap learn --templates`.", rich_help_panel=EVENTS)
     ] = None
     queries: Annotated[
-        Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)
+        Path | None, typer.Option(help="Keyframe queries written by `depthmocap learn`.", rich_help_panel=EVENTS)
     ] = None
     events: Annotated[
         str | None,
         typer.Option(
             metavar="FILE|-",
-            help="A JSON line for each motion that ends; in one pass (--online).",
+            help="Write a JSON line when a motion ends; needs one pass (--online).",
             rich_help_panel=EVENTS,
         ),
     ] = None
@@ -41,23 +41,26 @@ class SensorGuideOptions:
         typer.Option(help="Canonical file of inertial sensors that guide the tracker.", rich_help_panel=SENSORS),
     ] = None
     calibration: Annotated[
-        Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
+        Path | None,
+        typer.Option(
+            help="Calibration of the sensors from a run of this recording (calibration.json).", rich_help_panel=SENSORS
+        ),
     ] = None
 
     def watcher(self, recordings: list[Path]) -> EventStream | None:
-        """What tells events, if any are wanted.
+        """Return the event stream, or None if no events are requested.
 
         Raises
         ------
         UsageError
-            Options do not go together, or belong to one recording.
+            Options contradict each other, or need a single recording.
         """
         if self.events is None:
             if self.classes is not None or self.queries is not None:
-                raise UsageError("--classes and --queries belong to --events; add it, or leave them out")
+                raise UsageError("--classes and --queries need --events; add it, or leave them out")
             return None
         if self.classes is None or len(recordings) != 1:
-            raise UsageError("--events tells the motions of one recording; name it, and --classes")
+            raise UsageError("--events needs one recording and --classes; name both")
         from toolkit.app.pipeline.events import EventStream
         from toolkit.retrieval.annotation.classes import load_classes
         from toolkit.retrieval.keyframes.query_file import load_queries
@@ -66,14 +69,14 @@ class SensorGuideOptions:
         return EventStream(load_classes(self.classes), wanted, self.events)
 
     def guide(self, recordings: list[Path]) -> Guide | None:
-        """The guide of the sensors, if there are any; raises as `watcher`."""
+        """Return the guide of the sensors, or None without sensors; raises as `watcher`."""
         if self.inertial is None and self.calibration is None:
             return None
         if self.inertial is None or self.calibration is None:
-            raise UsageError("--inertial and --calibration go together; give both or neither")
+            raise UsageError("--inertial and --calibration belong together; give both or neither")
         if len(recordings) != 1:
             raise UsageError(
-                f"inertial sensors belong to one recording, not to {len(recordings)}; track them one by one"
+                f"inertial sensors belong to one recording, not to {len(recordings)}; track the recordings one by one"
             )
         from toolkit.inertial.calibration import Calibration
         from toolkit.inertial.workflow import load_sensors

@@ -1,4 +1,4 @@
-"""`depthmocap inertial read|calibrate|check`."""
+"""The verbs `depthmocap inertial read|calibrate|check`."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from toolkit.app.cli.terminal import say
 from toolkit.io.errors import UsageError
 
 app = typer.Typer(
-    help="Check a track with inertial sensors: read their files, calibrate, find errors.",
+    help="Check a track with inertial sensors: read files, calibrate, detect errors.",
     no_args_is_help=True,
 )
 
 SensorFiles = Annotated[
     list[Path],
-    typer.Option("--sensors", help="Canonical file; one for all runs, or once for each.", show_default=False),
+    typer.Option("--sensors", help="Canonical file; one for all runs, or one per run.", show_default=False),
 ]
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", show_default=False)]
-MaxOffset = Annotated[float, typer.Option(help="Largest offset of the clocks that is looked for, seconds.")]
+MaxOffset = Annotated[float, typer.Option(help="Maximum clock offset, seconds.")]
 
-Rate = Annotated[str, typer.Option(help="Ratio of the clocks: same, or free to be looked for.")]
+Rate = Annotated[str, typer.Option(help="Ratio of the clock rates: same (1) or free (estimated).")]
 
 
 @app.command()
@@ -32,20 +32,18 @@ def read(
         list[Path], typer.Argument(metavar="FILE...", help="Sensor files of one recording.", show_default=False)
     ],
     output: Output,
-    placement: Annotated[
-        Path | None, typer.Option(help="YAML: sensor or device id to the part of the body that carries it.")
-    ] = None,
+    placement: Annotated[Path | None, typer.Option(help="YAML file: sensor or device id -> body part.")] = None,
     format: Annotated[str | None, typer.Option(help="Name of the reader.", show_default="guessed")] = None,
     columns: Annotated[
-        str | None, typer.Option(help="Columns of a CSV: pairs ours=theirs, such as time_s=t,qw=Q0.")
+        str | None, typer.Option(help="Columns of a CSV file as pairs ours=theirs, for example time_s=t,qw=Q0.")
     ] = None,
     units: Annotated[
-        str | None, typer.Option(help="Units of a CSV, such as gyro=deg/s,acceleration=g,time=ms.")
+        str | None, typer.Option(help="Units of a CSV file, for example gyro=deg/s,acceleration=g,time=ms.")
     ] = None,
-    sensor: Annotated[str | None, typer.Option(help="Name of the sensor in a file that does not say it.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Samples a second in a file that does not say it.")] = None,
+    sensor: Annotated[str | None, typer.Option(help="Sensor name for a file without one.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz for a file without one.")] = None,
 ) -> None:
-    """Bring sensor files of any known format into the canonical one."""
+    """Convert sensor files of any supported format to the canonical one."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table
@@ -70,17 +68,18 @@ def calibrate(
     runs: Runs,
     sensors: SensorFiles,
     output: Output,
-    method: Annotated[str, typer.Option(help="robust, or thesis: Park and Martin's closed form.")] = "robust",
+    method: Annotated[str, typer.Option(help="robust, or thesis (closed form of Park and Martin).")] = "robust",
     heading: Annotated[
         str | None,
         typer.Option(
-            help="Heading of the sensors: shared by all, or own.", show_default="shared where devices know north"
+            help="Heading reference of the sensors: shared, or own (one per sensor).",
+            show_default="shared if the devices measure north",
         ),
     ] = None,
     rate: Rate = "same",
     max_offset: MaxOffset = 3.0,
 ) -> None:
-    """Find how every sensor sits on its limb and where its world points."""
+    """Estimate the mounting of each sensor on its limb and the rotation between the sensor and track frames."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table
@@ -110,12 +109,16 @@ def check(
     calibration: Annotated[
         Path | None, typer.Option(help="calibration.json.", show_default="each run by itself")
     ] = None,
-    threshold: Annotated[float, typer.Option(help="Degrees above which the track errs.")] = 45.0,
-    truth: Annotated[Path | None, typer.Option(help="CSV of known errors: limb, start, end, and run.")] = None,
+    threshold: Annotated[
+        float, typer.Option(help="Orientation difference that counts as a tracking error, degrees.")
+    ] = 45.0,
+    truth: Annotated[
+        Path | None, typer.Option(help="CSV file of known errors with columns limb, start, end, run.")
+    ] = None,
     rate: Rate = "same",
     max_offset: MaxOffset = 3.0,
 ) -> None:
-    """Find where tracks disagree with the sensors: curves, errors, a picture and a page for each run."""
+    """Detect disagreement between tracks and sensors: curves, errors, a picture and a page for each run."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table
@@ -137,7 +140,7 @@ def check(
             )
         for limb, sensor in found.calibration.sensors.items():
             if sensor.status == "refused":
-                say(f"{found.name}: {limb} takes no part: {sensor.reason}")
+                say(f"{found.name}: {limb} is left out: {sensor.reason}")
         for name, s in found.scores().items():
             say(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
     if table.row_count:
@@ -147,7 +150,7 @@ def check(
 
 
 def _rates(rate: str) -> tuple[float, float] | None:
-    """Ratios of the clocks that are looked for."""
+    """Range of clock ratios for the search."""
     from toolkit.inertial.synchronise import RATES
 
     if rate not in ("same", "free"):
@@ -156,6 +159,6 @@ def _rates(rate: str) -> tuple[float, float] | None:
 
 
 def _say(sentences: list[str] | tuple[str, ...]) -> None:
-    """Suspicions, on the standard output: they belong to the result."""
+    """Print the suspicions to the standard output, because they are part of the result."""
     for sentence in sentences:
         say(f"suspicion: {sentence}")

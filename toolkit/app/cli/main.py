@@ -1,6 +1,6 @@
-"""The command `depthmocap`: one thin verb per stage of work.
+"""The command `depthmocap` with one thin verb per stage of work.
 
-Nothing but the option parser is imported here and at the top of the verbs' modules, so that `--help` answers at once.
+Only the option parser is imported here and at the top of the verb modules, so that `--help` is fast.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Where the options stand that belong to no verb."""
+    """Options of the command itself."""
 
 
 app.command()(demo.demo)
@@ -85,16 +85,15 @@ add_examples(app)
 
 
 COLLECTED = 100_000
-"""Objects made between two searches for garbage: by Python's 700 they take a fourteenth of a short track, for modules
-and compiled kernels stay."""
+"""Allocations between two garbage collections; Python's default of 700 costs 7 % of a short track."""
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command: exit code 0 is done, 1 failed, 2 wrong use; an error is printed as one sentence."""
+    """Run the command. Exit code 0 is success, 1 failure, 2 wrong use; an error is one sentence."""
     gc.set_threshold(COLLECTED)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # names of files may be no UTF-8
+            stream.reconfigure(errors="backslashreplace")  # file names may contain invalid UTF-8
     try:
         app(args=arguments, prog_name="depthmocap")
     except DepthMocapError as error:
@@ -105,7 +104,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(f"depthmocap: {where}: {error.strerror or error}; check the path", file=sys.stderr)
         sys.exit(1)
     except MemoryError:
-        print("depthmocap: there is not enough memory; use fewer or smaller inputs", file=sys.stderr)
+        print("depthmocap: not enough memory; use fewer or smaller inputs", file=sys.stderr)
         sys.exit(1)
 
 

@@ -1,4 +1,4 @@
-"""Options that several verbs share."""
+"""Options of several verbs."""
 
 from __future__ import annotations
 
@@ -11,39 +11,41 @@ import typer
 from toolkit.io.errors import UsageError
 
 MOST_FRAMES = 1_000_000_000
-"""What the number of a frame may be: a year at 30 a second."""
+"""Maximum frame number (one year at 30 Hz)."""
 
 Run = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Run folder that `depthmocap track` wrote.", show_default=False)
+    Path, typer.Argument(metavar="RUN", help="Run folder written by `depthmocap track`.", show_default=False)
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", help="What is written.", show_default=False)]
-MovedRecording = Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")]
+MovedRecording = Annotated[Path | None, typer.Option(help="New location of the recording, if it was moved.")]
 FirstFrame = Annotated[int, typer.Option("--from", help="First frame.", max=MOST_FRAMES)]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+Seed = Annotated[int, typer.Option(help="Random seed.", min=0)]
 SettingOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A setting by its dotted name, such as sensing.segment=person."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Setting by its dotted name, for example sensing.segment=person."),
 ]
 Pattern = Annotated[
     str | None,
-    typer.Option(help="Regular expression for clip names: groups (?P<label>...), perhaps (?P<person>...)."),
+    typer.Option(
+        help="Regular expression for clip names with the groups (?P<label>...) and optionally (?P<person>...)."
+    ),
 ]
-LabelTable = Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label, perhaps person.")]
+LabelTable = Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label and optionally person.")]
 Motions = Annotated[
     list[Path],
     typer.Argument(
-        metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips.", show_default=False
+        metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, or folders of clips.", show_default=False
     ),
 ]
 
 
 def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
-    """`count` numbers separated by commas.
+    """Return `count` numbers separated by commas.
 
     Raises
     ------
     UsageError
-        There are more, fewer, or something else.
+        The text has another number of values, or a value is no number.
     """
     try:
         values = tuple(float(part) for part in text.split(","))
@@ -55,5 +57,5 @@ def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
 
 
 def given(**options: Any) -> dict[str, Any]:
-    """The options that were given: those that are not None."""
+    """Return the options that were given, which are those that are not None."""
     return {name: value for name, value in options.items() if value is not None}

@@ -1,4 +1,4 @@
-"""How a recording is read, and who in it is meant: options of every verb that opens one."""
+"""Options of each verb that opens a recording: reader options, joint source, people."""
 
 from __future__ import annotations
 
@@ -16,54 +16,54 @@ if TYPE_CHECKING:
 SegmentOption = Annotated[
     str | None,
     typer.Option(
-        help="How to cut the person out: segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V.",
+        help="Segmentation of the person: segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V.",
         show_default="auto",
     ),
 ]
 
 
 def _option(help: str, *names: str) -> Any:
-    """An option of how a recording is read."""
-    return typer.Option(*names, help=help, rich_help_panel="How to read the recording")
+    """Return an option of the panel of reader options."""
+    return typer.Option(*names, help=help, rich_help_panel="Reader options")
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What a reader may be told, as it is typed."""
+    """Options of the readers."""
 
     format: Annotated[
         str | None,
-        _option("npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; guessed from the path."),
+        _option("npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; default: detected from the path."),
     ] = None
-    intrinsics: Annotated[str | None, _option("fx,fy,cx,cy in pixels, or a JSON file that holds them.")] = None
+    intrinsics: Annotated[str | None, _option("fx,fy,cx,cy in pixels, or a JSON file with these values.")] = None
     mirrored: Annotated[
         bool | None,
-        _option("The source shows the scene as a mirror does; its images are flipped.", "--mirrored/--not-mirrored"),
+        _option("Flip the images of a mirrored source.", "--mirrored/--not-mirrored"),
     ] = None
     radial: Annotated[
-        bool | None, _option("Pixels hold the distance to the camera instead of the depth along z.", "--radial")
+        bool | None, _option("The pixels hold the distance to the camera instead of the depth along z.", "--radial")
     ] = None
-    depth_unit: Annotated[str | None, _option("mm, m, or the metres of one unit.")] = None
-    size: Annotated[str | None, _option("Width,height in pixels of raw files.")] = None
-    frame_rate: Annotated[float | None, _option("Frames per second of a source without timestamps.")] = None
-    up: Annotated[str | None, _option("The vertical x,y,z in the camera frame.")] = None
+    depth_unit: Annotated[str | None, _option("mm, m, or the size of one unit in metres.")] = None
+    size: Annotated[str | None, _option("Width,height of raw files in pixels.")] = None
+    frame_rate: Annotated[float | None, _option("Frame rate of a source without timestamps, Hz.")] = None
+    up: Annotated[str | None, _option("Vertical direction x,y,z in the camera frame.")] = None
     background: Annotated[str | None, _option("16-bit PNG of the empty scene.")] = None
     axes: Annotated[
-        str | None, _option("camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.")
+        str | None, _option("Axes of point clouds: camera (x right, y down, z forward) or graphics (y up, z backward).")
     ] = None
     rotate: Annotated[
         int | None,
-        _option("Degrees (90, 180, 270) by which the images are turned clockwise, for a camera on its side."),
+        _option("Clockwise rotation of the images in degrees (90, 180, 270), for a rotated camera."),
     ] = None
-    track: Annotated[str | None, _option("Name of the depth topic or track of a file that holds several.")] = None
+    track: Annotated[str | None, _option("Name of the depth topic or track in a file with several.")] = None
 
     def options(self) -> dict[str, Any]:
-        """Those of `ReaderOptions` that were given.
+        """Return the reader options that were given.
 
         Raises
         ------
         UsageError
-            One cannot be understood.
+            A value cannot be parsed.
         """
         return given(
             **vars(self)
@@ -79,27 +79,27 @@ class Reading:
 
 @dataclass(frozen=True)
 class Joints:
-    """Where joints in the image come from, as it is typed."""
+    """Source of the image joints."""
 
     joints: Annotated[
         str | None,
         typer.Option(
             metavar="FOLDER|colour|depth|none",
-            help="Joints in the image: a folder of OpenPose JSON, colour or depth (detect them there), or none.",
-            show_default="the recording's, colour, depth",
+            help="Image joints: a folder of OpenPose JSON files, colour or depth (run the network), or none.",
+            show_default="those of the recording, else colour, else depth",
         ),
     ] = None
     joints_size: Annotated[
-        str | None, typer.Option(help="Width,height of the images in which the joints of a folder were found.")
+        str | None, typer.Option(help="Width,height of the images on which the joints of the folder were detected.")
     ] = None
 
     def choice(self, recordings: int = 1) -> JointChoice:
-        """What was chosen for so many recordings.
+        """Return the choice for `count` recordings.
 
         Raises
         ------
         UsageError
-            A size or a source cannot be understood.
+            A size or a source cannot be parsed.
         """
         from toolkit.app.pipeline.joint_choice import JointChoice
 
@@ -110,7 +110,7 @@ class Joints:
 
 
 def people_of(text: str) -> int | None:
-    """The option `--people`: a number, or None for all."""
+    """Parse `--people`: a number, or None for all."""
     if text == "all":
         return None
     if not text.isdigit() or int(text) < 1:
@@ -119,18 +119,18 @@ def people_of(text: str) -> int | None:
 
 
 def size_of(text: str, option: str) -> tuple[int, int]:
-    """A width and height in pixels."""
+    """Parse a width and height in pixels."""
     width, height = numbers(text, 2, option)
     return int(width), int(height)
 
 
 def intrinsics_of(text: str | None) -> str | tuple[float, ...] | None:
-    """The option `--intrinsics`: four numbers, or the path of a file."""
+    """Parse `--intrinsics`: four numbers, or the path of a file."""
     return numbers(text, 4, "--intrinsics") if text and "," in text else text
 
 
 def unit_of(text: str | None) -> str | float | None:
-    """The option `--depth-unit`: a name, or a number of metres."""
+    """Parse `--depth-unit`: a name, or a number of metres."""
     try:
         return text if text is None else float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""`depthmocap render`."""
+"""The verb `depthmocap render`."""
 
 from __future__ import annotations
 
@@ -31,25 +31,26 @@ def render(
     rate: Annotated[float | None, typer.Option(help="Frames per second.", show_default="the recording's")] = None,
     start: FirstFrame = 0,
     end: Annotated[
-        int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="all")
+        int | None, typer.Option("--to", help="First frame that is not drawn.", max=MOST_FRAMES, show_default="all")
     ] = None,
     panels: Annotated[
         str | None,
-        typer.Option(help="Which of depth, body, side, plan, with commas between.", show_default="depth,body,side"),
+        typer.Option(help="Panels separated by commas: depth, body, side, plan.", show_default="depth,body,side"),
     ] = None,
     inertial: Annotated[
-        Path | None, typer.Option(help="Canonical file of inertial sensors, whose axes are drawn beside the limbs'.")
+        Path | None,
+        typer.Option(help="Canonical file of inertial sensors; draws their axes beside the axes of the limbs."),
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="Calibration of these sensors.", show_default="made on this very run")
+        Path | None, typer.Option(help="Calibration of the sensors.", show_default="estimated on this run")
     ] = None,
 ) -> None:
-    """Draw a track beside its depth: mesh, skeleton and extrema, from the camera, from the side and from above."""
+    """Draw a track beside its depth: mesh, skeleton and extrema in camera, side and plan views."""
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.output.rendering.film import render_run, settings_for
 
     if calibration is not None and inertial is None:
-        raise UsageError("--calibration belongs to sensors; name them with --inertial")
+        raise UsageError("--calibration needs sensors; name them with --inertial")
     frames = None if (start, end) == (0, None) else slice(start, end)
     with progress_bars() as bars:
         written = render_run(
@@ -66,7 +67,7 @@ def render(
 
 
 def _axes(run: Path, sensors: Path, calibration: Path | None) -> LimbAxes:
-    """The axes of a run's limbs and of the sensors that they carry."""
+    """Return the axes of the limbs of a run and of the sensors on them."""
     from toolkit.inertial.calibration import Calibration
     from toolkit.inertial.workflow import checked_take
     from toolkit.output.rendering.axes import limb_axes

@@ -1,4 +1,4 @@
-"""`depthmocap report` and `view`."""
+"""The verbs `depthmocap report` and `depthmocap view`."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from toolkit.app.cli.terminal import say
 
 def report(
     runs: Annotated[
-        list[Path], typer.Argument(metavar="RUN...", help="Run folders, or folders of them.", show_default=False)
+        list[Path],
+        typer.Argument(metavar="RUN...", help="Run folders, or folders that contain run folders.", show_default=False),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="The page.")] = Path("report.html"),
     references: Annotated[
         list[Path] | None,
-        typer.Option("--reference", "-r", help="What the tracks are compared with; each run's own recording without."),
+        typer.Option("--reference", "-r", help="Reference of the errors; default: the recording of each run."),
     ] = None,
     recording: MovedRecording = None,
     start: FirstFrame = 0,
     end: Annotated[
-        int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="3000 at most")
+        int | None,
+        typer.Option("--to", help="First frame that is not shown.", max=MOST_FRAMES, show_default="3000 at most"),
     ] = None,
 ) -> None:
-    """Write one page that works offline: film, the body in three dimensions, errors, confidence, times, settings."""
+    """Write one offline page: film, 3-D view, errors, confidence, times and settings."""
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.output.report.content import LONGEST
     from toolkit.output.report.page import write_report
@@ -40,7 +42,7 @@ def report(
 
 
 def view(run: Run) -> None:
-    """Open the report of a run in the browser; the page is written into the run folder first, unless it is newer."""
+    """Open the report of a run in the browser. Writes the page into the run folder if it is older than the track."""
     import webbrowser
 
     from toolkit.app.cli.terminal import progress_bars

@@ -1,4 +1,4 @@
-"""`depthmocap index`, `search` and `learn`."""
+"""The verbs `depthmocap index`, `depthmocap search` and `depthmocap learn`."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     from toolkit.retrieval.workflow.search_files import SearchReport
 
 PLAYED = 5
-"""Results in a film."""
+"""Maximum number of results in a film."""
 EXAMPLE_COST = 0.2
-"""Largest cost of a result by example, unless told otherwise: 99 % of other people's performances cost less than 0.18,
-half of what chance finds less than 0.17."""
+"""Default maximum cost of a result by example: 99 % of other people's performances cost less than 0.18, half of the
+chance hits less than 0.17."""
 
 Index = Annotated[
-    Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
+    Path, typer.Argument(metavar="INDEX", help="Index written by `depthmocap index`.", show_default=False)
 ]
 
 
@@ -33,13 +33,13 @@ def index(
     output: Output,
     motions: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips."),
+        typer.Argument(metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, or folders of clips."),
     ] = None,
     add: Annotated[bool, typer.Option("--add", help="Add to the index OUTPUT instead of writing a new one.")] = False,
     remove: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Take this motion out of the index OUTPUT. Repeatable.")
+        list[str] | None, typer.Option(metavar="NAME", help="Remove this motion from the index OUTPUT. Repeatable.")
     ] = None,
-    workers: Annotated[int, typer.Option(help="Processes that read; they do not change the result.", min=1)] = 1,
+    workers: Annotated[int, typer.Option(help="Number of reading processes; does not change the result.", min=1)] = 1,
 ) -> None:
     """Index motions by their relational features, for `depthmocap search`."""
     from toolkit.app.cli.terminal import progress_bars
@@ -47,7 +47,9 @@ def index(
     from toolkit.retrieval.workflow.index import index_motions, remove_motions
 
     if bool(motions) == bool(remove):
-        raise UsageError("index needs motions to read or --remove with names in the index; give one of the two")
+        raise UsageError(
+            "index needs motions to read, or --remove with names of motions in the index; give one of the two"
+        )
     if remove:
         made = remove_motions(remove, output)
     else:
@@ -58,9 +60,9 @@ def index(
 
 @dataclass(frozen=True)
 class ByExample:
-    """A clip to search for, as it is typed."""
+    """Options for a search by example."""
 
-    by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None
+    by_example: Annotated[Path | None, typer.Option(help="Example clip; replaces a query file.")] = None
     start: Annotated[float, typer.Option("--from", help="Start of the example, seconds.")] = 0.0
     end: Annotated[float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")] = (
         None
@@ -69,14 +71,14 @@ class ByExample:
 
 @dataclass(frozen=True)
 class Film:
-    """A film of the hits, as it is typed."""
+    """Options for a film of the hits."""
 
     play: Annotated[
         Path | None, typer.Option(metavar="FILM", help="Film (.mp4, .webm) of the example and the first results.")
     ] = None
-    mocap: Annotated[
-        list[Path] | None, typer.Option(help="For --play: the files and folders that were indexed. Repeatable.")
-    ] = None
+    mocap: Annotated[list[Path] | None, typer.Option(help="For --play: the indexed files and folders. Repeatable.")] = (
+        None
+    )
 
 
 @spread
@@ -84,32 +86,32 @@ def search(
     index: Index,
     example: ByExample,
     film: Film,
-    queries: Annotated[
-        Path | None, typer.Option(help="Query file: learned by `depthmocap learn`, or written by hand.")
-    ] = None,
+    queries: Annotated[Path | None, typer.Option(help="Query file written by `depthmocap learn` or by hand.")] = None,
     classes: Annotated[
         Path | None,
-        typer.Option(help="Motion model of `depthmocap learn`: where its classes are, likeliest first."),
+        typer.Option(help="Motion model of `depthmocap learn`; finds its classes, most probable first."),
     ] = None,
     label: Annotated[list[str] | None, typer.Option(help="Only these queries or classes.")] = None,
     threshold: Annotated[
         float | None,
         typer.Option(
-            help="Largest cost: by example 0 (equal) to 1 (opposite), of classes 1 minus probability.",
+            help="Maximum cost: 0 (equal) to 1 (opposite) by example, 1 minus probability by classes.",
             show_default="0.2, 0.8",
         ),
     ] = None,
-    limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
+    limit: Annotated[
+        int, typer.Option(help="Number of results per query that are shown, and by example also written.", min=1)
+    ] = 20,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File for all results (.csv or .json).")] = None,
 ) -> None:
-    """Find motions in an index: by an example, by a motion model, or by learned or written keyframes."""
+    """Find motions in an index by an example, a motion model or keyframe queries."""
     from toolkit.io.errors import UsageError
     from toolkit.io.files import check_output
 
     if sum(way is not None for way in (queries, example.by_example, classes)) != 1:
         raise UsageError("search needs one of --by-example, --classes and --queries; give exactly one")
     if (film.play is None) != (not film.mocap):
-        raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
+        raise UsageError("--play and --mocap (the indexed files and folders) belong together; give both or neither")
     for written in filter(None, (output, film.play)):
         check_output(written, [path for path in (index, queries, example.by_example, classes) if path is not None])
     if example.by_example is None:
@@ -130,7 +132,7 @@ def search(
 def _labelled(
     index: Path, queries: Path | None, classes: Path | None, labels: list[str] | None, threshold: float | None
 ) -> list[SearchReport]:
-    """What a model's classes, or a file's queries, find: one report for each label."""
+    """Search with a motion model or a query file; return one report per label."""
     from toolkit.retrieval.annotation.model import MotionModel
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
@@ -143,7 +145,7 @@ def _labelled(
 
 
 def _alike(index: Path, clip: Path, example: ByExample, limit: int, threshold: float | None) -> SearchReport:
-    """What is like a piece of a clip."""
+    """Search for motions similar to a part of a clip."""
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.workflow.search_files import by_example, cut_example
 
@@ -152,7 +154,7 @@ def _alike(index: Path, clip: Path, example: ByExample, limit: int, threshold: f
 
 
 def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExample) -> None:
-    """A film of the example and of what was found."""
+    """Write a film of the example and of the hits."""
     from toolkit.output.rendering.motions import film_of_motions
     from toolkit.retrieval.workflow.motions import load_motion
     from toolkit.retrieval.workflow.search_files import stretches
@@ -187,15 +189,21 @@ def _show(report: SearchReport, limit: int) -> None:
 
 @dataclass(frozen=True)
 class KeyframeLearning:
-    """How keyframe queries are learned, as it is typed."""
+    """Options for learning keyframe queries."""
 
-    label: Annotated[list[str] | None, typer.Option(help="Keyframes: only of these classes.")] = None
-    alternatives: Annotated[int, typer.Option(help="Keyframes: queries per class; a motion has to fit one.", min=1)] = 1
-    tight: Annotated[bool, typer.Option("--tight", help="Keyframes: leave less data; hits mark a motion's middle.")] = (
-        False
-    )
+    label: Annotated[list[str] | None, typer.Option(help="Keyframes: learn only these classes.")] = None
+    alternatives: Annotated[
+        int, typer.Option(help="Keyframes: queries per class; a motion has to match one of them.", min=1)
+    ] = 1
+    tight: Annotated[
+        bool,
+        typer.Option(
+            "--tight",
+            help="Keyframes: tighten the queries, so that less data is left; hits mark the middle of a motion.",
+        ),
+    ] = False
     runs: Annotated[int, typer.Option(help="Keyframes: genetic runs per class.", min=1)] = 100
-    workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1
+    workers: Annotated[int, typer.Option(help="Number of processes; does not change the result.", min=1)] = 1
 
 
 @spread
@@ -205,16 +213,19 @@ def learn(
     keyframes: KeyframeLearning,
     pattern: Pattern = None,
     labels: LabelTable = None,
-    others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
+    others: Annotated[
+        list[Path] | None, typer.Option(help="Clips of no class, used as additional counterexamples.")
+    ] = None,
     templates: Annotated[
-        bool, typer.Option("--templates", help="Motion templates (the thesis's way) in place of a motion model.")
+        bool, typer.Option("--templates", help="Learn the motion templates of the thesis instead of a motion model.")
     ] = False,
     seed: Seed = 0,
 ) -> None:
-    """Learn motions from cut clips: a motion model for `depthmocap annotate` (OUTPUT.npz), with a table of how well it
-    does on people left out, motion templates (OUTPUT.npz), or keyframe queries for `depthmocap search` (OUTPUT.json).
+    """Learn motions from cut clips. OUTPUT.npz is a motion model for `depthmocap annotate`, with a table of its
+    accuracy on left-out people; with --templates it holds motion templates. OUTPUT.json holds keyframe queries for
+    `depthmocap search`.
 
-    The class of a clip is its folder; in a single folder it comes from the clips' names, unless told otherwise.
+    The class of a clip is the name of its folder, or comes from the clip's name if all clips are in one folder.
     """
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.retrieval.workflow.learn import learn_templates
@@ -268,7 +279,11 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
     with progress_bars() as bars:
         learned = learn_model(tags, output, np.random.default_rng(seed), others=others, progress=bars)
     several = len(learned.people) > 1
-    who = "each person annotated by a model of the others" if several else "each half by a model of the other"
+    who = (
+        "each person annotated by a model of the other people"
+        if several
+        else "each half annotated by a model of the other half"
+    )
     table = Table("class", "clips", "F frames", "F segments", "found", "right", title=f"{output}: {who}")
     nothing = Scores(0, 0, 0, 0)
     totals = [nothing, nothing]
@@ -283,14 +298,17 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
     if learned.left_out:
         print_table(table)
     else:
-        say(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
+        say(f"{output}: {len(learned.clips)} classes of one clip each; no clip could be left out for a test")
     if not several:
-        say("The clips name no person who performs them, so this says nothing about other people: see --pattern.")
+        say("The clips name no performer, so the table does not cover other people; see --pattern.")
     for first, second, ratio in learned.alike:
-        say(f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips.")
+        say(
+            f"{first} is hard to distinguish from {second}: the distance is only {ratio:.2f} times "
+            "the distance to its own clips."
+        )
     if not others:
-        say("Without --others the model knows only its own classes, and labels whatever resembles one of them:")
-        say("give motions of no class, such as walking, sitting, standing about.")
+        say("Without --others the model knows only its own classes and labels all similar motions as one of them;")
+        say("add motions of no class, for example walking, sitting, standing.")
 
 
 def _scores_shown(frames: Scores, segments: Scores) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""`depthmocap simulate`."""
+"""The verb `depthmocap simulate`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from toolkit.simulation.person import SimulatedPerson
     from toolkit.simulation.simulate import CaptureSettings
 
-PEOPLE = "People (given once it holds for all of them, otherwise once for each CLIP)"
+PEOPLE = "People (an option given once holds for all people, otherwise once for each CLIP)"
 ROOM = "Room"
 SENSORS = "Inertial sensors"
 BOXES = (".yaml", ".yml")
@@ -29,54 +29,58 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class SubjectOptions:
-    """Who is recorded, as it is typed."""
+    """Options for the recorded people."""
 
     body: Annotated[
         list[str] | None,
-        typer.Option(help="Name of a body, or shape coefficients such as 1.0,-0.5.", rich_help_panel=PEOPLE),
+        typer.Option(help="Name of a body, or shape coefficients, for example 1.0,-0.5.", rich_help_panel=PEOPLE),
     ] = None
     at: Annotated[
         list[str] | None,
         typer.Option(
             metavar="X,Z",
-            help="Mean place: metres to the right in the image and towards the camera.",
-            show_default="in a row, a metre apart",
+            help="Mean position: metres to the right in the image and towards the camera.",
+            show_default="in a row, one metre apart",
             rich_help_panel=PEOPLE,
         ),
     ] = None
     yaw: Annotated[
         list[float] | None,
-        typer.Option(help="Degrees by which a person is turned to their left.", rich_help_panel=PEOPLE),
+        typer.Option(help="Angle by which a person is turned to their left, degrees.", rich_help_panel=PEOPLE),
     ] = None
     stature: Annotated[
         list[float] | None,
-        typer.Option(help="Metres; below 1.25 with a small child's proportions.", rich_help_panel=PEOPLE),
+        typer.Option(
+            help="Stature in metres; below 1.25 with the proportions of a small child.", rich_help_panel=PEOPLE
+        ),
     ] = None
     enters: Annotated[
-        list[float] | None, typer.Option(help="Seconds after which the person appears.", rich_help_panel=PEOPLE)
+        list[float] | None, typer.Option(help="Time of the person's first frame, seconds.", rich_help_panel=PEOPLE)
     ] = None
     clothes: Annotated[
         list[str] | None,
-        typer.Option(help="skirt, dress, coat, wide_trousers or none; several with commas.", rich_help_panel=PEOPLE),
+        typer.Option(
+            help="skirt, dress, coat, wide_trousers or none; several separated by commas.", rich_help_panel=PEOPLE
+        ),
     ] = None
     furniture: Annotated[
         list[str] | None,
         typer.Option(
-            help="chair, stool, desk, table, crate or none, several with commas; or a YAML file of boxes.",
+            help="chair, stool, desk, table, crate or none, separated by commas; or a YAML file of boxes.",
             rich_help_panel=PEOPLE,
         ),
     ] = None
     seated: Annotated[
-        bool, typer.Option("--seated", help="All people do what their clips show sitting.", rich_help_panel=PEOPLE)
+        bool, typer.Option("--seated", help="Convert the clips to seated motions.", rich_help_panel=PEOPLE)
     ] = False
 
     def people(self, clips: list[Path]) -> list[SimulatedPerson]:
-        """One person for each clip.
+        """Return one person for each clip.
 
         Raises
         ------
         UsageError
-            An option was given for some of them only, or cannot be understood.
+            An option has another number of values than there are people, or cannot be parsed.
         """
         from toolkit.simulation.person import SimulatedPerson
 
@@ -99,7 +103,7 @@ class SubjectOptions:
         ]
 
     def boxes(self) -> tuple[Box, ...]:
-        """Furniture of files, which belongs to no person."""
+        """Return the furniture of files, which belongs to no person."""
         from toolkit.simulation.furniture import read_boxes
 
         files = [Path(text) for text in self.furniture or [] if text.endswith(BOXES)]
@@ -108,12 +112,15 @@ class SubjectOptions:
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """From where, in which room and with which sensor, as it is typed; see `CaptureSettings`."""
+    """Options for camera, room and sensor; see `CaptureSettings`."""
 
     sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof"
-    distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0
+    distance: Annotated[float, typer.Option(help="Distance from the camera to the subject, metres.")] = 3.0
     height: Annotated[
-        str, typer.Option(help="Metres of the camera above the floor, or neck: as high as the first person's.")
+        str,
+        typer.Option(
+            help="Height of the camera above the floor in metres, or neck: the neck height of the first person."
+        ),
     ] = "1.0"
     tilt: Annotated[
         float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
@@ -121,20 +128,20 @@ class Viewpoint:
     cut: Annotated[
         float | None,
         typer.Option(
-            help="Metres below the first person's neck at which the image ends, instead of a tilt: 0.45 is the waist.",
+            help="Lower image border, metres below the first person's neck; replaces the tilt (0.45 is the waist).",
             show_default="the image is not cut",
         ),
     ] = None
-    seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0
+    seed: Annotated[int, typer.Option(help="Seed of the sensor noise.", min=0)] = 0
     frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0
     furnished: Annotated[
-        bool, typer.Option("--furnished/--empty", help="Show a room, or the people only.", rich_help_panel=ROOM)
+        bool, typer.Option("--furnished/--empty", help="Show a room, or only the people.", rich_help_panel=ROOM)
     ] = True
     room: Annotated[
         str | None,
         typer.Option(
             metavar="KIND:SEED",
-            help="A room furnished at random: office, living, classroom or corridor, such as office:7.",
+            help="Random furnished room: office, living, classroom or corridor with a seed, for example office:7.",
             show_default="a bare one",
             rich_help_panel=ROOM,
         ),
@@ -144,23 +151,25 @@ class Viewpoint:
         typer.Option("--background/--no-background", help="Store the depth of the empty room.", rich_help_panel=ROOM),
     ] = True
     color: Annotated[
-        bool, typer.Option("--color", help="Store colour too, registered to the depth.", rich_help_panel=ROOM)
+        bool, typer.Option("--color", help="Store colour registered to the depth.", rich_help_panel=ROOM)
     ] = False
-    seconds: Annotated[float, typer.Option(help="Seconds of a recording without people.", rich_help_panel=ROOM)] = 3.0
+    seconds: Annotated[
+        float, typer.Option(help="Duration of a recording without people, seconds.", rich_help_panel=ROOM)
+    ] = 3.0
     inertial: Annotated[
         str | None,
         typer.Option(
             metavar="LIMB,...",
-            help="Inertial sensors on the first person, such as left_shin,right_forearm; their file lies beside.",
+            help="Inertial sensors on the first person, for example left_shin,right_forearm; written to a second file.",
             rich_help_panel=SENSORS,
         ),
     ] = None
     inertial_noise: Annotated[
-        str, typer.Option(help="Errors of these sensors: mtx, phone or none.", rich_help_panel=SENSORS)
+        str, typer.Option(help="Error model of these sensors: mtx, phone or none.", rich_help_panel=SENSORS)
     ] = "mtx"
 
     def shot(self, boxes: tuple[Box, ...]) -> CaptureSettings:
-        """How it is recorded, with this furniture; raises UsageError where an option cannot be understood."""
+        """Return the capture settings with this furniture; raises UsageError if an option cannot be parsed."""
         from toolkit.simulation.simulate import CaptureSettings
 
         typed = {"height": _height(self.height), "inertial": _words(self.inertial or ""), "boxes": boxes}
@@ -177,7 +186,7 @@ def simulate(
     view: Viewpoint = Viewpoint(),
     cast: SubjectOptions = SubjectOptions(),
 ) -> None:
-    """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
+    """Simulate a depth recording with exact joint positions from motions, bodies, furniture and a camera."""
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.simulation.simulate import simulate_scene
 
@@ -189,12 +198,12 @@ def simulate(
 
 
 def each(values: Sequence[T] | None, count: int, option: str, default: T) -> list[T]:
-    """One value per person: the default, one value for all, or all as they were given.
+    """Return one value per person from the default, one value for all, or one value each.
 
     Raises
     ------
     UsageError
-        There are neither one nor `count` values.
+        The number of values is neither one nor `count`.
     """
     if not values:
         return [default] * count
@@ -206,7 +215,7 @@ def each(values: Sequence[T] | None, count: int, option: str, default: T) -> lis
 
 
 def _height(text: str) -> float | None:
-    """Metres; None for the neck's height."""
+    """Parse a height in metres; None is the height of the neck."""
     if text == "neck":
         return None
     try:

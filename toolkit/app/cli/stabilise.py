@@ -1,4 +1,4 @@
-"""`depthmocap stabilise`."""
+"""The verb `depthmocap stabilise`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from toolkit.io.errors import UsageError
 
 @dataclass(frozen=True)
 class InputPaths:
-    """Where files of the run are now, as it is typed."""
+    """Options for moved files of the run."""
 
-    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None
+    recording: Annotated[Path | None, typer.Option(help="New location of the recording, if it was moved.")] = None
     database: Annotated[
-        Path | None, typer.Option("--database", "-d", help="Where the pose database has been moved to.")
+        Path | None, typer.Option("--database", "-d", help="New location of the pose database, if it was moved.")
     ] = None
 
 
@@ -27,24 +27,28 @@ def stabilise(
     runs: Annotated[
         list[Path], typer.Argument(metavar="RUN...", help="Run folders of the hybrid tracker.", show_default=False)
     ],
-    classes: Annotated[Path, typer.Option(help="Class file of `depthmocap learn --templates`.", show_default=False)],
+    classes: Annotated[
+        Path, typer.Option(help="Class file written by `depthmocap learn --templates`.", show_default=False)
+    ],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
     ],
     moved: InputPaths,
-    rounds: Annotated[int, typer.Option(help="Most rounds of the loop.", min=1)] = 5,
-    threshold: Annotated[float, typer.Option(help="Largest cost of a template: share of features that differ.")] = 0.1,
+    rounds: Annotated[int, typer.Option(help="Maximum number of rounds.", min=1)] = 5,
+    threshold: Annotated[
+        float, typer.Option(help="Maximum cost of a template match: fraction of features that differ.")
+    ] = 0.1,
     segments: Annotated[
-        Path | None, typer.Option(help="CSV of labelled stretches (start, end, label), instead of annotating.")
+        Path | None, typer.Option(help="CSV of labelled segments (start, end, label); replaces the annotation.")
     ] = None,
     marks: Annotated[
         Path | None,
         typer.Option(
-            help="YAML of entries of templates that hold: `class: [{feature: 26, value: 0, columns: [3, 9]}]`."
+            help="YAML of template entries that are enforced: `class: [{feature: 26, value: 0, columns: [3, 9]}]`."
         ),
     ] = None,
 ) -> None:
-    """Fill in what limbs did while they were hidden, by the motions that are recognised in the track itself."""
+    """Reconstruct the motion of occluded limbs from the motion classes that are recognised in the track."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table, progress_bars

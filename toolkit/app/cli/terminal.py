@@ -1,4 +1,4 @@
-"""What the verbs show: results on the standard output, progress on the standard error."""
+"""Terminal output of the verbs: results on the standard output, progress on the standard error."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 WIDEST = 400
-"""Characters: no table is wider."""
+"""Maximum width of a table in characters."""
 MINUTE = 60.0
 """Seconds between two lines of progress in a pipe or a log."""
 
 
 def say(*texts: object, sep: str = " ", file: TextIO | None = None) -> None:
-    """As `print`; names out of files may stand in the lines, and what a terminal would obey is written out."""
+    """Print lines with control characters escaped, because file names may contain them."""
     lines = sep.join(map(str, texts)).split("\n")
     print("\n".join(map(printable, lines)), file=file or sys.stdout, flush=True)
 
 
 class LogLines:
-    """A line a minute, for a pipe or a log; nothing of what takes less."""
+    """Progress as one line per minute, for a pipe or a log; short work prints nothing."""
 
     def __init__(self, every: float = MINUTE) -> None:
         self._latest: tuple[str, int, int] | None = None
@@ -46,7 +46,7 @@ class LogLines:
         self._latest = (doing, done, total)
 
     def close(self) -> None:
-        """No more lines."""
+        """Stop printing lines."""
         self._over.set()
         self._thread.join()
 
@@ -59,14 +59,14 @@ class LogLines:
 
 
 def doing_words(doing: str) -> str:
-    """What the pipeline is doing, in words for people; compilation is named as such."""
+    """Describe the current stage of the pipeline for users; compilation has its own text."""
     words = {"compiling": "preparing", "learning": "learning the body"}
     return f"{words[doing]} (compiles for a while the first time)" if doing in words else doing
 
 
 @contextmanager
 def progress_bars() -> Iterator[Progress]:
-    """Progress on the standard error while the block runs: a bar for each thing in a terminal, else a line a minute."""
+    """Show progress on the standard error: a bar per task in a terminal, else one line per minute."""
     if not sys.stderr.isatty():
         lines = LogLines()
         try:
@@ -93,7 +93,7 @@ def progress_bars() -> Iterator[Progress]:
 
 
 def next_commands(commands: dict[tuple[str, ...], str]) -> None:
-    """What to do next, on the standard error: the words behind `depthmocap` and what they are for, to be pasted."""
+    """Print the next commands on the standard error: the words behind `depthmocap` and their purpose."""
     lines = {_line(program() + words): purpose for words, purpose in commands.items()}
     width = max(map(len, lines))
     print("next:", file=sys.stderr)
@@ -102,7 +102,7 @@ def next_commands(commands: dict[tuple[str, ...], str]) -> None:
 
 
 def program() -> tuple[str, ...]:
-    """How this very program is called from here: by name where the shell finds it, by its path, or by its module."""
+    """Return the words that call this program: its name if it is on the path, its own path, or its module."""
     beside = Path(sys.executable).with_name("depthmocap.exe" if sys.platform == "win32" else "depthmocap")
     found = shutil.which("depthmocap")
     if found is not None and os.path.realpath(found) == os.path.realpath(beside):
@@ -111,18 +111,18 @@ def program() -> tuple[str, ...]:
 
 
 def _line(words: tuple[str, ...]) -> str:
-    """Words as this system's shell takes them."""
+    """Quote words for the shell of this system."""
     return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
 
 
 def _short(path: Path) -> str:
-    """A path from the present folder where it lies in it, else the whole path."""
+    """Return a path relative to the current folder if it lies in it, else the absolute path."""
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
 def print_table(table: Table) -> None:
-    """A table on the standard output; brackets and escapes in its cells, titles and names do nothing."""
+    """Print a table; brackets and escape sequences in cells, titles and names are printed literally."""
     from rich.console import Console
 
     for column in table.columns:
@@ -131,5 +131,5 @@ def print_table(table: Table) -> None:
         table.title = printable(table.title)
     console = Console(markup=False)
     natural = console.measure(table, options=console.options.update(width=WIDEST)).maximum
-    # A narrow terminal breaks long lines, which is better than columns of single letters.
+    # In a narrow terminal long lines break; the alternative is columns of single letters.
     Console(width=max(natural, console.width), markup=False).print(table, crop=False, soft_wrap=True)

@@ -1,4 +1,4 @@
-"""A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
+"""Runs of a tracker over recordings: progress, timing, interruption, resuming, run folders."""
 
 from toolkit.app.pipeline.batch import track_recordings, unreadable
 from toolkit.app.pipeline.run import track_recording

@@ -1,8 +1,8 @@
-"""Many recordings, one after the other or in processes of joblib, each of which builds its tracker once.
+"""Batches of recordings, tracked one by one or in joblib processes with one tracker each.
 
-A job owns its run folder, never raises, and leaves a finished run of the same recording and settings alone, so that a
-batch can be started again at any time. Inside `joblib.parallel_config(backend="dask")` or Ray's the same jobs run on a
-cluster.
+A job owns its run folder, never raises, and skips a finished run of the same recording and settings. A batch can
+therefore be restarted at any time. Inside `joblib.parallel_config(backend="dask")` or Ray's equivalent the same jobs
+run on a cluster.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.tracking.tracker_protocol import Tracker
 
 ROUNDS = 3
-"""How often what dead processes left is started again."""
+"""Maximum number of restarts after the death of a worker process."""
 
 
 def track_recordings(
@@ -42,8 +42,8 @@ def track_recordings(
 ) -> list[ManifestRow]:
     """Track recordings into `output/<stem>` and write `output/manifest.jsonl` as results arrive.
 
-    Runs that are finished are left alone, interrupted ones go on, and what failed before is tried again by the same
-    call. A recording that fails does not stop the others; Ctrl-C ends the batch after the current frame.
+    Finished runs are skipped, interrupted ones are resumed, failed ones are repeated. A failing recording does not stop
+    the others; Ctrl-C ends the batch after the current frame.
 
     Parameters
     ----------
@@ -51,19 +51,19 @@ def track_recordings(
     recipe : how each process builds its tracker
     people, joints : as in `track_recording`
     reader_options : those of `ReaderOptions`
-    workers : processes of one thread each. 1 = this one, which tells how far it is in each recording; None = as the
-        surrounding `joblib.parallel_config` says
+    workers : number of single-threaded processes. 1 = this process, which reports the progress of each recording; None
+        = as given by the surrounding `joblib.parallel_config`
     overwrite : track again what is finished, and replace runs of other recordings or settings
     progress : told after each recording, too
 
     Returns
     -------
-    The row of every recording, in the order of `paths`.
+    One row per recording, in the order of `paths`.
 
     Raises
     ------
     UsageError
-        There is no recording, two have one stem, or an option is unknown.
+        `paths` is empty, two recordings have the same stem, or a reader option is unknown.
     DepthMocapError
         The tracker cannot be built.
     OutputError
@@ -72,8 +72,8 @@ def track_recordings(
     runs, options = _run_folders(paths, output), dict(reader_options or {})
     ReaderOptions.from_mapping(options)
     jobs = [_Job(recipe, str(path), str(run), people, options, joints, not overwrite) for path, run in runs.items()]
-    tracker, manifest = recipe.build(), Manifest(output)  # what is wrong with the settings is said before work starts
-    status, reason = FAILED, "its process died, by lack of memory perhaps"
+    tracker, manifest = recipe.build(), Manifest(output)  # report wrong settings before work starts
+    status, reason = FAILED, "its process died, perhaps from lack of memory"
     try:
         for row in _one_by_one(jobs, tracker, progress) if workers == 1 else _in_processes(jobs, workers):
             manifest.append(row)
@@ -87,7 +87,7 @@ def track_recordings(
 
 
 def _run_folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path]:
-    """The run folder of every recording."""
+    """Return the run folder of each recording."""
     if not paths:
         raise UsageError("there is no recording to track; name at least one")
     stems: dict[str, Path] = {}
@@ -100,7 +100,7 @@ def _run_folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, 
 
 @dataclass(frozen=True)
 class _Job:
-    """One recording of a batch, as `track_recordings` has it."""
+    """One recording of a batch with the arguments of `track_recording`."""
 
     recipe: TrackerRecipe
     recording: str
@@ -111,14 +111,14 @@ class _Job:
     resume: bool
 
     def done(self, tracker: Tracker, warm_up: bool, progress: RecordingProgress = silent) -> ManifestRow:
-        """Track the recording; whatever happens is in the row."""
+        """Track the recording and return its row, also after a failure."""
         start = time.perf_counter()
         try:
             summary = track_recording(
                 open_upright(self.recording, **self.options), tracker, self.run, people=self.people,
                 resume=self.resume, warm_up=warm_up, progress=progress, joints=self.joints, made_of=self.recipe,
             )  # fmt: skip
-        except Exception as error:  # a job that raised would end the whole batch
+        except Exception as error:  # an exception in a job would end the whole batch
             reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
             return ManifestRow(self.recording, self.run, FAILED, reason, seconds=time.perf_counter() - start)
         status = INTERRUPTED if summary.interrupted else DONE
@@ -127,7 +127,7 @@ class _Job:
 
 
 def _one_by_one(jobs: Sequence[_Job], tracker: Tracker, progress: RecordingProgress) -> Iterator[ManifestRow]:
-    """The rows of jobs done in this process; Ctrl-C, which ends a run in its own way, ends the others too."""
+    """Yield the rows of jobs in this process; Ctrl-C ends the remaining jobs."""
     for i, job in enumerate(jobs):
         row = job.done(tracker, warm_up=i == 0, progress=progress)
         yield row
@@ -136,7 +136,7 @@ def _one_by_one(jobs: Sequence[_Job], tracker: Tracker, progress: RecordingProgr
 
 
 def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[ManifestRow]:
-    """The rows of jobs as they are done; what a process that died had not finished is started again."""
+    """Yield the rows of parallel jobs in order of completion; restart the jobs of a dead process."""
     import joblib
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
@@ -154,7 +154,7 @@ def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[Manifes
 
 
 def _threads(workers: int | None) -> Any:
-    """One thread in each process where we choose the processes; a surrounding configuration chooses for itself."""
+    """Return the joblib configuration: one thread per process, unless a configuration is already active."""
     from contextlib import nullcontext
 
     import joblib
@@ -163,11 +163,11 @@ def _threads(workers: int | None) -> Any:
 
 
 _TRACKERS: dict[str, Tracker] = {}
-"""The tracker of a worker process, by its recipe."""
+"""Return the tracker of this worker process, built once per recipe."""
 
 
 def _in_worker(job: _Job) -> ManifestRow:
-    """The row of a job that is done in a worker process."""
+    """Run a job in a worker process and return its row."""
     key = repr(job.recipe)
     first = key not in _TRACKERS
     if first:
@@ -176,12 +176,12 @@ def _in_worker(job: _Job) -> ManifestRow:
 
 
 def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any]) -> dict[Path, str]:
-    """Recordings that cannot be opened or whose first frame cannot be read, with the reason: told before work starts.
+    """Return the recordings that cannot be opened, or whose first frame cannot be read, with the reason.
 
     Raises
     ------
     UsageError
-        A reader option is unknown or wrong.
+        A reader option is unknown or invalid.
     RecordingError
         None of the recordings can be read.
     """

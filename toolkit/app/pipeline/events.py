@@ -1,4 +1,4 @@
-"""Events told while a run is tracked: one JSON line for each motion that has ended, as soon as it is known."""
+"""Live motion events: one JSON line per recognised motion, written during the first pass."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ STANDARD_OUTPUT = "-"
 
 @dataclass(frozen=True)
 class _Told:
-    """What of an event's line is read again: seconds since the first frame."""
+    """Key of an event line that is read again on resume: end time in seconds since the first frame."""
 
     time: float
 
 
 class EventStream:
-    """Tells motions as they end.
+    """Writer of live motion events.
 
-    A run that goes on repeats no event: the rows before are looked at again in silence.
+    A resumed run processes the earlier rows again without output, so that no event is repeated.
 
     Parameters
     ----------
     classes, queries : see `OnlineAnnotator`
-    output : file to which lines are added, `-` for the standard output
+    output : file to which lines are appended, `-` for the standard output
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class EventStream:
         self._annotator: OnlineAnnotator | None = None
 
     def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
-        """A run starts, or goes on after rows that are written: records with pose, state and timestamps."""
+        """Start a run, or resume one after the given rows (records with pose, state and timestamps)."""
         self._frame_rate, self._annotator = frame_rate, None
         for row in past if body is not None else ():
             self._push(row["pose"], int(row["state"]), float(row["timestamps"]), body)
@@ -61,11 +61,11 @@ class EventStream:
             self._keep_until(float(past["timestamps"][-1]) if len(past) else -np.inf)
 
     def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
-        """Take in one more row, and tell the motions that have ended."""
+        """Process one row and write the motions that have ended."""
         self._append(self._push(result.pose, result.state, timestamp, body))
 
     def end(self) -> None:
-        """No more rows come: tell what is left."""
+        """Write the remaining motions after the last row."""
         if self._annotator is not None:
             self._append(self._annotator.finish())
 
@@ -77,9 +77,9 @@ class EventStream:
         return self._annotator.push(pose, timestamp)
 
     def _keep_until(self, time: float) -> None:
-        """Forget what was told of rows that will be found again."""
+        """Remove the events of rows that will be tracked again."""
         path = Path(self._output)
-        hint = "name another file for the events"
+        hint = "choose another file for the events"
         lines = read_text(path, UsageError, hint).splitlines() if np.isfinite(time) and path.exists() else []
         reader = TypedReader(UsageError, hint, loose=True, source=str(path))
         told = [reader.read(parse_json(line, str(path), UsageError, hint), _Told, "").time for line in lines]

@@ -1,4 +1,4 @@
-"""Whose run a folder holds, and what a run may not replace."""
+"""Ownership of a run folder, and the checks before a run replaces files."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from toolkit.tracks.runs import PEOPLE_FILE
 
 STATE_FILE = "state.npz"
 RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
-"""What is written into a run folder."""
+"""Names of the files of a run folder."""
 
 
 def check_inputs(folder: Path, recording: Recording, recipe: TrackerRecipe) -> None:
-    """Raise UsageError where the run would damage the recording, or replace what the tracker is made of."""
+    """Raise UsageError if the run would damage the recording or the files of the tracker."""
     if not recording.in_memory:
         check_output(folder, [recording.path], sealed=[recording.path])
     for name in RUN_FILES:
@@ -39,19 +39,19 @@ def check_inputs(folder: Path, recording: Recording, recipe: TrackerRecipe) -> N
 
 
 def check_whose(folder: Path) -> None:
-    """Raise TrackError where files of a run lie in the folder and nothing says of which run."""
+    """Raise TrackError if the folder holds files of a run but no `run.json`."""
     if os.path.lexists(folder / RUN_FILE):
         return
     found = [name for name in RUN_FILES if os.path.lexists(folder / name)]
     found += [path.name for path in sorted(folder.glob("person_*"))]
     if found:
         raise TrackError(
-            f"{folder} holds {found[0]} and no {RUN_FILE} that says whose it is; choose another output, or remove it"
+            f"{folder} holds {found[0]} and no {RUN_FILE}, so its run is unknown; choose another output, or remove it"
         )
 
 
 def info_of(recording: Recording, tracker: Tracker) -> RunInfo:
-    """What `run.json` says of a run that begins."""
+    """Return the `run.json` of a new run."""
     path, height = Path(recording.path).resolve(), floor_height(recording)
     return RunInfo(
         recording=str(path),
@@ -72,7 +72,7 @@ def info_of(recording: Recording, tracker: Tracker) -> RunInfo:
 
 
 def tracks_of_same_run(folder: Path, info: RunInfo, tracker: Tracker, *, several: bool) -> list[Track] | None:
-    """The tracks of a finished run that this one would be again; None where there is none.
+    """Return the tracks if the folder holds the finished run of the same inputs, else None.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def tracks_of_same_run(folder: Path, info: RunInfo, tracker: Tracker, *, several
 
 
 def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
-    """Whether a run folder was begun with this recording, database, version and these settings."""
+    """Return whether a run folder belongs to this recording, database, version and these settings."""
     before, config = RunInfo.load(folder), folder / CONFIG_FILE
     facts = (
         "recording_sha256",

@@ -1,4 +1,4 @@
-"""Where the joints in the image come from: files, the recording, or a detector."""
+"""Source of the image joints: files, the recording, or the pose network."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from toolkit.recordings.joint_files import read_joints
 from toolkit.sensing.recording import Recording
 
 AUTO, COLOUR, DEPTH, NONE = "auto", "colour", "depth", "none"
-"""Words for sources; whatever else is named is a folder."""
+"""Names of sources; any other text is the path of a folder."""
 
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class JointChoice:
-    """Where joints are to come from.
+    """Choice of the source of image joints.
 
     Attributes
     ----------
-    source : "colour" or "depth" detects them in the colour or in the shaded depth images, "none" goes without, anything
-        else is a folder of OpenPose JSON. "auto" takes those that the recording holds, else its colour, else its depth
-        (a tracker to which they are "offered" has none detected unless the user says where)
-    size : width and height of the images in which the joints of a folder were found, if they are not the depth's
+    source : "colour" or "depth" runs the pose network on the colour or the shaded depth images, "none" uses no joints,
+        any other text is a folder of OpenPose JSON. "auto" uses the joints of the recording, else its colour, else its
+        depth (but runs no network for a tracker with `joints_wanted` "offered")
+    size : width and height of the images in which the joints of a folder were found; default: those of the depth
     """
 
     source: str | Path = AUTO
@@ -35,7 +35,7 @@ class JointChoice:
 
     @property
     def folder(self) -> Path | None:
-        """The folder, if it is one."""
+        """Return the folder, or None for another source."""
         return None if str(self.source) in (AUTO, COLOUR, DEPTH, NONE) else Path(self.source)
 
     def check(self, recordings: int = 1) -> None:
@@ -47,7 +47,7 @@ class JointChoice:
 
 
 def give_joints(recording: Recording, choice: JointChoice) -> None:
-    """Read the joints of a folder, if one is chosen, into the recording.
+    """Attach the joints of the chosen folder to the recording.
 
     Raises
     ------
@@ -61,22 +61,22 @@ def give_joints(recording: Recording, choice: JointChoice) -> None:
 
 
 def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> JointSource:
-    """What adds joints to the people of a recording.
+    """Return the object that adds joints to the people of a recording, or None.
 
     Parameters
     ----------
     recording : after `give_joints`
     choice : what the user said
-    wanted : what the tracker does with them, see `Tracker.joints_wanted`
+    wanted : use of joints by the tracker, see `Tracker.joints_wanted`
 
     Raises
     ------
     UsageError
-        Joints were asked for and the tracker has no use for them.
+        Joints were requested for a tracker without joint input.
     RecordingError
-        Joints are to be detected in the colour of a recording that has none.
+        Joints in colour were requested for a recording without colour.
     ModelError
-        The detector is needed and cannot be used, see `PoseModel`.
+        The pose network is needed and cannot be loaded, see `PoseModel`.
     """
     source = str(choice.source)
     if wanted == "none" and source not in (AUTO, NONE):
@@ -103,7 +103,7 @@ def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> Join
 
 
 def name_of(source: JointSource, recording: Recording) -> str:
-    """What `run.json` says: the kind of source, and of given joints their digest."""
+    """Return the entry of `run.json`: the kind of source, and the digest of given joints."""
     if isinstance(source, GivenJoints) and recording.image_joints is not None:
         return f"given {hashlib.sha256(recording.image_joints.tobytes()).hexdigest()}"
     return source.name

@@ -1,4 +1,4 @@
-"""`manifest.jsonl`: what became of every recording of a batch, one line of JSON each, written as results arrive."""
+"""`manifest.jsonl`: one JSON line with the outcome of each recording of a batch."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from toolkit.io.safe_open import open_file
 MANIFEST_FILE = "manifest.jsonl"
 DONE, FAILED, INTERRUPTED = "done", "failed", "interrupted"
 HEAD = b'{"command": "track"}\n'
-"""The first line."""
+"""Content of the first line."""
 
 
 @dataclass(frozen=True)
 class ManifestRow:
-    """What became of one recording.
+    """Outcome of one recording.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class ManifestRow:
 
 
 class Manifest:
-    """The manifest of a batch's output folder, in the place of an earlier batch's.
+    """Manifest in the output folder of a batch; replaces the manifest of an earlier batch.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Manifest:
     Raises
     ------
     UsageError
-        The folder holds a manifest of something else.
+        The folder holds a manifest of another program.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -60,14 +60,14 @@ class Manifest:
             return
         try:
             with open_file(self.path, inside=True) as stream:
-                own = HEAD.startswith(stream.readline(len(HEAD)))  # one whose writing broke off is a part of it
+                own = HEAD.startswith(stream.readline(len(HEAD)))  # a partially written first line counts as a header
         except OSError as error:
             raise UsageError(f"cannot read {self.path}: {error.strerror or error}; choose another output") from error
         if not own:
             raise UsageError(f"{self.path} is the manifest of something else; choose another output")
 
     def append(self, row: ManifestRow) -> None:
-        """Add a row; it is on disk when this returns.
+        """Append a row; it is on the disk when this returns.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""One recording tracked into one run folder."""
+"""Tracking of one recording into one run folder."""
 
 from __future__ import annotations
 
@@ -46,21 +46,21 @@ if TYPE_CHECKING:
     from toolkit.app.pipeline.events import EventStream
 
 MEMORY_SECONDS = 2.0
-"""A killed run loses at most this much work: the state is written so often, seconds."""
+"""Interval between two stored states, seconds; a killed run loses at most this much work."""
 WARM_UP_FRAMES = 3
-"""Frames that are tracked once beforehand, so that compiled code is ready when timing begins."""
+"""Frames of the warm-up, which compiles the kernels before timing begins."""
 
 logger = logging.getLogger(__name__)
 
 
 class Job(NamedTuple):
-    """What is tracked, and how.
+    """One tracking job: recording, tracker and options.
 
     Attributes
     ----------
     recording : read frame by frame
     tracker : makes a follower for each person
-    people : how many are followed; None = all
+    people : maximum number of tracked people; None = all
     joints : tells where their joints are in the image
     """
 
@@ -70,11 +70,11 @@ class Job(NamedTuple):
     joints: JointSource
 
     def finder(self) -> PeopleFinder:
-        """What finds the people."""
+        """Return the finder of the people."""
         return finder_of(self.recording, self.people, self.tracker.settings.sensing, judge_of(self.tracker))
 
     def crowd(self) -> MultiPersonTracker:
-        """Follows the people from the first frame on."""
+        """Return the multi-person tracker of the first pass."""
         recording = self.recording
         return MultiPersonTracker(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
 
@@ -82,7 +82,7 @@ class Job(NamedTuple):
 def finder_of(
     recording: Recording, people: int | None, sensing: SensingSettings, judge: PersonClassifier | None = None
 ) -> PeopleFinder:
-    """What finds the one person whom the settings mean, or so many people, or with None all of them."""
+    """Return the finder of the selected person, of up to `people` people, or (None) of all."""
     if people == 1:
         return find_person(recording, sensing, judge)
     return find_people(recording, sensing, most=people, judge=judge)
@@ -101,40 +101,40 @@ def track_recording(
     joints: JointChoice | None = None,
     made_of: TrackerRecipe | None = None,
 ) -> RunSummary:
-    """Follow the person, or the people, through a recording and write the run folder.
+    """Track the person, or the people, in a recording and write the run folder.
 
-    Rows are on disk as soon as they are found. Ctrl-C or a termination signal ends the run after the current frame and
-    puts the track so far in place. A run that was killed or interrupted goes on with `resume`, to the same
-    result as one that never stopped.
+    Each row is on the disk as soon as it is computed. Ctrl-C or a termination signal ends the run after the current
+    frame and writes the track so far. `resume` continues a killed or interrupted run with the same result as an
+    uninterrupted one.
 
     Parameters
     ----------
     run : the run folder, made if it is missing
-    people : how many to follow, each in a run folder of their own within `run`; None = all. 1 follows the one person
-        whom the settings mean, in `run` itself
-    resume : continue an unfinished run; one that is finished already is left alone
+    people : maximum number of tracked people, each in its own folder within `run`; None = all. 1 tracks the person
+        selected by the settings, in `run` itself
+    resume : continue an unfinished run; a finished one is left unchanged
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
     watcher : told every row of the one person who is followed, as it is written
     joints : where joints in the image are to come from
-    made_of : what the tracker is made of, by default its database: no run may replace that
+    made_of : input files of the tracker that no run may replace; default: its database
 
     Raises
     ------
     UsageError
-        The folder holds an unfinished track and `resume` is not set, the run would damage the recording or what the
-        tracker is made of, several people are to be watched, or joints are chosen for a tracker that uses none.
+        The folder holds an unfinished track and `resume` is not set, the run would damage the recording or an input of
+        the tracker, events are requested for several people, or joints for a tracker without joint input.
     ModelError
-        Joints have to be detected, and the detector cannot be used.
+        Joints have to be detected and the pose network cannot be loaded.
     TrackError
         The unfinished track belongs to another recording or database, or to other settings.
     OutputError
-        The run folder cannot be written, or another process is writing it; the rows before stay.
+        The run folder cannot be written, or another process writes to it; the earlier rows stay.
     RecordingError
-        A frame cannot be used; the rows before it stay.
+        A frame cannot be read; the rows before it stay.
     """
     if watcher is not None and people != 1:
-        raise UsageError("events are told of one person; leave --people away")
+        raise UsageError("events need a single person; leave --people out")
     recipe = made_of or TrackerRecipe(database=tracker.database)
     check_inputs(Path(run), recording, recipe)
     choice = joints or JointChoice()
@@ -158,7 +158,7 @@ def _track(
     report: RecordingProgress,
     watcher: EventStream | None,
 ) -> RunSummary:
-    """As `track_recording`, in a folder that is this process's own."""
+    """Track as `track_recording`, in a folder that this process has locked."""
     recording, tracker, several = job.recording, job.tracker, job.people != 1
     check_whose(folder)
     if resume:
@@ -200,13 +200,13 @@ def _first_pass(
     watcher: EventStream | None,
     second: SecondPass | None,
 ) -> tuple[dict[int, Body], int]:
-    """Follow all people frame by frame as they come, for the second pass if there is one; their bodies, and how far."""
+    """Run the first pass; return the bodies of the people and the number of frames."""
     recording, tracker = job.recording, job.tracker
     crowd = _restored(folder, sink, job)
     if second is not None:
         crowd.sightings = second.sightings(crowd.frames)
     if warm_up and (crowd.frames or not tracker.learning_seconds):
-        _warm_up(job, report)  # else learning the body comes first, and is not timed
+        _warm_up(job, report)  # otherwise body estimation comes first and is not timed
     logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
     if watcher is not None:
         watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
@@ -217,13 +217,13 @@ def _first_pass(
         bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
     if second is not None and crowd.sightings is not None and complete:
         before = list(sightings_before(recording, crowd.finder, crowd.sightings, bodies))
-        crowd.sightings.close()  # on disk before there is a state that counts on them
+        crowd.sightings.close()  # flush the rows before a state that depends on them
         second.begin(bodies, crowd.finder.evidence, before)
     return bodies, crowd.frames
 
 
 def _second_pass(job: Job, folder: Path, sink: RunSink) -> SecondPass | None:
-    """The pass that follows the first one; None for a tracker that is done with each frame as it comes."""
+    """Return the second pass, or None for a tracker with one pass."""
     tracker, recording = job.tracker, job.recording
     if not isinstance(tracker, LooksBack) or tracker.passes < 2:
         return None
@@ -233,13 +233,13 @@ def _second_pass(job: Job, folder: Path, sink: RunSink) -> SecondPass | None:
 
 
 def floor_of(recording: Recording) -> float | None:
-    """Where the floor is, y in the level frame, metres; None where none is seen."""
+    """Return the floor height, y in the level frame, metres; None without a visible floor."""
     height = floor_height(recording)
     return None if height is None else -height
 
 
 def _warm_up(job: Job, report: RecordingProgress) -> None:
-    """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
+    """Compile the kernels by tracking the first frames with a temporary follower."""
     recording, tracker, joints = job.recording, job.tracker, job.joints
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
@@ -260,7 +260,7 @@ def _follow(
     stop: threading.Event,
     watcher: EventStream | None,
 ) -> None:
-    """Track from the crowd's next frame to the last one, or until a stop is asked for."""
+    """Track from the next frame to the last one, or until a stop is requested."""
     total, remembered = len(recording), time.monotonic()
     report(recording.name, "tracking" if crowd.frames else "learning", crowd.frames, total)
     measured = crowd.frames > 0
@@ -275,7 +275,7 @@ def _follow(
             remembered = time.monotonic()
     if crowd.settled and crowd.frames < total:
         _remember(sink, crowd)
-    # While a body is being learnt there is no state to go on from: `resume` finds these rows again.
+    # During body estimation there is no state to resume from: `resume` computes these rows again.
     _write(sink, crowd, crowd.finish(), watcher)
     if not measured and not stop.is_set():
         raise RecordingError(
@@ -297,7 +297,7 @@ def _write(sink: RunSink, crowd: MultiPersonTracker, rows: list[Row], watcher: E
 
 
 def _frame_rate(recording: Recording) -> float:
-    """Frames a second, by the median of the intervals."""
+    """Return the frame rate in Hz from the median interval."""
     steps = np.diff(recording.timestamps)
     return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
@@ -310,9 +310,9 @@ def _remember(sink: RunSink, crowd: MultiPersonTracker) -> None:
 
 
 def _restored(folder: Path, sink: RunSink, job: Job) -> MultiPersonTracker:
-    """A crowd that goes on from the last frame whose state was written; the rows after it are found again.
+    """Return the tracker restored from the last stored state; later rows are computed again.
 
-    Where rows before it are gone, as after a loss of power, all are found again.
+    If rows before the state are missing, for example after a power failure, all rows are computed again.
     """
     recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
     crowd = job.crowd()
@@ -321,7 +321,7 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> MultiPersonTracker:
         try:
             crowd.restore_state(state)
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-            raise TrackError(f"{path} cannot be gone on from ({error}); {HINT}") from error
+            raise TrackError(f"cannot resume from {path} ({error}); {HINT}") from error
         if crowd.timestamps != recording.timestamps[: crowd.frames].tolist():
             raise TrackError(f"{path} is of another recording; {HINT}")
         if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):

@@ -1,4 +1,4 @@
-"""What became of a recording."""
+"""Summary of a finished or interrupted run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.tracks import EMPTY, LOST, STATE_NAMES, TRACKED, Track
 
 LOW_CONFIDENCE = 0.1
-"""Mean of the observed joints: below, the body often does not lie where the depth is."""
+"""Minimum mean confidence of the observed joints; below it the body often does not fit the depth."""
 LOW_ADVICE = (
     "look at it with `depthmocap render`; --intrinsics, --depth-unit or --up may be wrong, and a --database of such "
     "motions or the person's own --body may help"
@@ -20,7 +20,7 @@ LOW_ADVICE = (
 
 @dataclass(frozen=True)
 class RunSummary:
-    """What became of one recording.
+    """Summary of one tracked recording.
 
     Attributes
     ----------
@@ -29,11 +29,11 @@ class RunSummary:
     frames, recorded_frames : rows of the track and frames of the recording
     stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together, where there
         was something to do
-    states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
+    states : number of tracked, lost and empty frames by `STATE_NAMES`, summed over people
     people : how many were followed
-    confidence : mean of the observed joints in tracked frames, of all people together; NaN where there is none
+    confidence : mean over the observed joints in tracked frames of all people; NaN without any
     unfinished : the second pass was stopped, and all rows are those of the first
-    stature : metres, of the fitted body of the one person; None of several
+    stature : stature of the fitted body in metres, for a single person
     """
 
     name: str
@@ -50,11 +50,11 @@ class RunSummary:
 
     @property
     def interrupted(self) -> bool:
-        """Stopped before the last frame; `resume` continues it."""
+        """Return whether the run stopped before the last frame, so that `resume` continues it."""
         return self.unfinished or self.frames < self.recorded_frames
 
     def text(self) -> str:
-        """One line for people."""
+        """Return the summary as one line."""
         stages = ", ".join(f"{name} {ms:.1f}" for name, ms in self.stage_ms.items())
         count = f"{self.frames} of {self.recorded_frames}" if self.interrupted else f"{self.frames}"
         states = ", ".join(f"{count} {name}" for name, count in self.states.items() if count)
@@ -63,7 +63,7 @@ class RunSummary:
         if not self.states["tracked"]:
             hint += "; no person was tracked: look at the recording with `depthmocap info`, try --segment or --up"
         elif self.confidence < LOW_CONFIDENCE:
-            hint += f"; the tracker is hardly sure of it: {LOW_ADVICE}"
+            hint += f"; low confidence: {LOW_ADVICE}"
         sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
         sure += f", {self.stature:.2f} m tall" if self.states["tracked"] and self.stature is not None else ""
         spent = f", {self.frame_ms:.1f} ms a frame ({stages})" if self.stage_ms else ""
@@ -79,7 +79,7 @@ def summarised(
     unfinished: bool = False,
     stature: float | None = None,
 ) -> RunSummary:
-    """The summary of a recording of which these are the tracks, one for each person."""
+    """Return the summary of a recording from the tracks of its people."""
     stage_ms: dict[str, float] = {}
     states = dict.fromkeys(STATE_NAMES, 0)
     for track in tracks:
@@ -97,7 +97,7 @@ def summarised(
 
 
 def confidence_of(tracks: Sequence[Track]) -> float:
-    """Mean confidence of the observed joints in tracked frames, NaN where there are none."""
+    """Return the mean confidence of the observed joints in tracked frames, NaN without any."""
     sure = [track.confidence[(track.state == TRACKED)[:, None] & track.observed] for track in tracks]
     values = np.concatenate(sure) if sure else np.zeros(0)
     return float(values.mean()) if len(values) else float("nan")

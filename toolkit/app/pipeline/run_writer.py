@@ -1,4 +1,4 @@
-"""Where the rows of a run go: one run folder, or one for each person with `people.json` beside them."""
+"""Writer of run folders: one folder, or one per person with a common `people.json`."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ CONFIG_FILE = "config.yaml"
 
 
 class RunSink:
-    """Writes rows as they come; what has been written survives the death of the process.
+    """Append-only writer of rows that survive the death of the process.
 
     Parameters
     ----------
     run : the run folder, made if it is missing
     tracker : whose rows these are
-    info : what `run.json` says; the shape is that of each person at the end
+    info : content of `run.json`; the shape is replaced by that of each person at the end
     several : whether every person has a folder of their own
     resume : continue what an unfinished run left
 
@@ -65,7 +65,7 @@ class RunSink:
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"cannot write {run}: {reason}; choose a folder that can be written") from error
-        begun = os.path.lexists(run / RUN_FILE)  # then the partial files come first: they say that it is unfinished
+        begun = os.path.lexists(run / RUN_FILE)  # the partial files come first, because they mark the run as unfinished
         if not begun:
             self._describe(run)
         for person in self._begun() if several else [1]:
@@ -74,7 +74,7 @@ class RunSink:
             self._describe(run)
 
     def write(self, rows: list[Row]) -> None:
-        """Add rows, each person's in order.
+        """Append rows, in frame order for each person.
 
         Raises
         ------
@@ -86,24 +86,24 @@ class RunSink:
 
     @property
     def begun(self) -> bool:
-        """Whether there are rows of a person."""
+        """Return whether rows of a person exist."""
         return any(writer.rows for writer in self._writers.values())
 
     def rows(self, people: Iterable[int]) -> int:
-        """Frames of which the row of each of these people is written."""
+        """Return the number of frames with rows of each given person."""
         return min((self._writers[p].rows if p in self._writers else 0 for p in people), default=0)
 
     def keep(self) -> None:
-        """Wait until what was written would outlast a loss of power; raises OutputError."""
+        """Flush the rows to the disk; raises OutputError."""
         for writer in self._writers.values():
             writer.keep()
 
     def past(self, person: int = 1) -> np.ndarray:
-        """A person's rows so far, by default those of the one who is followed."""
+        """Return the rows of a person so far, by default those of the followed person."""
         return self._open(person).past()
 
     def cut(self, frames: int, people: Mapping[int, Body]) -> None:
-        """Go back to `frames` rows of these people; who came later is forgotten."""
+        """Truncate the rows of these people to `frames`; people with a later start are removed."""
         for person, writer in list(self._writers.items()):
             writer.cut(frames if person in people else 0)
             if self._several and person not in people:
@@ -111,7 +111,7 @@ class RunSink:
                 del self._writers[person]
 
     def judge(self, evidence: Mapping[int, Evidence]) -> None:
-        """Leave out the people whom the evidence takes for furniture, and number the others 1, 2, ... at the end."""
+        """Remove the people that the evidence classifies as furniture, and renumber the others 1, 2, ... at the end."""
         self._evidence = evidence
         for person in furniture(evidence):
             if self._several and person in self._writers:
@@ -120,11 +120,11 @@ class RunSink:
                 shutil.rmtree(writer.run)
 
     def replace(self, person: int, rows: Iterable[tuple[FrameResult, float]]) -> None:
-        """Put a person's rows, with their timestamps, in place of those so far; raises as `TrackWriter.replace`."""
+        """Replace the rows of a person, with their timestamps; raises as `TrackWriter.replace`."""
         self._open(person).replace(rows)
 
     def finish(self, bodies: Mapping[int, Body], *, complete: bool) -> list[Track]:
-        """Put the tracks in place, with what is known of each person; returns them."""
+        """Put the tracks in place with the description of each person, and return them."""
         tracks = {}
         for person, writer in sorted(self._writers.items()):
             if person in bodies:
@@ -134,11 +134,11 @@ class RunSink:
                 replace(self._info, shape=shape, scale=scale, offsets=offsets).save(writer.run)
             path = writer.finish(complete=False, contacts=self._contacts(bodies.get(person)))
             tracks[person] = Track.load(path.parent)
-        # Where folders get other names a kill in between starts the run anew; else it is finished by `resume`.
+        # If folders are renamed, a kill in between restarts the run; otherwise `resume` completes it.
         anew = complete and self._several and list(tracks) != list(range(1, len(tracks) + 1))
         if self._several and not anew:
             self._save_people([self._summary(p, p, track, bodies[p]) for p, track in tracks.items()])
-        for writer in self._writers.values() if complete else ():  # only now is nothing missing any more
+        for writer in self._writers.values() if complete else ():  # from here on nothing is missing
             writer.forget()
         if anew:
             for number, person in enumerate(tracks, start=1):
@@ -148,12 +148,12 @@ class RunSink:
         return list(tracks.values())
 
     def _contacts(self, body: Body | None) -> Callable[[Track], np.ndarray] | None:
-        """What says which feet of a body carry."""
+        """Return the estimator of foot contacts of a body."""
         height = self._info.floor[0] if self._info.floor else None
         return None if body is None else lambda track: foot_contacts(body, track, height)
 
     def abandon(self) -> None:
-        """Let go of the partial files, which stay unless they hold no row."""
+        """Close the partial files; empty ones are removed."""
         for writer in self._writers.values():
             writer.abandon()
 
@@ -169,11 +169,11 @@ class RunSink:
         return self._writers[person]
 
     def _describe(self, folder: Path) -> None:
-        self._info.save(folder)  # first: it says whose the other files are
+        self._info.save(folder)  # run.json first, because it identifies the other files
         save_text(folder / CONFIG_FILE, settings_text(self._tracker.settings))
 
     def _begun(self) -> list[int]:
-        """Ids of the people with rows in an unfinished run."""
+        """Return the ids of the people with rows in an unfinished run."""
         names = [path.parent.name.split("_")[1] for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
         return [int(name) for name in names if name.isdecimal() and folder_of(int(name)) == f"person_{name}"]
 
@@ -190,12 +190,12 @@ class RunSink:
 
 
 def folder_of(person: int) -> str:
-    """Name of a person's run folder within a run of several people."""
+    """Return the name of a person's run folder within a run of several people."""
     return f"person_{person:02d}"
 
 
 def finished_tracks(run: Path, *, several: bool) -> list[Track] | None:
-    """The tracks of a run that came to its end, None where it did not."""
+    """Return the tracks of a finished run, or None for an unfinished one."""
     if not several:
         whole = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
         return [Track.load(run)] if whole else None

@@ -1,4 +1,4 @@
-"""Recordings of a person in a T-pose into their body."""
+"""Body estimation from recordings of a T-pose."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
 FRAMES = 9
-"""Of each view: their median has a third of one frame's noise, and no person holds still for long."""
+"""Frames of each view; the median over them has a third of the noise of one frame."""
 
 
 def scan_recordings(
     paths: Sequence[str | Path], yaws: Sequence[float] | None = None, sensing: SensingSettings | None = None
 ) -> Scan:
-    """The body of the person in several recordings, one for each view; their first frames are used.
+    """Return the body of the person in several T-pose recordings, one per view, from their first frames.
 
     Parameters
     ----------
-    yaws : degrees by which the person is turned to their left in each; None spreads them evenly, beginning at 0
+    yaws : angle by which the person is turned to their left in each view, degrees; None = evenly spread from 0
     sensing : how the person is cut out
 
     Raises
     ------
     UsageError
-        There are other than one yaw for each view.
+        The number of yaws differs from the number of views.
     RecordingError, BodyError
         A recording cannot be read, or see `fit_scan`.
     """
@@ -51,7 +51,7 @@ def scan_recordings(
 
 
 def _standing_still(recording: Recording, sensing: SensingSettings) -> Cloud:
-    """The cloud of the median of the first frames, level frame."""
+    """Return the cloud of the median of the first frames, level frame."""
     finder = find_person(recording, sensing)
     stream = islice(recording.stream(), FRAMES)
     frames = np.array([finder.find(frame.depth_mm, frame.timestamp, {})[0].depth for frame in stream])

@@ -1,4 +1,4 @@
-"""Joints found once and stored with the recording, so that tracking it needs no detector."""
+"""Image joints stored with a recording, so that tracking needs no pose network."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def store_joints(
     sensing: SensingSettings | None = None,
     progress: Count = silent,
 ) -> Recording:
-    """Write a recording as NPZ with its joints in the image (`depthmocap joints`).
+    """Write a recording as NPZ with its image joints (`depthmocap joints`).
 
     Parameters
     ----------
     choice : where the joints are to come from
-    people : how many are looked for, None = all; 1 is the one person whom the settings mean
+    people : maximum number of people with joints, None = all; 1 is the person selected by the settings
     sensing : how people are cut out
     progress : called with the number of frames done and of all frames
 
@@ -45,11 +45,11 @@ def store_joints(
     Raises
     ------
     UsageError
-        No joints are chosen, or `output` is no .npz file or would replace the recording.
+        The source of joints is "none", or `output` is no .npz file or would replace the recording.
     RecordingError
         See `give_joints`.
     ModelError
-        The detector cannot be used.
+        The pose network cannot be loaded.
     OutputError
         The file cannot be written.
     """
@@ -82,7 +82,7 @@ def store_joints(
 
 
 def _found(recording: Recording, source: JointSource, finder: PeopleFinder, progress: Count) -> np.ndarray:
-    """Joints of all people in all frames, float32 (N, T, 20, 3), in pixels of the recording's depth."""
+    """Return the joints of all people in all frames, float32 (N, T, 20, 3), in pixels of the depth image."""
     total = len(recording)
     people: dict[int, np.ndarray] = {1: np.full((total, 20, 3), np.nan, dtype=np.float32)}
     for i, frame in enumerate(recording.stream(color=source.needs_color)):

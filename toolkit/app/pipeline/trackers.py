@@ -1,4 +1,4 @@
-"""What a tracker is made of, and the tracker made of it."""
+"""Recipe of a tracker, and its construction."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from toolkit.tracking.tracker_protocol import Tracker, TrackerSettings
 
 @dataclass(frozen=True)
 class TrackerRecipe:
-    """What a tracker is made of; None where there is none.
+    """Inputs of a tracker; None where absent.
 
     Attributes
     ----------
-    config, overrides : settings, see `config.load_settings`; they name the tracker, `hybrid` if they name none
+    config, overrides : settings, see `config.load_settings`; the default tracker is `hybrid`
     database : file of the pose database, for trackers that look poses up
-    body : file of the person's own body; otherwise it is learnt from the recording
+    body : body file of the person; None = estimated from the recording
     sensors : file of the inertial sensors that guide it
     """
 
@@ -35,50 +35,50 @@ class TrackerRecipe:
     sensors: str | Path | None = None
 
     def build(self, guide: Guide | None = None) -> Tracker:
-        """The tracker, guided by what is known of the frames besides their depth.
+        """Build the tracker, guided by the inertial sensors if there are any.
 
         Raises
         ------
         BodyError
-            The body's file cannot be read, or holds a body of another mesh.
+            The body file cannot be read, or holds a body of another mesh.
         DatabaseError
-            The database cannot be read or belongs to another body or format version.
+            The database cannot be read, or belongs to another body or format version.
         SettingsError
-            There is no such tracker, or a setting is unknown or wrong.
+            The tracker is unknown, or a setting is unknown or invalid.
         UsageError
-            The tracker needs a database and none was given, or it takes no guide or no body.
+            The tracker needs a database and none was given, or it accepts no guide or no body.
         """
         settings = self.settings()
         if not self.needs_database():
             tracker = self._registration().build(settings, None, "")
         elif self.database is None:
-            raise UsageError(f"the tracker {settings.tracker!r} looks poses up; name a pose database")
+            raise UsageError(f"the tracker {settings.tracker!r} needs a pose database; name one")
         else:
             tracker = self._registration().build(settings, PoseDatabase.load(self.database), str(self.database))
         return _guided(_embodied(tracker, self.body), guide)
 
     def settings(self) -> TrackerSettings:
-        """The tracker's settings; raises SettingsError as `build`."""
+        """Return the settings of the tracker; raises SettingsError as `build`."""
         settings: TrackerSettings = load_settings(self._registration().settings, self.config, self.overrides)
         return settings
 
     def needs_database(self) -> bool:
-        """Whether the tracker looks poses up; raises SettingsError as `build`."""
+        """Return whether the tracker needs a database; raises SettingsError as `build`."""
         return self._registration().needs_database
 
     def files(self) -> list[Path]:
-        """Those that it is made of: no run may replace one."""
+        """Return the input files, which no run may replace."""
         config = self.config if self.config and is_file(self.config) else None
         return [Path(file) for file in (self.database, config, self.sensors, self.body) if file]
 
     def digests(self) -> dict[str, Any]:
-        """What `RunInfo` says of sensors and body: their SHA-256, empty without."""
+        """Return the entries of `RunInfo` for sensors and body: their SHA-256, or nothing."""
         files = {"sensors_sha256": self.sensors, "body_sha256": self.body}
         return {name: sha256_of(file) if file else "" for name, file in files.items()}
 
     @property
     def tracker(self) -> str:
-        """The name under which the tracker is registered; raises SettingsError as `build`."""
+        """Return the registered name of the tracker; raises SettingsError as `build`."""
         return setting_of("tracker", self.config, self.overrides) or DEFAULT
 
     def _registration(self) -> Registration:

@@ -1,4 +1,4 @@
-"""What goes on beside a run: signals that ask it to stop, and its log file."""
+"""Signals that stop a run, and its log file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ LOG_FILE = "log.txt"
 
 @contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or a termination signal sets; a second one is not held back any more.
+    """Return an event that Ctrl-C or a termination signal sets; a second signal has its usual effect.
 
-    Outside the main thread signals cannot be caught, and the event stays unset.
+    Signals can only be handled in the main thread; in others the event is never set.
     """
     stop = threading.Event()
     if threading.current_thread() is not threading.main_thread():
@@ -42,15 +42,15 @@ def stop_request() -> Iterator[threading.Event]:
 
 
 class _Quiet(logging.StreamHandler):
-    """A log that a full disk cuts short without a word: the rows are what counts, and they say it."""
+    """Log handler that ignores a full disk, because the rows report it."""
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Nothing, where `logging` would print a traceback."""
+        """Do nothing; the default prints a traceback."""
 
 
 @contextmanager
 def log_file(folder: Path) -> Iterator[None]:
-    """Everything that the toolkit logs meanwhile goes to `log.txt` too."""
+    """Copy all log messages of the toolkit to `log.txt` while the block runs."""
     try:
         stream = io.TextIOWrapper(open_file(folder / LOG_FILE, "a+b", inside=True), "utf-8", "backslashreplace")
     except OSError as error:
@@ -67,5 +67,5 @@ def log_file(folder: Path) -> Iterator[None]:
     finally:
         root.setLevel(level)
         root.removeHandler(handler)
-        with suppress(OSError):  # a full disk: the rows are what counts
+        with suppress(OSError):  # ignore a full disk, because the rows report it
             stream.close()
