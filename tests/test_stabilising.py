@@ -178,7 +178,7 @@ def test_given_segments_take_the_place_of_labels(road: Path) -> None:
         ("0.0,2.0,semaphore\n1.5,2.3,semaphore", "overlaps the one that ends at 2 s"),
         ("0.0,9.0,semaphore", "ends after the track, which has 2.30 s"),
         ("2.0,1.0,semaphore", "has no length"),
-        ("0.0,1.0,jump", "bears no known label; the classes are knee_to_elbow, semaphore"),
+        ("0.0,1.0,jump", "has no known label; the classes are knee_to_elbow, semaphore"),
     ],
 )
 def test_segments_that_cannot_be_are_refused(road: Path, tmp_path: Path, lines: str, match: str) -> None:

@@ -1,4 +1,4 @@
-"""From run folders to the table of their figures."""
+"""Evaluation of run folders into one table."""
 
 from __future__ import annotations
 
@@ -35,30 +35,30 @@ def evaluate_runs(
     recording: str | Path | None = None,
     progress: Progress = silent,
 ) -> EvaluationTable:
-    """Compare tracks with the truth or with another system's skeleton, and fitted bodies with the depth they explain.
+    """Compare tracks with the truth or another system's skeleton, and fitted bodies with the measured depth.
 
-    The people of a run of several (`people.json`) are matched with those of the truth at the least total error; each is
-    a row, and a person who was not found is one of 1 m. What needs every depth frame is left out for them.
+    The people of a run with several (`people.json`) are matched with the true people at minimum total error. Each
+    person is a row; a missed person has an error of 1 m. Figures that need all depth frames are left out for them.
 
     Parameters
     ----------
     runs : run folders of one person or of several, or folders that hold some
-    references : files, or folders matched by the recording's stem; by default each run's own recording
-    surface : also compute what needs every depth frame: hidden joints, extrema, silhouette overlap, depth residual
+    references : files, or folders matched by the recording's stem; default: the recording of each run
+    surface : also compute the figures that need all depth frames: hidden joints, extrema, overlap, residual
     recording : where the recording of the one run has been moved to
 
     Raises
     ------
     UsageError
-        A recording is named for several runs, or no person was found in any run.
+        One recording is named for several runs, or no run contains a person.
     TrackError
-        There is no finished track, or it does not fit its recording.
+        A track is missing or does not fit its recording.
     RecordingError
-        A recording is missing or has changed since it was tracked.
+        A recording is missing or has changed since tracking.
     """
     folders = find_runs(runs)
     if recording is not None and len(folders) > 1:
-        raise UsageError(f"one recording, {recording}, is no place of {len(folders)} runs; evaluate them one by one")
+        raise UsageError(f"one recording, {recording}, cannot belong to {len(folders)} runs; evaluate them one by one")
     paths = [Path(reference) for reference in references or []]
     rows: list[RunScores] = []
     for i, folder in enumerate(folders):
@@ -71,12 +71,12 @@ def evaluate_runs(
 
 
 def find_runs(paths: Sequence[str | Path]) -> list[Path]:
-    """Runs among `paths` and directly inside them, each folder's in the order of their names.
+    """Return the runs among `paths` and directly inside them, sorted by name within each folder.
 
     Raises
     ------
     TrackError
-        A path holds no track.
+        A path contains no track.
     """
     found: list[Path] = []
     for path in map(Path, paths):
@@ -87,7 +87,7 @@ def find_runs(paths: Sequence[str | Path]) -> list[Path]:
 
 
 def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | Path | None = None) -> list[RunScores]:
-    """Every person of a run, and of a run of several a person who is in the truth and was not found."""
+    """Yield the people of a run, and the true people that the run missed."""
     folders = person_runs(run)
     tracks = [Track.load(folder) for folder in folders]
     if not tracks:
@@ -112,7 +112,7 @@ def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | 
 def match_people(
     reference: Reference | None, tracks: Sequence[Track]
 ) -> tuple[list[Reference | None], list[Reference]]:
-    """The person whom each track follows, None for none, at the least total error; and the people without a track."""
+    """Match tracks with people at minimum total error; return the person of each track or None, and missed people."""
     if reference is None:
         return [None] * len(tracks), []
     costs = np.array([[_mean_error(track, person) for track in tracks] for person in reference.people])
@@ -124,7 +124,7 @@ def match_people(
 
 
 def _mean_error(track: Track, person: np.ndarray) -> float:
-    """Mean error of a track as that of a person (T, 20, 3), metres; 1 m in frames for which it reports no person."""
+    """Return the mean error of a track for a person (T, 20, 3), metres; 1 m in frames without a reported person."""
     errors = metrics.joint_errors(track.joints, person[: len(track)])
     errors[track.state == EMPTY] = metrics.CAP
     known = np.isfinite(person).all(axis=2)
@@ -133,7 +133,7 @@ def _mean_error(track: Track, person: np.ndarray) -> float:
 
 
 def _not_found(name: str, run: str, person: Reference) -> RunScores:
-    """The row of a person who is in the truth and in no track: 1 m in every frame."""
+    """Return the row of a missed person: 1 m in all frames."""
     errors = metrics.joint_errors(np.full(person.joints.shape, np.inf), person.joints)
     row = RunScores(name, run, 0, len(errors))
     return replace(row, **_error_figures(errors)) if person.is_truth and np.isfinite(errors).any() else row
@@ -142,7 +142,7 @@ def _not_found(name: str, run: str, person: Reference) -> RunScores:
 def _scores(
     track: Track, recording: str, run: str, recorded_frames: int, reference: Reference | None = None
 ) -> RunScores:
-    """Figures of a track that need no depth."""
+    """Return the figures of a track that need no depth."""
     won = track.source[track.state == TRACKED]
     names = enumerate(track.source_names)
     return RunScores(
@@ -163,7 +163,7 @@ def evaluate_tracks(tracks: Sequence[tuple[str, Track]], truth: np.ndarray) -> E
     Parameters
     ----------
     tracks : of one recording
-    truth : float64 (T, 20, 3), or (N, T, 20, 3) of several people in any order: metres, camera frame, NaN = unknown
+    truth : float64 (T, 20, 3), or (N, T, 20, 3) for several people in any order: metres, camera frame, NaN = unknown
 
     Raises
     ------
@@ -191,7 +191,7 @@ def _times(track: Track) -> dict[str, Any]:
 
 
 def _distances(track: Track, reference: Reference) -> dict[str, Any]:
-    """Figures of the joints alone; of a reference that is no truth only what is called agreement, and the curve."""
+    """Return the figures of the joints; for a reference that is no truth only agreement and curve."""
     errors = metrics.joint_errors(track.joints, reference.joints)
     per_frame = metrics.frame_errors(errors)
     figures: dict[str, Any] = {
@@ -207,7 +207,7 @@ def _distances(track: Track, reference: Reference) -> dict[str, Any]:
 
 
 def _error_figures(errors: np.ndarray) -> dict[str, Any]:
-    """Figures of the errors (T, 20), metres, against a truth."""
+    """Return the figures of errors (T, 20), metres, against a truth."""
     per_joint = metrics.accuracy_per_joint(errors)
     per_frame = metrics.frame_errors(errors)
     known = per_frame[np.isfinite(per_frame)]
@@ -222,11 +222,11 @@ def _error_figures(errors: np.ndarray) -> dict[str, Any]:
 
 
 def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference: Reference | None) -> dict[str, Any]:
-    """Figures that need every depth frame: what the camera sees, and how well the fitted body explains it."""
+    """Return the figures that need all depth frames: visible joints and fit of the body to the depth."""
     from toolkit.simulation.raycast import render_depth
 
-    # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike. The silhouette is
-    # that of the person as measured: cleaning takes away its contour, a tenth of its pixels.
+    # Full resolution, so that runs at both resolutions are comparable. The silhouette is the measured one, because
+    # cleaning removes its contour, which has a tenth of its pixels.
     settings = replace(SensingSettings(**info.sensing), half_resolution=False)
     cleaner = find_person(recording, settings)
     cutter = find_person(recording, replace(settings, contour="keep", median=False))
@@ -279,7 +279,7 @@ def _median(values: np.ndarray) -> float | None:
 
 
 def _with_offsets(rows: list[RunScores]) -> list[RunScores]:
-    """The rows with their agreement with offsets, which needs the runs of other subjects."""
+    """Return the rows with their agreement with offsets, which needs runs of other subjects."""
     agreed = [i for i, row in enumerate(rows) if row.differences.size]
     subjects = [subject_of(rows[i].recording) for i in agreed]
     for i, share in zip(agreed, agreement_with_offsets([rows[i].differences for i in agreed], subjects), strict=True):
@@ -288,7 +288,7 @@ def _with_offsets(rows: list[RunScores]) -> list[RunScores]:
 
 
 def silhouette_overlap(measured: np.ndarray, rendered: np.ndarray) -> float:
-    """Intersection over union of the two silhouettes, in [0, 1]; NaN where neither shows anything.
+    """Return the intersection over union of two silhouettes, in [0, 1]; NaN if both are empty.
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ def silhouette_overlap(measured: np.ndarray, rendered: np.ndarray) -> float:
 
 
 def depth_residual(measured: np.ndarray, rendered: np.ndarray) -> float:
-    """Median absolute difference of depth where both have a surface, metres; NaN where they do not meet."""
+    """Return the median absolute depth difference where both have a surface, metres; NaN without overlap."""
     both = (measured > 0) & (rendered > 0)
     if not both.any():
         return float("nan")

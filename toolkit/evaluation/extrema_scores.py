@@ -1,4 +1,4 @@
-"""Do the first five geodesic extrema find the five end effectors? (Baak 2013, 5.5.1)"""
+"""Detection rate of the five end effectors by the first five geodesic extrema (Baak 2013, 5.5.1)."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
 FOUND = 0.2
-"""An extremum this near to an end effector has found it, metres."""
+"""Maximum distance of an extremum that detects an end effector, metres."""
 FREE = 0.25
-"""An end effector is free of the body if the way to any other part along the surface is longer, metres."""
+"""Minimum geodesic distance of a free end effector to all other body parts, metres."""
 
 TIPS = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
-"""Rows of the five end effectors among the reported joints."""
+"""Indices of the five end effectors among the reported joints."""
 
 _INDEX = {name: i for i, name in enumerate(skeleton.REPORTED)}
 
@@ -30,7 +30,7 @@ def _limb(tip: str) -> list[str]:
 
 
 def _bones() -> tuple[np.ndarray, np.ndarray]:
-    """Both ends of every bone (B, 2), and the end effector whose limb it belongs to (B,), -1 for the trunk."""
+    """Ends of each bone (B, 2), and the end effector of its limb (B,), -1 for the trunk."""
     bones, owners = [], []
     for i, tip in enumerate(skeleton.END_EFFECTORS):
         names = _limb(tip)
@@ -45,7 +45,7 @@ BONES, OWNERS = _bones()
 
 
 def all_found(extrema: np.ndarray, ends: np.ndarray) -> bool:
-    """Whether each of five end effectors (5, 3) has an extremum (n, 3) of its own within 0.2 m."""
+    """Return whether each of five end effectors (5, 3) has an own extremum (n, 3) within 0.2 m."""
     from scipy.optimize import linear_sum_assignment
 
     if len(extrema) < len(ends):
@@ -56,7 +56,7 @@ def all_found(extrema: np.ndarray, ends: np.ndarray) -> bool:
 
 
 def limbs_of_points(points: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Index of the end effector whose limb's bone is nearest to each point (N, 3), -1 for the trunk: int64 (N,)."""
+    """Return the end effector of the limb with the nearest bone for each point (N, 3), -1 for the trunk: int64 (N,)."""
     start, along = joints[BONES[:, 0]], joints[BONES[:, 1]] - joints[BONES[:, 0]]
     length = np.maximum((along**2).sum(axis=1), 1e-12)
     share = np.clip(np.einsum("nbc,bc->nb", points[:, None] - start[None], along) / length, 0.0, 1.0)
@@ -65,9 +65,9 @@ def limbs_of_points(points: np.ndarray, joints: np.ndarray) -> np.ndarray:
 
 
 def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bool:
-    """Whether from each end effector every other part of the body is over 0.25 m away along the cloud's graph.
+    """Return whether all other body parts are over 0.25 m from each end effector along the graph of the cloud.
 
-    A neck is shorter than that, so the head has to be free of the other limbs only.
+    A neck is shorter, so the head only has to be free of the other limbs.
 
     Parameters
     ----------
@@ -84,5 +84,5 @@ def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bo
 
 
 def extrema_found(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bool:
-    """Whether the first five extrema of a cloud are the five end effectors of the true joints (20, 3), level frame."""
+    """Return whether the first five extrema of a cloud are the five end effectors of joints (20, 3), level frame."""
     return all_found(geodesic_extrema(cloud, len(TIPS), settings).points, joints[TIPS])

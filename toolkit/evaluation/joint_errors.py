@@ -1,7 +1,6 @@
-"""Distances between estimated and true joints, and the figures made of them.
+"""Distances between estimated and true joints, and their statistics.
 
-Every figure takes all frames of a recording, the first one included. A joint whose truth is unknown (NaN) is left
-out.
+All statistics include all frames, the first one too. Joints with unknown truth (NaN) are left out.
 """
 
 from __future__ import annotations
@@ -13,25 +12,25 @@ from toolkit.io.errors import TrackError
 from toolkit.sensing.camera import Camera
 
 CAP = 1.0
-"""Largest error of a joint that counts, metres: farther away is simply wrong."""
+"""Maximum error of a joint, metres; larger errors are capped."""
 NEAR = 0.1
-"""A joint within this distance of the true one counts as found, metres: A(100)."""
+"""Threshold of A(100), metres."""
 LOST_ERROR = 0.2
-"""A frame whose mean error over the joints exceeds this is lost, metres."""
+"""Mean joint error above which a frame counts as lost, metres."""
 CURVE = np.arange(0.0, 0.301, 0.005)
-"""Thresholds t at which the accuracy curve A(t) is sampled, metres."""
+"""Thresholds t of the accuracy curve A(t), metres."""
 HANDS_AND_FEET = np.array([i for i, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("hand", "foot")])
-"""Indices of the two hands and two feet among the reported joints."""
+"""Indices of hands and feet among the reported joints."""
 TRUNK = ("pelvis", "spine", "neck", "head", "left_hip", "right_hip")
 SURFACE_REACH = np.array([0.2 if name in TRUNK else 0.12 for name in skeleton.REPORTED])
-"""How far each joint's centre may lie from the measured surface along z and still be seen, metres: those of the trunk
-lie up to 14 cm inside an average adult, those of the limbs up to 7 cm."""
+"""Maximum distance along z from the measured surface to the centre of a visible joint, metres: centres lie up to 14 cm
+(trunk) and 7 cm (limbs) inside an average adult."""
 SURFACE_WINDOW = 2
-"""Pixels to each side of a joint's projection that are searched for that surface."""
+"""Half width of the window around the projection of a joint that is searched for the surface, pixels."""
 
 
 def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Distance of every joint to the true one, capped at 1 m: float64 (T, 20), metres, NaN where the truth is unknown.
+    """Return the distance of each joint to the true one, capped at 1 m: float64 (T, 20), metres, NaN = unknown truth.
 
     Parameters
     ----------
@@ -40,7 +39,7 @@ def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
     Raises
     ------
     TrackError
-        The two have different shapes.
+        The two arrays have different shapes.
     """
     if joints.shape != truth.shape:
         raise TrackError(f"joints {joints.shape} cannot be compared with {truth.shape}; give one row per frame to both")
@@ -48,7 +47,7 @@ def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def accuracy(errors: np.ndarray, threshold: float | np.ndarray = NEAR) -> np.ndarray:
-    """A(t): share of the known joints within `threshold` metres, one value per threshold."""
+    """Return A(t), the fraction of known joints within `threshold` metres, one value per threshold."""
     known = errors[np.isfinite(errors)]
     thresholds = np.asarray(threshold, dtype=np.float64)
     if known.size == 0:
@@ -57,28 +56,28 @@ def accuracy(errors: np.ndarray, threshold: float | np.ndarray = NEAR) -> np.nda
 
 
 def accuracy_per_joint(errors: np.ndarray) -> np.ndarray:
-    """A(100) of each joint on its own: float64 (20,)."""
+    """Return A(100) of each joint: float64 (20,)."""
     return np.array([accuracy(errors[:, j]) for j in range(errors.shape[1])])
 
 
 def frame_errors(errors: np.ndarray) -> np.ndarray:
-    """Mean error of each frame over its known joints: float64 (T,), metres, NaN where none is known."""
+    """Return the mean error of each frame over its known joints: float64 (T,), metres, NaN without any."""
     known = np.isfinite(errors)
     count = known.sum(axis=1)
     return np.where(count > 0, np.where(known, errors, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
 
 
 def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """Which joints the camera sees: bool (..., 20).
+    """Return which joints are visible to the camera: bool (..., 20).
 
-    A joint is seen if a surface is measured within `SURFACE_WINDOW` pixels of its projection and within
-    `SURFACE_REACH` of it along z. Joints outside the image, behind another limb, another person or furniture, or in a
-    hole of the measurement are hidden.
+    A joint is visible if a surface is measured within `SURFACE_WINDOW` pixels of its projection and within
+    `SURFACE_REACH` along z. Joints outside the image, in a hole of the depth image, or behind another limb, a person or
+    furniture are hidden.
 
     Parameters
     ----------
-    joints_camera : (..., 20, 3), metres, true joints of one person or of several; NaN counts as hidden
-    depth_m : float32 (H, W), metres along z, 0 = nothing measured
+    joints_camera : (..., 20, 3), metres, true joints of one or several people; NaN counts as hidden
+    depth_m : float32 (H, W), metres along z, 0 = no measurement
     camera : of that image
     """
     joints = np.asarray(joints_camera, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Skeletons of the Azure Kinect body tracking SDK, as JSON files that its offline processor or we wrote."""
+"""Skeletons of the Azure Kinect body tracking SDK in the JSON format of its offline processor."""
 
 from __future__ import annotations
 
@@ -12,27 +12,28 @@ from toolkit.body import k4abt
 from toolkit.io.errors import RecordingError
 from toolkit.io.yaml_reader import read_json
 
-HINT = "give a JSON file as the offline processor of the Azure Kinect body tracking SDK writes it"
+HINT = "give a JSON file of the offline processor of the Azure Kinect body tracking SDK"
 FASTEST = 5.0
-"""Metres a second of a body without a number that is still the same body."""
+"""Maximum speed of a body without id between two frames, m/s."""
 LEVELS = ("confidence_level", "confidence_levels", "joint_confidences", "confidences")
-"""Under which keys programs have added the SDK's confidence levels."""
+"""Keys under which programs store the confidence levels of the SDK."""
 TOLERANCE = 0.6
-"""Of a frame's duration, by which times of a skeleton and of a recording may differ."""
+"""Maximum difference between the times of a skeleton and a frame, as a fraction of the frame interval."""
 MILLIMETRES, MICROSECONDS = 1000.0, 1e6
 
 
 @dataclass(frozen=True, eq=False)
 class KinectBodies:
-    """Bodies of T frames.
+    """Skeletons over T frames.
 
     Attributes
     ----------
     ids : the N bodies, in order of appearance
     timestamps : float64 (T,), seconds of the device's clock
-    positions : float64 (N, T, 32, 3), metres, depth camera frame, NaN while absent; joints as `k4abt.NAMES`
+    positions : float64 (N, T, 32, 3), metres, depth camera frame, NaN while absent; joints in the order of
+        `k4abt.NAMES`
     orientations : float64 (N, T, 32, 4), unit quaternions w, x, y, z, NaN where the file has none
-    confidence : float64 (N, T, 32), the SDK's levels 0 to 3, NaN where the file has none
+    confidence : float64 (N, T, 32), levels 0 to 3 of the SDK, NaN if the file has none
     """
 
     ids: tuple[int, ...]
@@ -43,19 +44,20 @@ class KinectBodies:
 
     @property
     def joints(self) -> np.ndarray:
-        """Our 20 joints, float32 (N, T, 20, 3), metres, depth camera frame."""
+        """Return the 20 reported joints, float32 (N, T, 20, 3), metres, depth camera frame."""
         return k4abt.reported(self.positions).astype(np.float32)
 
     def at(self, timestamps: np.ndarray) -> np.ndarray:
-        """`joints` at the frames of a recording (T',): float32 (N, T', 20, 3), NaN where no skeleton belongs to one.
+        """Return `joints` at the frames of a recording (T',): float32 (N, T', 20, 3), NaN for frames without a
+        skeleton.
 
-        As many frames as the recording's are its frames. Otherwise they belong together by their times, counted from
-        the first frame of each unless the clocks are the same.
+        With equal frame counts, frames are matched by index. Otherwise they are matched by time, relative to the first
+        frame unless the clocks agree.
 
         Raises
         ------
         RecordingError
-            The file is longer than the recording, or fewer than half of its frames find one.
+            The file is longer than the recording, or fewer than half of its frames match.
         """
         joints, own = self.joints, self.timestamps
         if len(own) == len(timestamps):
@@ -79,17 +81,17 @@ class KinectBodies:
 
 
 def is_k4abt(path: Path) -> bool:
-    """Whether a path may be such a file, by its name."""
+    """Return whether the name of a path fits such a file."""
     return path.suffix.lower() == ".json"
 
 
 def read_k4abt(path: str | Path) -> KinectBodies:
-    """Read a file of any version of the SDK; bodies without a number are followed by where they are.
+    """Read a file of any SDK version; bodies without an id are matched by position.
 
     Raises
     ------
     RecordingError
-        The file is missing or no such JSON, a joint is not there, or a value is no number.
+        The file is missing or has another structure, a joint is missing, or a value is no number.
     """
     file = Path(path)
     content = read_json(file, RecordingError, HINT)
@@ -102,12 +104,12 @@ def read_k4abt(path: str | Path) -> KinectBodies:
             times.append(float(frame["timestamp_usec"]) / MICROSECONDS)
             rows.append([_body(body, columns) for body in frame.get("bodies") or ()])
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            raise RecordingError(f"frame {i} of {file} is not understood ({error!r}); {HINT}") from error
+            raise RecordingError(f"cannot read frame {i} of {file} ({error!r}); {HINT}") from error
     return _gathered(np.array(times), _numbered(times, rows))
 
 
 def _columns(names: Any, file: Path) -> list[int]:
-    """Where each of `k4abt.NAMES` stands in a row of the file."""
+    """Return the index of each of `k4abt.NAMES` in a row of the file."""
     if names is None:
         return list(range(len(k4abt.NAMES)))
     if not isinstance(names, list):
@@ -120,7 +122,7 @@ def _columns(names: Any, file: Path) -> list[int]:
 
 
 def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
-    """One body of a frame: its number or None, and its rows in our order."""
+    """Return one body of a frame: its id or None, and its rows in our order."""
     positions = np.array(body["joint_positions"], dtype=np.float64)[columns]
     turns = body.get("joint_orientations")
     levels = next((body[key] for key in LEVELS if body.get(key)), None)
@@ -136,7 +138,7 @@ def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
 
 
 def _numbered(times: list[float], rows: list[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
-    """The same with a number for each body: where it has none, that of the nearest body before, or a new one."""
+    """Assign an id to each body: its own, that of the nearest previous body, or a new one."""
     from scipy.optimize import linear_sum_assignment
 
     given = [row["id"] for frame in rows for row in frame if row["id"] is not None]

@@ -1,4 +1,4 @@
-"""A check by inertial sensors as files: distances, errors, the picture of Fig. 7.7, and a page for people."""
+"""Files of a check by inertial sensors: distances, errors, the picture of Fig. 7.7, and a page."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PICTURE, PAGE = "distances.png", "report.html"
 
 
 def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
-    """Write `distances.csv`, `errors.csv`, `errors.json`, `distances.png` and `report.html`; returns their paths."""
+    """Write `distances.csv`, `errors.csv`, `errors.json`, `distances.png` and `report.html`; return their paths."""
     root = Path(folder)
     paths = [root / name for name in (DISTANCES, ERRORS_CSV, ERRORS_JSON, PICTURE, PAGE)]
     rows = [
@@ -42,7 +42,7 @@ def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
 
 
 def _plot_check(check: RunCheck) -> Figure:
-    """Distance curves with their threshold, found errors in red and known ones in black; P, R, F where known."""
+    """Draw distance curves with their threshold, detected errors in red and known errors in black, with P, R, F."""
     from matplotlib.figure import Figure
 
     count = len(check.distances) + (check.truth is not None)
@@ -107,8 +107,8 @@ def _scores(scores: Any) -> dict[str, float]:
 
 
 def _page(check: RunCheck, drawn: bytes) -> str:
-    """The page: what was found in words, the picture, the errors, the calibration, and how to read them."""
-    parts = [f"<p>{len(check.errors)} stretches disagree by more than {check.threshold:g} degrees.</p>"]
+    """Return the page: summary, picture, errors, calibration, and an explanation."""
+    parts = [f"<p>{len(check.errors)} segments disagree by more than {check.threshold:g} degrees.</p>"]
     if check.truth is not None:
         rows = [(n, f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for n, s in check.scores().items()]
         parts.append(table(("against known errors, over", "precision", "recall", "F"), rows))
@@ -124,8 +124,8 @@ def _page(check: RunCheck, drawn: bytes) -> str:
     ]
     parts.append(table(("sensor", "calibration", "spread", "median", "90 %", "why"), sensors))
     parts.append(
-        "<p>Angles are in degrees. A stretch of the kind <i>twist</i> (orange) differs about the bone's own length "
-        "only: a tracked forearm cannot turn about itself and a straight limb shows no twist, so that this is mostly "
-        "no error of the track. Black bars above a curve are known errors.</p>"
+        "<p>Angles are in degrees. A segment of the kind <i>twist</i> (orange) differs only by a rotation about "
+        "the bone. Depth does not determine this rotation for forearms and straight limbs, so it is mostly "
+        "no tracking error. Black bars above a curve are known errors.</p>"
     )
     return page(check.name, parts, about=": the track and its inertial sensors")

@@ -1,4 +1,4 @@
-"""A track checked by inertial sensors: distance curves, errors, and how well errors that are known were found."""
+"""Check of a track by inertial sensors: distance curves, detected errors, precision and recall."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ THRESHOLDS: np.ndarray = np.arange(10.0, 91.0, 5.0)
 
 @dataclass(frozen=True, eq=False)
 class RunCheck:
-    """What the sensors say about one run.
+    """Result of the check of one run.
 
     Attributes
     ----------
@@ -32,7 +32,7 @@ class RunCheck:
     calibration : that was used
     distances : per sensor
     errors : of all sensors, by time
-    truth : known errors, labelled by the part of the body; None where nothing is known
+    truth : known errors, labelled by body part; None if unknown
     threshold : degrees, above it the track errs
     """
 
@@ -44,13 +44,13 @@ class RunCheck:
     threshold: float = THRESHOLD
 
     def segments(self, errors: Sequence[WrongStretch] | None = None) -> list[Segment]:
-        """Errors as labelled segments; the end is that of the last frame."""
+        """Return the errors as labelled segments that end at their last frame."""
         step = float(np.median(np.diff(self.distances[0].times)))
         chosen = self.errors if errors is None else errors
         return [Segment(e.start, e.end + step, e.limb) for e in chosen]
 
     def scores(self, limb: str | None = None) -> dict[str, Scores]:
-        """Over "frames" and "segments", of one sensor or all; empty where no truth is known."""
+        """Return the scores over "frames" and "segments", of one sensor or all; empty without truth."""
         if self.truth is None:
             return {}
         curves = [d for d in self.distances if limb in (None, d.limb)]
@@ -63,7 +63,7 @@ class RunCheck:
         return {"frames": total, "segments": segment_scores(true, found)}
 
     def over_thresholds(self) -> list[Scores]:
-        """Over frames, at each of `THRESHOLDS`; empty where no truth is known."""
+        """Return the scores over frames at each of `THRESHOLDS`; empty without truth."""
         if self.truth is None:
             return []
         out = []
@@ -89,7 +89,7 @@ def check_runs(
     Parameters
     ----------
     runs, sensors : as in `calibrate_runs`
-    calibration : a file or what it holds; None calibrates on each run itself
+    calibration : a file or its content; None calibrates each run by itself
     truth : CSV with the columns limb, start, end in seconds, and run where there are several
     threshold : degrees between 0 and 180, above which a track errs
     sync : how to compare clocks
@@ -97,10 +97,10 @@ def check_runs(
     Raises
     ------
     TrackError, InertialError, UsageError
-        A run, the sensors, the calibration or the truth cannot be used.
+        A run, the sensors, the calibration or the truth is invalid.
     """
     if not 0.0 < threshold < 180.0:
-        raise UsageError(f"a threshold of {threshold:g} degrees finds nothing; give one between 0 and 180")
+        raise UsageError(f"a threshold of {threshold:g} degrees detects nothing; give one between 0 and 180")
     pairs = paired(runs, sensors)
     known = Calibration.load(calibration) if isinstance(calibration, (str, Path)) else calibration
     true = None if truth is None else read_truth(truth)
@@ -116,7 +116,7 @@ def check_runs(
 
 
 def found_frames(curve: Distances, threshold: float) -> np.ndarray:
-    """Bool (T,): frames within an error."""
+    """Return bool (T,): frames within an error."""
     found = np.zeros(len(curve.times), dtype=bool)
     for first, last in runs_above(curve.full, curve.times, threshold):
         found[first : last + 1] = True
@@ -124,7 +124,7 @@ def found_frames(curve: Distances, threshold: float) -> np.ndarray:
 
 
 def frame_scores(curve: Distances, truth: Sequence[Segment], found: np.ndarray) -> Scores:
-    """Scores over the frames (T,) whose distance is known."""
+    """Return the scores over the frames (T,) with a known distance."""
     true = np.zeros(len(curve.times), dtype=bool)
     for segment in truth:
         if segment.label == curve.limb:
@@ -135,12 +135,12 @@ def frame_scores(curve: Distances, truth: Sequence[Segment], found: np.ndarray) 
 
 
 def read_truth(path: str | Path) -> list[tuple[str, Segment]]:
-    """Known errors by run (empty where the file names none), from a CSV with the columns limb, start, end.
+    """Read known errors by run ("" without a run name) from a CSV with the columns limb, start, end.
 
     Raises
     ------
     InertialError
-        The file cannot be read, or a line is no error of a known part of the body.
+        The file cannot be read, or a line is no error of a known body part.
     """
     file = Path(path)
     found = []
@@ -152,7 +152,7 @@ def read_truth(path: str | Path) -> list[tuple[str, Segment]]:
         if segment.label not in PARTS or not segment.start < segment.end:
             raise InertialError(
                 f"{file.name}, line {line}: {segment.label!r} from {segment.start:g} to {segment.end:g} s is no error "
-                f"of a part of the body; the parts are {', '.join(PARTS)}"
+                f"of a body part; the parts are {', '.join(PARTS)}"
             )
         found.append(((row.get("run") or "").strip(), segment))
     return found

@@ -1,4 +1,4 @@
-"""Where the joints that a track is compared with come from."""
+"""Reference joints of a comparison."""
 
 from __future__ import annotations
 
@@ -16,33 +16,32 @@ from toolkit.sensing.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Joints (T, 20, 3), metres, camera frame, NaN = unknown, or (N, T, 20, 3) of N people; `is_truth` is False for
-    another system's estimate."""
+    """Joints (T, 20, 3), metres, camera frame, NaN = unknown, or (N, T, 20, 3) of N people; `is_truth` is False for an
+    estimate of another system."""
 
     joints: np.ndarray
     is_truth: bool
 
     @property
     def people(self) -> np.ndarray:
-        """Joints of all people, (N, T, 20, 3)."""
+        """Return the joints of all people, (N, T, 20, 3)."""
         return self.joints if self.joints.ndim == 4 else self.joints[None]
 
     def of(self, person: int) -> Reference:
-        """The reference of one of the people, by number."""
+        """Return the reference of one person by index."""
         return Reference(self.people[person], self.is_truth)
 
 
 def find_reference(recording: Recording, paths: list[Path], frames: int) -> Reference | None:
-    """Joints for the first `frames` frames of a recording, or None if no person has any.
+    """Return the joints for the first `frames` frames of a recording, or None if no person has any.
 
-    A path is a recording with joints, a skeleton that the recording's reader understands, a JSON file of the Azure
-    Kinect body tracking SDK, or a folder that holds one of them under the recording's stem. Without paths the recording
-    speaks for itself.
+    A path is a recording with joints, a skeleton for the recording's reader, a JSON file of the Azure Kinect body
+    tracking SDK, or a folder with one of them under the recording's stem. The default is the recording itself.
 
     Raises
     ------
     RecordingError
-        A given path is missing, holds nothing for this recording, or joints for another number of frames.
+        A given path is missing, contains no joints of this recording, or joints for another number of frames.
     """
     candidates = [_joints_of(recording)] if not paths else [_from_path(recording, path) for path in paths]
     reference = next((found for found in candidates if found is not None), None)
@@ -90,7 +89,7 @@ def _from_path(recording: Recording, path: Path) -> Reference | None:
 
 
 def _kinect_bodies(recording: Recording, file: Path) -> Reference:
-    """Skeletons of the Azure Kinect SDK, which knows nothing of a camera that was turned upright by its reader."""
+    """Return skeletons of the Azure Kinect SDK, rotated if the reader turned the camera upright."""
     joints = read_k4abt(file).at(recording.timestamps)
     if not len(joints):
         raise RecordingError(f"no person is in {file}; there is nothing to compare with")
@@ -99,5 +98,5 @@ def _kinect_bodies(recording: Recording, file: Path) -> Reference:
 
 
 def _skeleton_stem(name: str) -> str:
-    """UTD-MHAD keeps the skeleton of `a1_s1_t1_depth` in `a1_s1_t1_skeleton`."""
+    """Return the skeleton path of UTD-MHAD: `a1_s1_t1_skeleton` for `a1_s1_t1_depth`."""
     return f"{name.removesuffix('_depth')}_skeleton"

@@ -1,4 +1,4 @@
-"""An evaluation as files."""
+"""Files of an evaluation."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 FILES = ("table.csv", "table.json", "accuracy.png", "error.png")
-"""What `write_evaluation` writes."""
+"""Names of the files of `write_evaluation`."""
 
 
 def write_evaluation(table: EvaluationTable, folder: str | Path) -> list[Path]:
-    """Write `table.csv` and `table.json`, and where something was compared `accuracy.png` and `error.png`.
+    """Write `table.csv` and `table.json`, and with a reference also `accuracy.png` and `error.png`.
 
     Returns
     -------
-    the files that were written
+    the paths of the written files
     """
     rows, figures, accuracy, error = (Path(folder) / name for name in FILES)
     table.to_csv(rows)
@@ -40,11 +40,11 @@ def write_evaluation(table: EvaluationTable, folder: str | Path) -> list[Path]:
 
 
 LEGEND_ROWS = 12
-"""More runs than this are drawn without a legend, in which nothing could be found."""
+"""Maximum number of runs with a legend."""
 
 
 def plot_accuracy(table: EvaluationTable, path: str | Path) -> None:
-    """Write A(t), the share of joints within t, of every run that was compared and their mean as a picture."""
+    """Draw A(t), the fraction of joints within t, of each compared run and of their mean."""
     rows = [row for row in table if row.curve.size]
     style = {"lw": 0.8, "color": "0.75"} if len(rows) > LEGEND_ROWS else {"lw": 1.4}
     with _plot(path, len(rows)) as axes:
@@ -56,7 +56,7 @@ def plot_accuracy(table: EvaluationTable, path: str | Path) -> None:
 
 
 def plot_errors(table: EvaluationTable, path: str | Path) -> None:
-    """Write the mean error over time of every run that was compared as a picture."""
+    """Draw the mean error over time of each compared run."""
     rows = [row for row in table if row.frame_error_mm.size]
     with _plot(path, len(rows)) as axes:
         for row in rows:
@@ -71,7 +71,7 @@ def plot_errors(table: EvaluationTable, path: str | Path) -> None:
 
 @contextmanager
 def _plot(path: str | Path, runs: int) -> Iterator[Axes]:
-    """Axes on which so many runs are drawn; then they are written as a picture."""
+    """Yield axes for this number of runs and write the picture at the end."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")

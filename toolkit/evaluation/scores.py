@@ -1,4 +1,4 @@
-"""The figures of one run, and the table of many."""
+"""Scores of one run, and the table of many."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ Figures = dict[str, float]
 
 @dataclass(frozen=True, eq=False)
 class RunScores:
-    """Every figure of one run; None where the run has nothing to compute it from. Shares are in [0, 1].
+    """Scores of one run; None where the run lacks the input. Fractions are in [0, 1].
 
     Attributes
     ----------
     recording : name of the recording
     run : path of the run folder
-    frames, recorded_frames : rows of the track, frames of the recording; fewer rows mean an interrupted run
+    frames, recorded_frames : rows of the track, frames of the recording; an interrupted run has fewer rows
     error_mm, median_mm : mean and median error of the joints, capped at 1 m
     visible_mm, hidden_mm : mean error of the joints that the camera sees and of those it does not
     a100, a100_hands_feet, a100_joints : share of joints within 100 mm, of all, of hands and feet, of each joint
@@ -44,9 +44,9 @@ class RunScores:
         frames
     states, sources : share of frames in each state, and of the tracked frames in which each hypothesis won
     frame_ms, frame_ms_p99, stages_ms : median and 99th percentile of the time per frame, median of each stage
-    curve : A(t) at `joints.CURVE`; empty where nothing was compared, like the next two
+    curve : A(t) at `joints.CURVE`; empty without a reference, as are the next two
     frame_error_mm, timestamps : mean error of each frame and its time in seconds, for plots
-    differences : from the joints to another system's, see `agreement.local_differences`; empty for a truth
+    differences : differences to another system's joints, see `agreement.local_differences`; empty for a truth
     """
 
     recording: str
@@ -80,11 +80,11 @@ class RunScores:
 
     @property
     def tracked(self) -> float | None:
-        """Share of frames in which the tracker says that it follows the person."""
+        """Return the fraction of frames with state tracked."""
         return self.states.get(STATE_NAMES[TRACKED])
 
     def flat(self) -> dict[str, Any]:
-        """Every figure by name, nested ones as `states.lost`; without the arrays."""
+        """Return all scores by name, nested ones as `states.lost`, without arrays."""
         row: dict[str, Any] = {}
         for item in fields(self):
             value = getattr(self, item.name)
@@ -108,15 +108,15 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("overlap", "body on depth %", "%"),
     ("frames", "frames", "d"),
 )
-"""Figures of the table for a terminal, the most telling first: name, heading, format. Those that some run has, up to
-`SHOWN` of them; files hold everything."""
+"""Columns of the terminal table, most important first: name, heading, format. Up to `SHOWN` available columns are
+printed; files hold all."""
 SHOWN = 5
 LONGEST_NAME = 26
-"""Characters of a name before it is broken: with `SHOWN` figures the table fits 80."""
+"""Maximum length of a name in one line; with `SHOWN` columns the table has 80 characters."""
 
 
 class EvaluationTable:
-    """Scores of many runs; their mean weights every recording alike."""
+    """Scores of several runs; their mean weights all recordings equally."""
 
     def __init__(self, rows: Iterable[RunScores]) -> None:
         self.rows = list(rows)
@@ -128,11 +128,11 @@ class EvaluationTable:
         return iter(self.rows)
 
     def figures(self, name: str) -> np.ndarray:
-        """One figure of all runs in order, by its flat name: float64 (R,), NaN where a run has none."""
+        """Return one score of all runs by its flat name: float64 (R,), NaN where a run has none."""
         return np.array([_number(row.flat().get(name)) for row in self.rows], dtype=np.float64)
 
     def mean(self) -> RunScores:
-        """Mean over the recordings that have a figure, figure by figure; frames are summed."""
+        """Return the mean of each score over the recordings that have it; frames are summed."""
         values: dict[str, Any] = {"recording": f"mean of {len(self)}", "run": ""}
         for item in fields(RunScores):
             held = [getattr(row, item.name) for row in self.rows]
@@ -151,7 +151,7 @@ class EvaluationTable:
         return RunScores(**values)
 
     def to_rich(self, title: str | None = None) -> Table:
-        """The table for a terminal, one line per run and their mean: six columns in 80 characters."""
+        """Return the terminal table, one line per run and their mean: six columns in 80 characters."""
         from rich.table import Table
 
         held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)][:SHOWN]
@@ -166,7 +166,7 @@ class EvaluationTable:
         return table
 
     def to_csv(self, path: str | Path) -> None:
-        """Write every figure of every run, one line each, whole or not at all."""
+        """Write all scores of each run as CSV, one line each, atomically."""
         flat = [row.flat() for row in self.rows]
         names = list(dict.fromkeys(name for row in flat for name in row))
         stream = io.StringIO(newline="")
@@ -176,7 +176,7 @@ class EvaluationTable:
         save_text(path, stream.getvalue())
 
     def to_json(self, path: str | Path) -> None:
-        """Write every figure of every run, their mean and the accuracy curves, whole or not at all."""
+        """Write all scores of each run, their mean and the accuracy curves as JSON, atomically."""
         value = {
             "curve_thresholds_mm": np.round(CURVE * 1000).tolist(),
             "mean": _plain(self.mean()) if self.rows else None,
@@ -186,7 +186,7 @@ class EvaluationTable:
 
 
 def _label(row: RunScores) -> str:
-    """What a row is called: its run folder, and the recording where that has another name."""
+    """Return the name of a row: its run folder, and the recording if its name differs."""
     run, (recording, *person) = Path(row.run), row.recording.split("/")
     folder = run.parent.name if person == [run.name] else run.name
     return row.recording if folder in ("", recording) else f"{'/'.join([folder, *person])} ({recording})"
@@ -212,7 +212,7 @@ def _cell(value: float | None, style: str) -> str:
 
 
 def _plain(row: RunScores) -> dict[str, Any]:
-    """As JSON: NaN, which JSON does not know, becomes null; the series for plots are left out."""
+    """Convert a value to JSON: NaN becomes null; plot series are left out."""
     value = {f.name: getattr(row, f.name) for f in fields(row) if f.name not in _SERIES}
     return {name: _nullable(item) for name, item in value.items()}
 

@@ -1,6 +1,4 @@
-"""What a recording shows of people before they were found: who leaves is followed to the border of the image, so who
-comes in is, with time reversed.
-"""
+"""Backward tracking of a person from the first detection, so that rows begin when the person enters the image."""
 
 from __future__ import annotations
 
@@ -15,20 +13,20 @@ from toolkit.sensing.recording import Recording
 from toolkit.tracking.sightings import SightingFile, StoredSighting
 
 BEFORE, AFTER = 2.0, 0.5
-"""Seconds before a person was found in which they are looked for, and after it in which they have to be seen."""
+"""Seconds before the first detection that are searched, and after it in which the person has to be seen."""
 FEWEST = 3
-"""Frames after it in which they have to be seen at least, by slow cameras; noise does not last."""
+"""Minimum number of frames with the person after the first detection; noise is shorter."""
 MIN_OWN_FRACTION = 0.5
-"""Of the pixels, which nobody else had: with fewer it is somebody else."""
+"""Minimum fraction of pixels that belong to no other person; below it the sighting is of another person."""
 
 
 def sightings_before(
     recording: Recording, finder: PeopleFinder, sightings: SightingFile, people: Iterable[int]
 ) -> Iterator[tuple[int, StoredSighting]]:
-    """Frames before those in which `people` (ids) were found, each with what is seen of one of them.
+    """Yield the frames before the first detection of `people` (ids), each with the sighting of one person.
 
-    `finder` found them, and `sightings` were kept of all. The recording is read once and in order, for a compressed one
-    starts over where a frame before the last one is asked for; depth of 2.5 s is held.
+    `finder` detected them, and `sightings` holds their sightings. The recording is read once and in order, because
+    random access restarts a compressed one; 2.5 s of depth are buffered.
     """
     seen = {person: own for person in people if len((own := sightings.of(person)).frames)}
     moments = recording.timestamps
@@ -61,7 +59,7 @@ def sightings_before(
 
 
 def _same(known: Sighting | None, found: Mapping[int, Sighting]) -> int:
-    """The id among `found` with most pixels of a known sighting; 0 where none has any."""
+    """Return the id among `found` with most pixels of a stored sighting; 0 if none has any."""
     if known is None:
         return 0
     shared = {k: int(np.count_nonzero((own.depth > 0) & (known.depth > 0))) for k, own in found.items()}
@@ -70,7 +68,8 @@ def _same(known: Sighting | None, found: Mapping[int, Sighting]) -> int:
 
 
 def _apart_from(others: Iterable[np.ndarray], sighting: Sighting | None) -> Sighting | None:
-    """A sighting without the pixels (masks) of others, which hide it there; None where little or nothing is left."""
+    """Return a sighting without the pixels (masks) of other people, who occlude it there; None if too little is
+    left."""
     if sighting is None:
         return None
     theirs = np.any([np.zeros(sighting.depth.shape, dtype=np.bool_), *others], axis=0)

@@ -1,4 +1,4 @@
-"""MT priors on the hidden limbs of a track: demands on their poses, and feet on the floor (thesis 6.4.1, 6.4.2)."""
+"""Priors from motion templates on the occluded limbs of a track, and foot contact (thesis 6.4.1, 6.4.2)."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, LIMBS_OF_FEATU
 from toolkit.retrieval.priors.marks import DEMANDED, FORWARDS, rests
 
 BEFORE = 0.125
-"""Seconds over which a hand has to move: half of what the velocity of these features is averaged over."""
+"""Time for a hand movement, seconds: half of the averaging window of the velocity features."""
 WEIGHT, SIGMA = 1.0, 0.1
-"""Of one demand against one correspondence, and metres, the scale of its Geman-McClure weight."""
+"""Weight of one prior relative to one correspondence, and the scale of its Geman-McClure weight, metres."""
 LEVER = 0.15
-"""Metres that a radian beyond the bound of an angle counts as: half a forearm."""
+"""Metres per radian beyond the bound of an angle: half the length of a forearm."""
 DISAGREEMENT = 0.001
-"""Metres by which a pose that contradicts one demand altogether is farther from its frame."""
+"""Cost in metres of a pose that violates one prior completely."""
 
 
 class Demands:
-    """Terms that hold a limb of one body to its marks.
+    """Terms that pull a limb of one body to its template entries.
 
     Parameters
     ----------
     body : whose poses are fitted
-    poses, times : float64 (T, P) and (T,), seconds, the track so far; lengths are measured in its first frame, as
-        features do it
+    poses, times : float64 (T, P) and (T,), seconds, the current track; lengths are measured in its first frame, as for
+        the features
     """
 
     def __init__(self, body: Body, poses: np.ndarray, times: np.ndarray) -> None:
@@ -43,11 +43,11 @@ class Demands:
         self._features.measure(self._features.joints(poses[0])[0])
 
     def term(self, limb: str, priors: np.ndarray, frame: int) -> ResidualTerm | None:
-        """How far a limb is beyond what tracking priors (40,) of one frame demand; None where they say nothing of it.
+        """Return the residuals of a limb for the template entries (40,) of one frame, or None if no entry concerns it.
 
-        A feature that is 1 demands its loose threshold, one that is 0 that its strict one is not passed. A hand that
-        moves to the front is at least so far before its place in the track `BEFORE` that frame as its loose velocity
-        takes it meanwhile; one that does not is free.
+        An entry 1 requires the loose threshold of the feature, an entry 0 requires that the strict one is not exceeded.
+        For a hand that moves to the front the bound is its position `BEFORE` seconds earlier plus the distance at the
+        loose velocity; a hand that does not move is unconstrained.
         """
         before = int(np.searchsorted(self._times, self._times[frame] - BEFORE - 1e-6))
         seconds = float(self._times[frame] - self._times[before])
@@ -59,12 +59,12 @@ class Demands:
         on = priors[rows] == 1
         bounds = np.where(on, self._features.loose[rows], self._features.strict[rows])
         rising = np.array([FEATURES[row].test.startswith(">") for row in rows])
-        sides = np.where(on == rising, -1.0, 1.0)  # -1: at least the bound, 1: at most
+        sides = np.where(on == rising, -1.0, 1.0)  # -1: lower bound, 1: upper bound
         degrees = np.array([FEATURES[row].unit == "deg" for row in rows])
         scales = sides * np.where(degrees, np.radians(1.0) * LEVER, 1.0)
         moving = np.isin(rows + 1, FORWARDS)
         scales[moving] *= seconds
-        # In a motion of two frames every velocity is their difference, as far apart as two columns of features are.
+        # A motion of two frames has one velocity, which is their difference over the distance of two feature columns.
         rates = np.where(moving, 1.0 / (FEATURE_RATE * seconds) if seconds else 0.0, 1.0)
         earlier = self._features.joints(self._poses[before])
 
@@ -77,7 +77,7 @@ class Demands:
 
 
 def marked_terms(source: SourceRun, told: GapContext, priors: np.ndarray) -> dict[int, list[ResidualTerm]]:
-    """Frame -> terms on the limbs that are hidden in it.
+    """Return frame -> terms on the limbs that are occluded in it.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def marked_terms(source: SourceRun, told: GapContext, priors: np.ndarray) -> dic
 
 
 def _resting(source: SourceRun, told: GapContext, resting: np.ndarray, leg: str) -> Mapping[int, ResidualTerm]:
-    """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
+    """Return frame -> contact of an occluded foot on the floor, at its position before the occlusion if known."""
     found, sole = {}, Sole.of(source.body, leg)
     for span in spans(resting):
         hidden = told.hidden[leg][span]
@@ -114,19 +114,19 @@ def _resting(source: SourceRun, told: GapContext, resting: np.ndarray, leg: str)
 
 
 def contradiction(terms: Sequence[ResidualTerm], pose: np.ndarray) -> float:
-    """Metres that a pose's (P,) distance from its frame grows by for the demands that it violates."""
+    """Return the cost (P,) in metres of poses that violate the priors of a frame."""
     return DISAGREEMENT * sum(term.violation(pose) for term in terms)
 
 
 def floor_term(body: Body, leg: str, entries: np.ndarray, height: float, rest: np.ndarray | None) -> ResidualTerm:
-    """The sole of a foot on the floor: both points pulled down or up to it, and to where they came to rest.
+    """Contact of the sole with the floor: heel and ball are pulled to the floor and to their contact position.
 
     Parameters
     ----------
     body : whose foot it is
-    leg, entries : `left_leg` or `right_leg`, and where the angles stand in a pose that may give way
+    leg, entries : `left_leg` or `right_leg`, and the pose entries of the angles that may change
     height : metres, y of the floor under the foot, level frame
-    rest : float64 (2, 3), where heel and ball rest, of which x and z count; None where that is not known
+    rest : float64 (2, 3), contact positions of heel and ball (x and z are used); None if unknown
     """
     sole = Sole.of(body, leg)
 

@@ -1,4 +1,4 @@
-"""The loop of the thesis's Fig. 6.1: label a track, say what its hidden limbs probably did, track again, choose."""
+"""The loop of Fig. 6.1 of the thesis: label a track, predict its occluded limbs, track again, select."""
 
 from __future__ import annotations
 
@@ -41,23 +41,23 @@ from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_pri
 from toolkit.tracks import Track
 
 SOURCE = "prior"
-"""The source of frames of which a limb was exchanged, in `Track.source_names`."""
+"""Name of the source in `Track.source_names` for frames with a replaced limb."""
 AGREED, MOVED = 0.99, 0.002
-"""The loop stops where so many of the frames' labels agree, and joins move by so many metres on average."""
+"""Fraction of equal labels and mean joint movement in metres at which the loop stops."""
 UNLIKELY = 0.00015
-"""Metres of distance from the frame that one standard deviation, squared, of one angle counts. This, the next and
-`ways.STIFFNESS` were chosen on the tuning split of the sequences."""
+"""Cost in metres of one squared standard deviation of one angle. This constant, the next one and the stiffness of the
+path were chosen on the tuning split."""
 MARGIN = 0.0007
-"""Metres by which another way must be better than the track's own."""
+"""Minimum improvement in metres for a candidate to replace the tracked motion."""
 
 
 @dataclass(frozen=True)
 class StabiliseSettings:
-    """What is chosen of the loop of Fig. 6.1.
+    """Settings of the loop of Fig. 6.1.
 
     Attributes
     ----------
-    rounds : at most; five in the thesis
+    rounds : maximum number of rounds; five in the thesis
     threshold : costs at or above it are no hits (0.07 in the thesis, for tracks of another kind)
     marks : whether MT priors hold hidden limbs
     """
@@ -75,16 +75,16 @@ class StabiliseSettings:
 
 @dataclass(frozen=True, eq=False)
 class FilledGap:
-    """What became of a gap.
+    """Result for one gap.
 
     Attributes
     ----------
-    limb, start, stop : which limb, and the frames that were looked at; the last one is exclusive
+    limb, start, stop : the limb and the examined frames; the last one is exclusive
     hidden : bool (D,), in which of them it is hidden
     names : of the ways through it
     angles : float64 (C, D, A), radians, of each way
     path : int64 (D,), the way that was taken in each frame
-    changed : metres that the limb's outer joints moved, on average over the gap
+    changed : mean movement of the limb's outer joints over the gap, metres
     before, after : metres, mean distance of the whole body from its frames
     """
 
@@ -101,17 +101,17 @@ class FilledGap:
 
     @property
     def sources(self) -> dict[str, int]:
-        """The ways that were taken, each with its number of frames."""
+        """Selected candidates, each with its number of frames."""
         return {name: int((self.path == k).sum()) for k, name in enumerate(self.names) if (self.path == k).any()}
 
     @property
     def accepted(self) -> bool:
-        """Whether anything was exchanged."""
+        """Return whether any frame was replaced."""
         return set(self.sources) != {KEPT}
 
 
 class LoopInputs(NamedTuple):
-    """What all rounds know: the classes, labelled stretches or None, and MT priors."""
+    """Inputs of all rounds: the classes, given segments or None, and template entries."""
 
     classes: tuple[MotionClass, ...]
     segments: Sequence[Segment] | None
@@ -120,7 +120,7 @@ class LoopInputs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """One turn of the loop: the labels that it began with, its gaps, the track that it left, and what moved.
+    """Result of one round: its labels, gaps, track and the mean movement of joints.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Round:
     gaps : what became of each
     track : afterwards
     moved : metres, of all joints on average
-    priors : int8 (40, T), what was marked of the frames' features: 0, 1 or `WILDCARD`
+    priors : int8 (40, T), required feature values of the frames: 0, 1 or `WILDCARD`
     before, after : metres, mean distance of the track from its frames as the round found it and as it left it
     """
 
@@ -152,12 +152,12 @@ def stabilise(
     marks: Marks | None = None,
     progress: Progress = silent,
 ) -> list[Round]:
-    """Stabilise a track in rounds; that of `best_round` is the result.
+    """Stabilise a track in rounds; the result is the track of `best_round`.
 
     Parameters
     ----------
     source : the run
-    classes : motion classes; those with motions say what a limb does, the others which stretches are repetitions
+    classes : motion classes; classes with motions predict limbs, the others mark repetitions
     segments : labelled stretches in place of those that annotation finds
     marks : MT priors in place of those that the classes have by themselves
     progress : told what is going on
@@ -165,7 +165,7 @@ def stabilise(
     Raises
     ------
     RetrievalError
-        Segments that overlap, end after the track, or bear an unknown label.
+        Segments overlap, end after the track, or have an unknown label.
     """
     settings = settings or StabiliseSettings()
     known = LoopInputs(tuple(classes), segments, marks or marks_of_classes(classes))
@@ -180,7 +180,7 @@ def stabilise(
 
 
 def best_round(rounds: Sequence[Round]) -> Round:
-    """The last round, or an earlier one whose track is clearly nearer to its frames (thesis 6.6: wrong priors harm)."""
+    """Return the last round, or an earlier one with a clearly better fit (thesis 6.6: wrong priors harm)."""
     worst = min(found.after for found in rounds) + MARGIN
     return next(found for found in reversed(rounds) if found.after <= worst)
 
@@ -202,7 +202,7 @@ def _round(
     told, annotation, labelled = _told(source, track, known, gaps, settings)
     priors = tracking_priors(told.allocation, known.classes, known.marks)
     ways = ways_through(told, gaps) if labelled else []
-    if not ways:  # nothing is hidden, or nothing is known of what is
+    if not ways:  # no limb is occluded, or no class covers the gap
         return Round(annotation, labelled, (), track, 0.0, priors)
     bad = bad_frames(told.hidden)
     marked = marked_terms(source, told, priors) if settings.marks else {}
@@ -217,7 +217,7 @@ def _round(
 
 
 def _explained(track: Track, again: Retracked, filled: Sequence[FilledGap]) -> tuple[float, float]:
-    """Metres, mean distance of the track from its frames before and after gaps were filled."""
+    """Return the mean distance of the track from its frames before and after filling, metres."""
     seen = np.isfinite(again.explained)
     before = float(again.explained[seen].mean()) if seen.any() else 0.0
     gained = sum((gap.after - gap.before) * (gap.stop - gap.start) for gap in filled)
@@ -225,9 +225,10 @@ def _explained(track: Track, again: Retracked, filled: Sequence[FilledGap]) -> t
 
 
 def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Which way (D,) to take through a gap: near the frames, likely, smooth, and the track's own unless one is better.
+    """Return the candidate index (D,) for each frame of a gap: best fit, likely, smooth; the tracked motion unless a
+    candidate is better.
 
-    The thesis accepts what it allocates (6.6 names the harm of a wrong one); here what is seen has the last word.
+    The thesis accepts each prediction (6.6 names the harm of a wrong one); here the measured depth decides.
     """
     spread = way.expected.variance + PRIOR_SPREAD**2
     unlikely = ((angles - way.expected.mean) ** 2 / spread).sum(axis=2)
@@ -238,7 +239,7 @@ def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray) -> np.ndarra
 
 
 def _choose_rows(track: Track, again: Retracked) -> np.ndarray:
-    """Bool (T,): frames of which the whole pose is taken from tracking again: nearer to the frame, and in one go."""
+    """Return bool (T,): frames whose whole pose is replaced by the second tracking, in contiguous segments."""
     taken = np.zeros(len(track), dtype=np.bool_)
     angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]
     for span in spans(np.isfinite(again.whole).all(axis=0)):
@@ -249,7 +250,7 @@ def _choose_rows(track: Track, again: Retracked) -> np.ndarray:
 
 
 def _around(flags: np.ndarray, by: int) -> np.ndarray:
-    """Frames (T,) within `by` of one that is flagged."""
+    """Return the frames (T,) within `by` frames of a flagged one."""
     wide = np.zeros_like(flags)
     for span in spans(flags):
         wide[max(0, span.start - by) : span.stop + by] = True
@@ -259,7 +260,7 @@ def _around(flags: np.ndarray, by: int) -> np.ndarray:
 def _told(
     source: SourceRun, track: Track, known: LoopInputs, gaps: Sequence[Gap], settings: StabiliseSettings
 ) -> tuple[GapContext, Annotation | None, tuple[Segment, ...]]:
-    """The track with its labels and where its limbs are hidden."""
+    """Return the context of the gaps: the track, its labels and its occluded limbs."""
     classes, segments = known.classes, known.segments
     rate = frame_rate_of(track.timestamps)
     features = relational_features(from_poses(track.pose, source.body, rate, source.run.name))
@@ -276,7 +277,7 @@ def _told(
 
 
 def annotate(features: FeatureMatrix, classes: Sequence[MotionClass], threshold: float) -> Annotation | None:
-    """The labels of a track without keyframes (thesis 6.3); None for one that is too short for any class."""
+    """Label a track without keyframes (thesis 6.3); None for a track shorter than all classes."""
     annotator = Annotator([replace(motion_class, threshold=threshold) for motion_class in classes])
     return annotator.annotate(features) if len(features) >= annotator.shortest else None
 
@@ -289,7 +290,7 @@ def _exchanged(
     paths: Sequence[np.ndarray],
     whole: np.ndarray,
 ) -> Track:
-    """The track with the limbs and the whole poses that were chosen, and what their joints can be trusted there."""
+    """Return the track with the selected limbs and whole poses, and with their confidence."""
     poses, confidence, touched = track.pose.copy(), track.confidence.copy(), np.zeros(len(track), dtype=np.bool_)
     for way, angles, trust, path in zip(ways, again.angles, again.confidence, paths, strict=True):
         outer = OUTER[way.gap.limb]

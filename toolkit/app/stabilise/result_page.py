@@ -1,4 +1,4 @@
-"""One page about a stabilised run: labels, gaps, the largest changes, and the error where the truth is known."""
+"""Page of a stabilised run: labels, gaps, largest changes, and the error if the truth is known."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 
 PAGE, CHANGES = "report.html", "changes.png"
 SHOWN = 3
-"""Changes that are drawn."""
+"""Number of changes in the picture."""
 APART = 20
-"""Frames between two changes that are drawn."""
+"""Minimum distance between two changes, frames."""
 MARGIN = 12
-"""Pixels around the person."""
+"""Margin around the person, pixels."""
 
 
 def write_page(source: SourceRun, rounds: Sequence[Round], best: Round, folder: Path) -> Path:
-    """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14), and `changes.png` if anything
-    changed; `best` is the round that was kept."""
+    """Write `report.html` into a folder (after Fig. 6.11, 6.13 and 6.14 of the thesis), and `changes.png` if a limb
+    changed; `best` is the selected round."""
     parts = [
         f"<p>{len(rounds)} rounds; {sum(g.accepted for r in rounds for g in r.gaps)} of "
         f"{sum(len(r.gaps) for r in rounds)} gaps were filled.</p>",
@@ -56,7 +56,7 @@ def write_page(source: SourceRun, rounds: Sequence[Round], best: Round, folder: 
 
 
 def largest_changes(before: Track, after: Track) -> list[int]:
-    """Frames in which limbs moved most, at most `SHOWN`, apart from each other."""
+    """Return at most `SHOWN` frames with the largest movement of limbs, apart from each other."""
     moved = np.linalg.norm(after.joints - before.joints, axis=2).max(axis=1)
     found: list[int] = []
     for frame in np.argsort(-moved, kind="stable"):
@@ -68,7 +68,7 @@ def largest_changes(before: Track, after: Track) -> list[int]:
 
 
 def _truth(source: SourceRun) -> np.ndarray | None:
-    """True joints (T, 20, 3) of the one person, if the recording knows them."""
+    """Return the true joints (T, 20, 3) of the person, or None."""
     joints = source.recording.joints
     return None if joints is None or np.ndim(joints) != 3 else np.asarray(joints)
 
@@ -94,7 +94,7 @@ def _curves(source: SourceRun, rounds: Sequence[Round], best: Round) -> Figure:
         colour = "tab:green" if gap.accepted else "0.7"
         gaps.barh(LIMBS.index(gap.limb), times[gap.stop - 1] - times[gap.start], left=times[gap.start], color=colour)
     gaps.set_yticks(range(len(LIMBS)), [limb.replace("_", " ") for limb in LIMBS], fontsize=8)
-    gaps.set_title("gaps: filled (green) and left as they were", fontsize=9, loc="left")
+    gaps.set_title("gaps: filled (green) and left unchanged", fontsize=9, loc="left")
     _draw_priors(priors, best.priors, times)
     for track, colour, label in ((source.track, "tab:red", "before"), (best.track, "tab:green", "afterwards")):
         if truth is not None:
@@ -110,13 +110,13 @@ def _curves(source: SourceRun, rounds: Sequence[Round], best: Round) -> Figure:
 
 
 def _draw_priors(panel: Axes, priors: np.ndarray, times: np.ndarray) -> None:
-    """What MT priors say over time: 1 dark, 0 light, a row for each feature."""
+    """Draw the template entries over time: 1 dark, 0 light, one row per feature."""
     for place, number in enumerate(USED):
         for value, colour in ((1, "tab:blue"), (0, "lightskyblue")):
             for span in spans(priors[number - 1] == value):
                 panel.barh(place, times[span.stop - 1] - times[span.start], left=times[span.start], color=colour)
     panel.set_yticks(range(len(USED)), [f"F{number}" for number in USED], fontsize=6)
-    panel.set_title("priors: features that are 1 (dark) and 0 (light) by the label", fontsize=9, loc="left")
+    panel.set_title("priors: features that the label requires to be 1 (dark) and 0 (light)", fontsize=9, loc="left")
 
 
 def _drawn(source: SourceRun, after: Track, frames: Sequence[int]) -> Figure:

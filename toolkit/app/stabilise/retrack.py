@@ -1,4 +1,4 @@
-"""A recording tracked again with what is expected of hidden limbs, and every way through a gap held against it."""
+"""Second tracking of a recording with predictions for occluded limbs, and comparison of all candidates."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from toolkit.tracks import FrameResult
 
 
 class GapGuide(NoGuide):
-    """What is expected of limbs where they are hidden, of the whole pose in bad frames, and nothing elsewhere (6.4.3).
+    """Guide with priors on limbs in their gaps and on the whole pose in bad frames (6.4.3).
 
-    A prior on all limbs makes those worse that are seen; see `docs/architecture.md`.
+    A prior on all limbs would degrade the observed ones; see `docs/architecture.md`.
 
     Parameters
     ----------
     ways : through each gap, with what is expected there
-    whole : frame -> the whole pose, in bad frames
+    whole : frame -> whole pose, in bad frames
     times : of the frames, seconds
-    marked : frame -> what is demanded of hidden limbs
+    marked : frame -> terms on occluded limbs
     """
 
     def __init__(
@@ -59,21 +59,21 @@ class GapGuide(NoGuide):
         return [*likely, *self._marked.get(timestamp, ())]
 
     def contradicts(self, timestamp: float, pose: np.ndarray) -> float:
-        """Metres that a pose's (P,) distance from the frame grows by for the marks of hidden limbs that it violates."""
+        """Return the cost (P,) in metres of poses that violate the template entries of occluded limbs in the frame."""
         return contradiction(self._marked.get(timestamp, ()), pose)
 
 
 class Retracked(NamedTuple):
-    """What tracking again gave.
+    """Result of the second tracking.
 
     Attributes
     ----------
     rows : one result per frame
-    distances : for each gap float64 (C, D), metres, of every way from every frame; infinite where no person was seen
+    distances : for each gap float64 (C, D), metres, of each candidate from each frame; infinite without a person
     angles : for each gap float64 (C, D, A), with those of tracking again
-    confidence : for each gap float64 (C, D, 3), of the limb's outer joints on every way
-    explained : float64 (T,), metres: distances of the poses as they were; infinite where no person was seen
-    whole : float64 (2, T), metres: distances of the whole pose as it was and tracked again; NaN where all is well
+    confidence : for each gap float64 (C, D, 3), of the limb's outer joints for each candidate
+    explained : float64 (T,), metres: distances of the original poses; infinite without a person
+    whole : float64 (2, T), metres: distances of the original and of the new whole pose; NaN in good frames
     """
 
     rows: list[FrameResult]
@@ -92,12 +92,12 @@ def retrack(
     guide: GapGuide,
     progress: Count,
 ) -> Retracked:
-    """Track the recording once more, guided in the gaps, and compare all ways through them with its frames.
+    """Track the recording again, guided in the gaps, and compare all candidates with its frames.
 
     Parameters
     ----------
     source : the run
-    poses : float64 (T, P), as they are so far: a way exchanges a limb of theirs
+    poses : float64 (T, P), current poses; a candidate replaces one limb of them
     ways : through each gap
     bad : bool (T,), frames in which the whole pose may be exchanged
     guide : what is known beside the depth
@@ -140,8 +140,8 @@ def retrack(
 def _compared(
     follower: Follower, contradicts: Callable[[np.ndarray], float], pose: np.ndarray, way: GapWays, angles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A pose (P,) with a limb's angles (C, A) against the frame: distances (C,) and confidence of its outer joints."""
-    assert follower.observation is not None  # asked before
+    """Return distances (C,) from the frame and confidence of outer joints for a pose (P,) with limb angles (C, A)."""
+    assert follower.observation is not None  # already computed
     scene = follower.observation.scene
     distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(OUTER[way.gap.limb])))
     for row, own in enumerate(angles):

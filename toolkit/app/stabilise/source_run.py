@@ -1,4 +1,4 @@
-"""The run that is to be stabilised: its track, its recording, its tracker, its body."""
+"""Source run of the stabilisation: its track, recording, tracker and body."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from toolkit.tracks import TRACKED, RunInfo, Track
 from toolkit.tracks.runs import PEOPLE_FILE
 
 SOLES = 0.05
-"""Share of the tracked soles that may lie below the floor where none is seen."""
+"""Maximum fraction of the tracked soles below the floor if no floor is visible."""
 
 
 class FloorHeight(NamedTuple):
-    """Metres, y of the floor in the level frame, and how it is known."""
+    """Height of the floor, y in the level frame, metres, and its origin."""
 
     height: float
     source: str
@@ -34,13 +34,13 @@ class FloorHeight(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SourceRun:
-    """A finished run and what it was made from.
+    """A finished run with its inputs.
 
     Attributes
     ----------
     run : its folder
     track, info, body, recording : as it left them
-    tracker : with the run's settings and database
+    tracker : tracker with the settings and the database of the run
     """
 
     run: Path
@@ -52,12 +52,12 @@ class SourceRun:
 
     @property
     def present(self) -> np.ndarray:
-        """Bool (T,): frames in which the person was followed."""
+        """Return bool (T,): frames with a tracked person."""
         return self.track.state == TRACKED
 
     @cached_property
     def floor(self) -> FloorHeight:
-        """The floor under the person: as the run or the recording knows it, else below nearly all tracked soles."""
+        """Return the floor of the run or of the recording, else a plane below nearly all tracked soles."""
         if self.info.floor:
             return FloorHeight(-self.info.floor[0], "run")
         try:
@@ -74,7 +74,7 @@ class SourceRun:
 def open_source(
     run: str | Path, *, recording: str | Path | None = None, database: str | Path | None = None
 ) -> SourceRun:
-    """A run folder with everything that tracking again needs.
+    """Open a run folder with all inputs of a second tracking.
 
     Parameters
     ----------
@@ -84,16 +84,16 @@ def open_source(
     Raises
     ------
     TrackError
-        There is no finished run, or it has no settings.
+        The folder holds no finished run, or no settings.
     RecordingError, DatabaseError
-        What it was made from is gone or has changed.
+        An input of the run is missing or has changed.
     UsageError
-        It is one of several people's, or of a tracker that takes no guide.
+        The run is one of several people, or of a tracker without a guide.
     """
     folder = Path(run)
     track, info = Track.load(folder), RunInfo.load(folder)
     if (folder.resolve().parent / PEOPLE_FILE).exists():
-        raise UsageError(f"{folder} is one of several people's runs; stabilise follows one person alone")
+        raise UsageError(f"{folder} is one of several people's runs; stabilise needs the run of a single person")
     if info.tracker not in ("hybrid", "baak2013"):
         raise UsageError(f"{folder} was made by the tracker {info.tracker!r}; stabilise needs the hybrid one")
     config = folder / CONFIG_FILE
@@ -101,5 +101,5 @@ def open_source(
         raise TrackError(f"{folder} holds no {CONFIG_FILE}; track the recording again")
     opened = info.open_recording(recording)
     tracker = TrackerRecipe(config, database=database or info.database).build()
-    assert isinstance(tracker, HybridTracker)  # what the name stands for
+    assert isinstance(tracker, HybridTracker)  # resolve a shipped name
     return SourceRun(folder, track, info, info.body(), opened, tracker)

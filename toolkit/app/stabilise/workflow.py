@@ -1,4 +1,4 @@
-"""Stabilising from files to files: run folders and a class file in, run folders and reports out."""
+"""Stabilisation of run folders with a class file: new run folders and reports."""
 
 from __future__ import annotations
 
@@ -43,28 +43,28 @@ def stabilise_run(
     Parameters
     ----------
     run : a finished run of one person, by the hybrid tracker
-    classes : class file that `depthmocap learn --templates` wrote
+    classes : class file written by `depthmocap learn --templates`
     output : a run folder, with segments.csv and .json, annotation.png, stabilise.json and report.html
     settings : see `StabiliseSettings`
     segments : CSV of labelled stretches (start, end, label), in place of those that annotation finds
-    marks : YAML of MT priors, see `load_marks`, in place of those that the classes have by themselves
+    marks : YAML of template entries, see `load_marks`; replaces those of the classes
     recording, database : where they have been moved to
     progress : told what is going on
 
     Returns
     -------
-    The rounds; the track of the best one is what was written.
+    The rounds; the written track is that of the best one.
 
     Raises
     ------
     TrackError
-        There is no finished run.
+        The folder holds no finished run.
     RecordingError, DatabaseError
-        The recording or the database is gone or has changed.
+        The recording or the database is missing or has changed.
     RetrievalError
-        The class file, the segments or the marks cannot be.
+        The class file, the segments or the marks are invalid.
     UsageError
-        The output is the run itself, or the run is of several people or of another tracker.
+        The output is the run itself, or the run is one of several people or of another tracker.
     """
     settings, folder = settings or StabiliseSettings(), Path(output)
     for name in (TRACK_FILE, RUN_FILE, CONFIG_FILE, RESULT_FILE, *REPORT_FILES):
@@ -80,12 +80,12 @@ def stabilise_run(
 
 
 def _segments(path: str | Path, source: SourceRun, classes: Sequence[MotionClass]) -> list[Segment]:
-    """Labelled stretches that lie in the track, one after the other.
+    """Return the labelled segments, which lie in the track without overlap.
 
     Raises
     ------
     RetrievalError
-        One ends before it begins, after the track, or overlaps another; or its label is of no class.
+        A segment ends before it begins, ends after the track, overlaps another one or has an unknown label.
     """
     found = sorted(read_segments(path), key=lambda s: s.start)
     last = float(source.track.timestamps[-1] - source.track.timestamps[0]) if len(source.track) else 0.0
@@ -97,14 +97,14 @@ def _segments(path: str | Path, source: SourceRun, classes: Sequence[MotionClass
         if segment.end > last + 0.5:
             raise RetrievalError(f"{what} ends after the track, which has {last:.2f} s; correct it")
         if before is not None and segment.start < before.end - 1e-6:
-            raise RetrievalError(f"{what} overlaps the one that ends at {before.end:g} s; a frame bears one label")
+            raise RetrievalError(f"{what} overlaps the one that ends at {before.end:g} s; a frame has one label")
         if segment.label not in labels:
-            raise RetrievalError(f"{what} bears no known label; the classes are {', '.join(labels)}")
+            raise RetrievalError(f"{what} has no known label; the classes are {', '.join(labels)}")
     return found
 
 
 def _write(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
-    """The run folder and what belongs to it; the track comes last, so that a folder with one is whole."""
+    """Write the run folder; the track comes last, so that a folder with a track is complete."""
     folder.mkdir(parents=True, exist_ok=True)
     best = best_round(rounds)
     if best.annotation is not None:
@@ -117,7 +117,7 @@ def _write(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettin
 
 
 def result_of(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettings) -> dict[str, object]:
-    """What `stabilise.json` says: rounds, labels, gaps and what they were filled from."""
+    """Return the content of `stabilise.json`: rounds, labels, gaps and the sources that filled them."""
     times = source.track.timestamps
 
     def gaps(found: Round) -> list[dict[str, object]]:
@@ -150,22 +150,22 @@ def result_of(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSet
 
 
 def _marked(found: Round) -> dict[str, int]:
-    """Feature -> number of frames in which MT priors demand something of it."""
+    """Return feature -> number of frames in which a template entry requires a value."""
     counts = (found.priors != WILDCARD).sum(axis=1)
     return {f"F{row + 1}": int(count) for row, count in enumerate(counts) if count}
 
 
 def output_folders(runs: Sequence[Path], output: Path) -> dict[Path, Path]:
-    """Where each run goes: one into `output` itself, several into `output`/<name>.
+    """Return the folder of each run: `output` for one run, `output`/<name> for several.
 
     Raises
     ------
     UsageError
-        Two runs have one name.
+        Two runs have the same name.
     """
     if len(runs) == 1:
         return {runs[0]: output}
     names = [run.resolve().name for run in runs]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise UsageError(f"two runs are called {twice[0]!r}, and so would be their results; rename one")
+        raise UsageError(f"two runs are called {twice[0]!r}, so their results would collide; rename one")
     return {run: output / name for run, name in zip(runs, names, strict=True)}

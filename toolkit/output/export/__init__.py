@@ -1,1 +1,1 @@
-"""Tracks as files for other programs: one format, one module; `run.py` knows them all by their suffix."""
+"""Export of tracks: one module per format; `run.py` selects it by suffix."""

@@ -1,4 +1,4 @@
-"""Motions as AMASS stores them: rotation vectors of the joints of SMPL-H, without the licensed body."""
+"""Export as AMASS motion: joint rotations of SMPL-H, without the licensed body model."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from toolkit.mocap.amass import JOINTS, PELVIS_HEIGHT, Y_UP
 from toolkit.tracks.runs import Person
 
 OURS = {"pelvis": "root", "spine2": "lumbar", "spine3": "thorax", "neck": "cervical"}
-"""SMPL joints whose rotation is one of ours under another name."""
+"""SMPL joint -> our joint with the same rotation."""
 SMPL_H = 52
-"""Joints of a body with hands, 156 numbers a frame."""
+"""Number of joints of a body with hands (156 values per frame)."""
 BETAS, DMPLS = 16, 8
 
 
 def export_amass(path: str | Path, person: Person) -> None:
     """Write a track as an AMASS motion (`.npz`): `poses`, `trans`, `betas` 0, `gender` neutral, `mocap_framerate`.
 
-    z up, metres, ground at z = 0. The joint rotations are those of the track; hands, feet's toes and soft tissue are 0,
-    and so is the shape, for the licensed body is not ours to fit. `state` and `timestamps`, which AMASS does not know,
-    say in which frames no person is there; the nearest pose is held in them.
+    z up, metres, ground at z = 0. The joint rotations are those of the track; hands, toes and soft tissue are 0, and so
+    is the shape, because the licensed body model cannot be shipped. The extra arrays `state` and `timestamps` mark
+    frames without the person, in which the nearest pose is held.
 
     Raises
     ------
     UsageError
-        There are too few frames for a frame rate.
+        The track has too few frames for a frame rate.
     OutputError
         The file cannot be written.
     """
@@ -38,7 +38,7 @@ def export_amass(path: str | Path, person: Person) -> None:
 
 
 def amass_arrays(poses: np.ndarray, frame_rate: float) -> dict[str, np.ndarray]:
-    """The arrays of an AMASS file with hands, of poses (T, P) in a y-up frame."""
+    """Return the arrays of an AMASS file with hands for poses (T, P) in a y-up frame."""
     from scipy.spatial.transform import Rotation
 
     vectors = np.zeros((len(poses), len(skeleton.JOINT_NAMES), 3))

@@ -1,4 +1,4 @@
-"""Joint angles as a table, and as motion and markers for OpenSim."""
+"""Export of joint angles as a table, and of motion and markers for OpenSim."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ MARKERS: dict[str, tuple[str, tuple[float, float, float]]] = {
     "wrist": ("hand", (0.0, 0.0, 0.0)),
     "hand": ("hand", (0.0, -0.085, 0.0)),
 }
-"""Our joints, those of the right side, as markers: body of OpenSim's generic model (Rajagopal 2016) and place in it."""
+"""Our joints of the right side as markers: body of OpenSim's generic model (Rajagopal 2016) and position in it."""
 
 
 def export_angles(path: str | Path, person: Person) -> None:
     """Write the ISB angles as CSV: `time_s`, `state`, a column `<joint>_<motion>_<sequence>_deg` for each angle, then
-    `<joint>_locked`, 1 where a sequence is at its singular pose and only the sum of first and third angle is known.
+    `<joint>_locked`, 1 in gimbal lock, where only the sum of the first and the third angle is known.
 
-    Where no person is there the angles are blank.
+    Angles are blank in frames without the person.
 
     Raises
     ------
@@ -52,10 +52,11 @@ def export_angles(path: str | Path, person: Person) -> None:
 
 
 def export_mot(path: str | Path, person: Person) -> None:
-    """Write the motion as OpenSim coordinates (`.mot`), and `<stem>_markers.xml`, the markers of an exported `.trc`.
+    """Write the motion as OpenSim coordinates (`.mot`), and `<stem>_markers.xml` with the markers of an exported
+    `.trc`.
 
-    Names and signs are those of the generic full-body model (Rajagopal 2016): ground X forwards of a person who faces
-    the camera, Y up, Z to their right; degrees and metres. Frames in which no person is there are left out.
+    Names and signs are those of the generic full-body model (Rajagopal 2016): ground X forwards for a person who faces
+    the camera, Y up, Z to their right; degrees and metres. Frames without the person are left out.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def export_mot(path: str | Path, person: Person) -> None:
 
 
 def marker_set() -> str:
-    """An OpenSim marker set with the names of our joints, as an exported `.trc` has them."""
+    """Return an OpenSim marker set with the names of our joints, as in an exported `.trc`."""
     lines = ['<?xml version="1.0" encoding="UTF-8" ?>', '<OpenSimDocument Version="40000">']
     lines += ['\t<MarkerSet name="depthmocap">', "\t\t<objects>"]
     for name in skeleton.REPORTED:

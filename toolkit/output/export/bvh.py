@@ -1,4 +1,4 @@
-"""Poses of our body as BVH, for animation tools, under the joint names that these tools know."""
+"""Export of poses as BVH, with the joint names of common animation tools."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from toolkit.io.files import save_text
 from toolkit.output.export.tree import OWN, JointTree, tree_of
 
 UNITS_PER_METRE = 100.0
-"""Centimetres, as animation tools expect."""
+"""Centimetres per metre, the unit of animation tools."""
 EULER_ORDER = "ZXY"
-"""Order in which a joint's channels turn it: Z, then X, then Y about the turned axes."""
+"""Order of a joint's rotation channels: Z, then X, then Y about the rotated axes."""
 
 
 def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: float, *, rig: str = OWN) -> None:
     """Write poses as BVH: the body's T-pose as rest pose, constant bone lengths, three Euler channels per joint.
 
-    World y up, centimetres, degrees. Ends of limbs are end sites. The file is written whole or not at all.
+    World y up, centimetres, degrees. The ends of limbs are end sites. The file is written atomically.
 
     Parameters
     ----------
@@ -30,14 +30,14 @@ def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: floa
     body : the body whose bones are written
     poses : float64 (T, P), in a y-up frame (`track.pose` or `PoseClip.poses`), T at least 1
     frame_rate : frames a second
-    rig : whose joint names and hierarchy are written, see `tree.tree_of`
+    rig : joint names and hierarchy, see `tree.tree_of`
 
     Raises
     ------
     BodyError
-        The poses have another length than the body's or a value is not finite.
+        The poses have another length than those of the body, or a value is not finite.
     UsageError
-        There are no poses or the frame rate is not positive.
+        There is no pose, or the frame rate is not positive.
     RigError
         The rig is unknown.
     OutputError
@@ -83,7 +83,7 @@ def _centimetres(vector: np.ndarray) -> str:
 
 
 def _euler_degrees(vectors: np.ndarray) -> np.ndarray:
-    """Euler angles (T, 3 N), degrees, of rotation vectors (T, N, 3)."""
+    """Return Euler angles (T, 3 N), degrees, of rotation vectors (T, N, 3)."""
     from scipy.spatial.transform import Rotation
 
     angles = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_euler(EULER_ORDER, degrees=True)

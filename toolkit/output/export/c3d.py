@@ -1,4 +1,4 @@
-"""C3D, the file of motion laboratories, through the optional package ezc3d."""
+"""Export as C3D for motion laboratories, through the optional package ezc3d."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from toolkit.io.files import atomic_path
 from toolkit.tracks.runs import Person
 
 MILLIMETRES = 1000.0
-"""Units per metre: laboratories' programs expect millimetres."""
+"""Units per metre (millimetres)."""
 
 
 def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     """Write the reported joints as points of a C3D file: y up (level frame), millimetres.
 
-    Several people stand in one file, each point named `<person>:<joint>` as Vicon does. Where no person is there a
-    point is marked as missing. Confidences are left out: the format's residuals hold 256 steps of one scale.
+    Several people are in one file; their points are named `<person>:<joint>` as in Vicon files. Points are marked as
+    missing in frames without the person. The format has no field for confidences.
 
     Raises
     ------
     UsageError
-        The package is not installed, the tracks have different lengths, or they are too short for a frame rate.
+        The package is not installed, the tracks have different lengths, or are too short for a frame rate.
     OutputError
         The file cannot be written.
     """
@@ -49,5 +49,5 @@ def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     with atomic_path(path) as temporary:
         try:
             file.write(str(temporary))
-        except RuntimeError as error:  # the package's own word for a disk that is full
+        except RuntimeError as error:  # the package's message for a full disk
             raise OSError(str(error)) from error

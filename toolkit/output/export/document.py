@@ -1,4 +1,4 @@
-"""JSON: everything that a track says, for programs that bring their own skeleton."""
+"""Export of all content of a track as JSON, for programs with their own skeleton."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from toolkit.tracks import STATE_NAMES
 from toolkit.tracks.runs import Person
 
 DECIMALS = 5
-"""Of metres and radians: a hundredth of a millimetre."""
+"""Decimal places of metres and radians (a hundredth of a millimetre)."""
 
 
 def export_json(path: str | Path, people: Sequence[Person], origin: Origin) -> None:
     """Write tracks as JSON: joints of the camera frame in metres, poses in the level frame, confidences, states.
 
-    With the floor as origin joints and poses are both in the level frame, moved there. Where no person is there
-    (`"empty"`) joints, pose, confidence, observed and contact are null.
+    With the floor as origin, joints and poses are both in the level frame, moved to it. Joints, pose, confidence,
+    observed and contact are null in frames without the person (`"empty"`).
 
     Raises
     ------

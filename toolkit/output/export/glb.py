@@ -1,4 +1,4 @@
-"""GLB (binary glTF 2.0): every person as a skinned, animated mesh of their own shape, for Blender, Unity, browsers."""
+"""Export as GLB (binary glTF 2.0): a skinned, animated mesh per person, for Blender, Unity and browsers."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ VERTEX_DATA, INDEX_DATA = 34962, 34963
 COMPONENTS = {"<f4": 5126, "<u2": 5123, "<u4": 5125, "|u1": 5121}
 SHAPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (16,): "MAT4"}
 SKIN = (0.80, 0.66, 0.56, 1.0)
-"""Base colour, linear RGBA, where no colours are given."""
+"""Default base colour, linear RGBA."""
 ROUGHNESS = 0.8
 INFLUENCES = 4
-"""Joints per vertex that every reader of the format supports."""
+"""Number of joints per vertex that each reader of the format supports."""
 
 
 class _Nodes(NamedTuple):
-    """Numbers of one person's nodes: the one that everything hangs from, and the joints in the tree's order."""
+    """Node indices of one person: the parent of all, and the joints in tree order."""
 
     top: int
     joints: list[int]
@@ -43,18 +43,17 @@ def export_glb(
 ) -> None:
     """Write tracks as one binary glTF 2.0 scene: y up, metres (the people's frame), one animation named `motion`.
 
-    Every person is a mesh of their own shape, skinned to joints named by `rig`, with one key per frame at the frame's
-    own time. Linear blend skinning of glTF is the body's own, so vertices agree with `Body.vertex_positions` within
-    single precision. In frames where no person is there the person is scaled to nothing,
-    and the nearest pose is held.
+    Each person is a mesh of their own shape, skinned to joints named by `rig`, with one key per frame at the frame's
+    time. glTF's linear blend skinning is that of the body, so vertices agree with `Body.vertex_positions` within single
+    precision. In frames without the person the scale is 0 and the nearest pose is held.
 
     Parameters
     ----------
     path : the file, written whole or not at all
     people : at least one
-    rig : whose joint names are written, see `tree.tree_of`
-    colors : for each person RGB of every vertex, (V, 3) in [0, 255]; None for a skin of one colour
-    notes : stand in the `extras` of the file's `asset`, see `notes.notes_of`
+    rig : joint names, see `tree.tree_of`
+    colors : for each person RGB of each vertex, (V, 3) in [0, 255]; None for one skin colour
+    notes : stored in the `extras` of the file's `asset`, see `notes.notes_of`
 
     Raises
     ------
@@ -78,7 +77,7 @@ def export_glb(
 
 
 class GlbDocument:
-    """A glTF document and its one buffer, while they grow."""
+    """A glTF document and its buffer under construction."""
 
     def __init__(self, color: Sequence[float]) -> None:
         surface = {"baseColorFactor": color, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
@@ -97,7 +96,7 @@ class GlbDocument:
         }
 
     def accessor(self, values: np.ndarray, dtype: str, *, target: int | None = None, bounds: bool = False) -> int:
-        """Append an array to the buffer; the number of its accessor."""
+        """Append an array to the buffer and return its accessor index."""
         array = np.ascontiguousarray(values, dtype=dtype)
         data = array.tobytes()
         view: dict[str, Any] = {"buffer": 0, "byteOffset": self._length, "byteLength": len(data)}
@@ -118,7 +117,7 @@ class GlbDocument:
         return self.add("accessors", accessor)
 
     def add(self, kind: str, value: dict[str, Any]) -> int:
-        """Append to one of the document's lists; the number of what was added."""
+        """Append to a list of the document and return the index."""
         self.document[kind].append(value)
         return len(self.document[kind]) - 1
 
@@ -150,7 +149,7 @@ def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes
     body = person.body
     joints, weights = skinning(body, tree)
     inverse = np.tile(np.eye(4), (len(tree.names), 1, 1))
-    inverse[:, 3, :3] = -tree.rest  # matrices are stored column by column
+    inverse[:, 3, :3] = -tree.rest  # matrices are stored in column-major order
     attributes = {
         "POSITION": scene.accessor(body.vertices, "<f4", target=VERTEX_DATA, bounds=True),
         "NORMAL": scene.accessor(body.normals, "<f4", target=VERTEX_DATA),
@@ -171,7 +170,7 @@ def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes
 
 
 def skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
-    """Joint numbers within the tree and weights, (V, 4): each joint once per vertex, the largest weights."""
+    """Return joint indices within the tree and weights, (V, 4): the largest weights, each joint once per vertex."""
     place = np.zeros(len(skeleton.JOINTS), dtype=np.int64)
     place[tree.turns[tree.turns >= 0]] = np.flatnonzero(tree.turns >= 0)
     dense = np.zeros((len(body.vertices), len(tree.names)))
@@ -188,7 +187,7 @@ def _add_motion(
     scene: GlbDocument, animation: dict[str, Any], person: Person, tree: JointTree, nodes: _Nodes, start: float
 ) -> None:
     times = (person.track.timestamps - start).astype(np.float32)
-    keys = np.flatnonzero(np.diff(times, prepend=np.float32(-1.0)) > 0)  # the format wants times that grow
+    keys = np.flatnonzero(np.diff(times, prepend=np.float32(-1.0)) > 0)  # the format requires increasing times
     clock = scene.accessor(times[keys], "<f4", bounds=True)
     poses = skeleton.check_pose(person.held_poses)[keys]
 
@@ -209,7 +208,7 @@ def _add_motion(
 
 
 def quaternions(vectors: np.ndarray) -> np.ndarray:
-    """Unit quaternions (T, N, 4), x y z w, of rotation vectors (T, N, 3); neighbours in time have the same sign."""
+    """Return unit quaternions (T, N, 4), x y z w, of rotation vectors (T, N, 3), without sign flips over time."""
     from scipy.spatial.transform import Rotation
 
     out = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_quat().reshape(*vectors.shape[:2], 4)

@@ -1,4 +1,4 @@
-"""JSON as the offline processor of the Azure Kinect body tracking SDK writes it, for analysis scripts made for that."""
+"""Export as JSON in the format of the Azure Kinect body tracking SDK's offline processor."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from toolkit.tracks.runs import Person
 
 MILLIMETRES, MICROSECONDS = 1000.0, 1e6
 DECIMALS, QUATERNION_DECIMALS = 4, 8
-"""Of millimetres, and of the numbers of a unit quaternion."""
+"""Decimal places of millimetres and of quaternions."""
 NONE, LOW, MEDIUM = 0, 1, 2
-"""The SDK's confidence levels; it never gives its fourth, high."""
+"""Confidence levels of the SDK, which never uses its fourth (high)."""
 SURE, GUESSED = 0.5, 0.1
-"""Calibrated probabilities from which on a joint that was observed is MEDIUM, and below which one is NONE."""
+"""Minimum probability of an observed joint for level MEDIUM, and maximum one for level NONE."""
 
 
 def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
-    """Write all people as the SDK's offline processor does: depth camera frame, millimetres, quaternions w, x, y, z.
+    """Write all people in the format of the SDK's offline processor: depth camera frame, millimetres, quaternions w, x,
+    y, z.
 
-    `frames` holds every frame of the recording; `bodies` those who are there in it, `body_id` their number in
-    `people.json`. `confidence_level` (none 0, low 1, medium 2), which the SDK knows and its processor leaves out, is
-    added to each body. A person who is lost is written with confidences of at most low. Where the images were turned
-    upright (`--rotate`) the frame is still that of the camera as it stood, as the SDK's is.
+    `frames` holds all frames of the recording, `bodies` the people in each, `body_id` their id in `people.json`. Each
+    body has the additional key `confidence_level` (none 0, low 1, medium 2), which the offline processor omits. A lost
+    person has at most level low. If the images were turned upright (`--rotate`), the coordinates are still those of the
+    camera as mounted, as in the SDK.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
     if len(lengths) > 1:
         raise UsageError(f"the tracks have {sorted(lengths)} frames; a k4abt file holds people of one recording")
     times = np.rint(people[0].track.timestamps * MICROSECONDS).astype(np.int64)
-    times -= min(0, int(times[0]))  # the SDK's are unsigned
+    times -= min(0, int(times[0]))  # the ids of the SDK are unsigned
     bodies = [_bodies(person) for person in people]
     frames = []
     for i, time in enumerate(times.tolist()):
@@ -61,12 +62,12 @@ def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
 
 
 def _bodies(person: Person) -> list[dict[str, Any] | None]:
-    """The person in every frame, None where no person is there."""
+    """Return the body of the person in each frame, None in frames without the person."""
     from scipy.spatial.transform import Rotation
 
     track, there = person.track, np.flatnonzero(person.track.state != EMPTY)
     placed = k4abt.place(person.body, track.pose[there])
-    upright = rotated_points(np.eye(3), person.turns)  # rows are the images of the axes of the camera as it stood
+    upright = rotated_points(np.eye(3), person.turns)  # the rows are the axes of the camera as mounted
     R_camera_level = upright @ person.R_level_camera.T
     positions = np.round(placed.positions @ R_camera_level.T * MILLIMETRES, DECIMALS)
     turns = R_camera_level @ placed.frames
@@ -85,7 +86,7 @@ def _bodies(person: Person) -> list[dict[str, Any] | None]:
 
 
 def confidence_levels(person: Person) -> np.ndarray:
-    """int64 (T, 32): the SDK's levels of the 32 joints, by probability and visibility of the nearest of ours."""
+    """Return the SDK levels of the 32 joints, int64 (T, 32), from probability and visibility of our nearest joint."""
     track = person.track
     likely, seen = track.confidence[:, k4abt.WITNESS], track.observed[:, k4abt.WITNESS]
     levels = np.where(likely < GUESSED, NONE, LOW)

@@ -1,4 +1,4 @@
-"""What a format cannot say about its frames stands in notes: in the file where it has room, else beside it."""
+"""Notes on frames without a person, inside a file or, if its format has no field for them, beside it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from toolkit.tracks.runs import Person
 
 
 def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
-    """Axes, and for each person the frames (first and last, from 0) in which no person is there or they are lost."""
+    """Return the axes, and for each person the intervals (first and last frame, from 0) without the person or with a
+    lost one."""
     return {
         "axes": origin.note(),
         "people": [
@@ -27,7 +28,7 @@ def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
             }
             for person in people
         ],
-        "meaning": "Where no person is there the nearest pose is held and is no measurement; where the person is lost "
+        "meaning": "The nearest pose is held in frames without the person and is no measurement; in lost frames "
         "the pose is predicted.",
     }
 

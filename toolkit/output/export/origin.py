@@ -1,4 +1,4 @@
-"""Where the origin of an exported file lies: on the floor, or in the camera."""
+"""Origin of an exported file: on the floor, or at the camera."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ FLOOR, CAMERA = "floor", "camera"
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """What (0, 0, 0) of a file is.
+    """Position of (0, 0, 0) in a file.
 
     Attributes
     ----------
     name : "floor" or "camera"
     offset : float64 (3,), its place in the level frame, metres
-    ground : how the floor is known, see `biomechanics.ground`; "" for a file whose origin is the camera
+    ground : source of the floor height, see `biomechanics.ground`; "" for the camera
     """
 
     name: str
@@ -31,21 +31,19 @@ class Origin:
     ground: str
 
     def note(self) -> str:
-        """One sentence about the axes."""
+        """Return one sentence about the axes."""
         if self.name == CAMERA:
             return "Origin at the camera."
-        return (
-            f"y up, ground at y = 0 ({self.ground}), z towards the camera; origin below the first place of the person."
-        )
+        return f"y up, ground at y = 0 ({self.ground}), z towards the camera; origin below the first position of the person."
 
 
 def origin_of(people: Sequence[Person], name: str) -> Origin:
-    """The origin of a file about these people: `floor` (below the first one's first place) or `camera`.
+    """Return the origin of a file of these people: `floor` (below the first position of the first one) or `camera`.
 
     Raises
     ------
     UsageError
-        The name is another.
+        The name is neither.
     """
     if name == CAMERA:
         return Origin(CAMERA, np.zeros(3), "")

@@ -1,4 +1,4 @@
-"""Which pixel of a recording is whose: the body index map, and the clouds of people that are cut out by it."""
+"""Person index of each pixel: body index maps, and segmented point clouds."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks.runs import Person
 
 BACKGROUND = 255
-"""Value of background pixels, that of the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
+"""Value of background pixels (K4ABT_BODY_INDEX_MAP_BACKGROUND of the Azure Kinect SDK)."""
 MILLIMETRES = 1000.0
 REACH = 0.35
-"""Metres, median, within which the points of a sighting are from the joints of its person."""
+"""Maximum median distance from the points of a sighting to the joints of its person, metres."""
 CONTOUR, ROUNDS = 60, 2
-"""Millimetres of depth between neighbouring pixels of one person, at most, and pixels that a contour is wide."""
+"""Maximum depth step between neighbouring pixels of one person, millimetres, and width of a contour, pixels."""
 SAMPLES = 300
-"""Points of a sighting that decide whose it is."""
+"""Number of points of a sighting that are compared with the joints."""
 HEAD = skeleton.REPORTED.index("head")
 
 
 class LabelledFrame(NamedTuple):
-    """One frame: number, depth uint16 (H, W) in millimetres, and labels uint8 (H, W), ids of people or `BACKGROUND`."""
+    """One frame: index, depth uint16 (H, W) in millimetres, and labels uint8 (H, W), ids of people or `BACKGROUND`."""
 
     number: int
     depth: np.ndarray
@@ -42,16 +42,16 @@ class LabelledFrame(NamedTuple):
 def labelled_frames(
     people: Sequence[Person], recording: Recording, sensing: SensingSettings, *, several: bool
 ) -> Iterator[LabelledFrame]:
-    """The frames of a recording with whose each measured pixel is, by the ids of `people.json`.
+    """Yield the frames of a recording with the person id (`people.json`) of each measured pixel.
 
-    The people are cut out as they were for the tracker, but at full resolution and with the contour that its cleaning
-    takes away; those who touch share their pixels by the tracked bodies of the frame before. No person has pixels in
-    frames in which they are not there.
+    The segmentation is that of the tracker, but at full resolution and with the contour that cleaning removes; the
+    pixels of people who touch are divided by the tracked bodies of the previous frame. A person has no pixels in frames
+    without the person.
 
     Raises
     ------
     UsageError
-        An id does not fit into 8 bits.
+        An id exceeds 8 bits.
     """
     if max(person.id for person in people) >= BACKGROUND:
         raise UsageError(f"a body index map has room for {BACKGROUND - 1} people; this run has more")
@@ -74,7 +74,7 @@ def labelled_frames(
 
 
 def regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
-    """Give pixels of no person beside a person, at the same depth, to that person: `labels` (H, W) is changed."""
+    """Assign unlabelled pixels beside a person, at the same depth, to that person; changes `labels` (H, W)."""
     before = labels.copy()
     height, width = labels.shape
     for down in (-1, 0, 1):
@@ -93,7 +93,7 @@ def _predicted(person: Person, frame: int) -> PredictedBody:
 
 
 def _pixels_of(camera: Camera, flat: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """For every pixel of the images row and column, int64 (H, W), in the images without lens distortion."""
+    """Return the row and column of each pixel, int64 (H, W), in the images without lens distortion."""
     rays = camera.rays()
     columns = np.rint(rays[..., 0] * flat.fx + flat.cx).astype(np.int64)
     rows = np.rint(rays[..., 1] * flat.fy + flat.cy).astype(np.int64)
@@ -101,7 +101,7 @@ def _pixels_of(camera: Camera, flat: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _matched(sightings: Sequence[Sighting], people: Sequence[Person], frame: int) -> list[tuple[Person, Sighting]]:
-    """Whose the sightings of a frame are: by number where the person's joints lie there, else by who is near."""
+    """Return the person of each sighting in a frame: the same id if the joints are near, else the nearest person."""
     from scipy.optimize import linear_sum_assignment
 
     here = [person for person in people if person.there[frame]]
@@ -115,7 +115,7 @@ def _matched(sightings: Sequence[Sighting], people: Sequence[Person], frame: int
 
 
 def _distance(sighting: Sighting, person: Person, frame: int) -> float:
-    """Median distance of a sighting's points to the nearest joint of a person, metres."""
+    """Return the median distance of a sighting's points to the nearest joint of a person, metres."""
     points = camera_points(sighting.depth, sighting.camera)
     points = points[:: max(1, len(points) // SAMPLES)]
     joints = person.track.joints[frame].astype(np.float64)
@@ -123,7 +123,7 @@ def _distance(sighting: Sighting, person: Person, frame: int) -> float:
 
 
 def camera_points(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """Points (N, 3) of the measured pixels of a depth image (H, W) in metres, row by row, camera frame."""
+    """Return the points (N, 3) of the measured pixels of a depth image (H, W) in metres, row by row, camera frame."""
     v, u = np.nonzero(depth)
     z = depth[v, u].astype(np.float64)
     return np.column_stack([camera.rays()[v, u] * z[:, None], z])
@@ -151,7 +151,7 @@ def write_clouds(
 
     Parameters
     ----------
-    R_file_camera, offset : float64 (3, 3) and (3,), what turns camera points into the file's frame: R p - offset
+    R_file_camera, offset : float64 (3, 3) and (3,), transform from camera to file: R p - offset
 
     Raises
     ------

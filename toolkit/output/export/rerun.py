@@ -1,4 +1,4 @@
-"""A recording of the rerun viewer (`.rrd`): clouds, bodies, joints and plots on one time line."""
+"""Export for the rerun viewer (`.rrd`): clouds, bodies, joints and plots on one time line."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from toolkit.tracks import STATE_NAMES
 from toolkit.tracks.runs import Person
 
 POINTS = 6000
-"""Points of a frame's cloud at most: a minute of recording is then some hundred megabytes."""
+"""Maximum number of cloud points per frame, for some hundred megabytes per minute."""
 MILLIMETRES = 1000.0
 COLORS = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
 GREY = (150, 156, 166)
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
-    """Write all people, and the measured points if the recording is there, for `rerun FILE`.
+    """Write all people, and the measured points if the recording is available, for `rerun FILE`.
 
-    Entities: `world/points`, `world/<person>/body` (mesh), `world/<person>/joints` (those that were guessed are grey)
-    and `world/<person>/bones`; `plots/<person>/...` confidence, state and foot contacts. The time line is `time`, the
-    recording's own seconds from its first frame. Where no person is there the entities are cleared.
+    Entities: `world/points`, `world/<person>/body` (mesh), `world/<person>/joints` (unobserved ones are grey) and
+    `world/<person>/bones`; `plots/<person>/...` confidence, state and foot contacts. The time line `time` is in seconds
+    from the first frame. Entities are cleared in frames without the person.
 
     Parameters
     ----------
     path : the file, `.rrd`
     people : in the frame of the origin
-    origin : where (0, 0, 0) lies; y is up
+    origin : position of (0, 0, 0); y is up
     recording : gives the points
 
     Raises
@@ -67,7 +67,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
 def log_points(
     rr: Any, stream: Any, depth_mm: np.ndarray, recording: Recording, R_level_camera: np.ndarray, offset: np.ndarray
 ) -> None:
-    """The measured points of a frame, level frame, metres: about `POINTS` of them."""
+    """Return about `POINTS` measured points of a frame, level frame, metres."""
     points = camera_points(depth_mm / MILLIMETRES, recording.camera)
     points = points[:: max(1, -(-len(points) // POINTS))] @ R_level_camera.T - offset
     stream.log("world/points", rr.Points3D(points, colors=GREY, radii=0.006))

@@ -1,4 +1,4 @@
-"""A run folder as a file of another program: the format follows from the file's suffix, or is named."""
+"""Export of a run folder; the format follows from the suffix or is named."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class ExportJob:
-    """What is exported.
+    """Content of an export.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class ExportJob:
     model: str | Path | None = None
 
     def open_recording(self) -> tuple[Recording, RunInfo]:
-        """The recording that was tracked, and what the run says about itself; raises UsageError without a run."""
+        """Return the recording of the run and its `run.json`; raises UsageError without a run."""
         info = RunInfo.load(person_runs(self._folder)[0])
         return info.open_recording(self.recording), info
 
     def frames(self) -> tuple[Recording, Iterator[LabelledFrame]]:
-        """The recording, and its frames with whose each pixel is; the people are in the camera's frame for that."""
+        """Return the recording and its frames with pixel labels; requires people in the camera frame."""
         recording, info = self.open_recording()
         several, sensing = (self._folder / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
         people = [person.moved(-self.origin.offset) for person in self.people]
@@ -72,12 +72,12 @@ class ExportJob:
     @property
     def _folder(self) -> Path:
         if self.run is None:
-            raise UsageError("this format holds what was measured; track into a run folder and export that")
+            raise UsageError("this format holds measured depth; track into a run folder and export that")
         return self.run
 
     @property
     def person(self) -> Person:
-        """The only one."""
+        """Return the only person."""
         (person,) = self.people
         return person
 
@@ -94,7 +94,7 @@ class Format(NamedTuple):
     write : called with the file and what is exported
     together : whether a file holds several people
     rigged : whether a rig names its joints
-    origin : where its origin lies by default; a format that has only one refuses another
+    origin : default origin; a format with a single origin refuses the other
     origins : which ones it can have
     blank : whether it can say that no person is there, so that a track without any is a file
     """
@@ -164,7 +164,7 @@ FORMATS: dict[str, Format] = {
     "opensim": Format("", lambda path, job: export_opensim(path, job.person, job.model), blank=False),
     "amass": Format(".npz", lambda path, job: export_amass(path, job.person), blank=False),
 }
-"""What can be exported, by name; of formats with one suffix the first is the suffix's own."""
+"""Formats by name; of several with one suffix the first is the default."""
 
 
 def export_run(
@@ -178,33 +178,34 @@ def export_run(
     as_tracked: bool = False,
     model: str | Path | None = None,
 ) -> tuple[Path, ...]:
-    """Write all people of a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
+    """Write all people of a run folder to `path` in the format of its suffix, or in `format` (one of `FORMATS`).
 
-    GLB, C3D and the JSON formats hold several people. The other formats hold one: of several people each has a file of
-    their own, `<stem>_<person><suffix>`.
+    GLB, C3D and the JSON formats hold several people. Each other format gets one file per person,
+    `<stem>_<person><suffix>`.
 
     Parameters
     ----------
     run : run folder, of one person or of several
     path : the file to write
-    rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; the body's own by default
+    rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; default: those of the body
     format : a key of `FORMATS`
-    origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
+    origin : "floor" (y up, ground at 0, below the first position of the person) or "camera"; default: that of the
+        format
     recording : where the recording has been moved to, for formats that hold what was measured
     as_tracked : do not hold what rests where it is, as a file on the floor does otherwise, see `motion.resting`
     model : `.osim` file that the format opensim scales to the person
 
     Returns
     -------
-    The files that were written, or the folder of body-index and ply.
+    The written files, or the folder of body-index and ply.
 
     Raises
     ------
     TrackError
-        The folder holds no finished track.
+        The folder contains no finished track.
     UsageError
-        Suffix, format or origin are unknown or do not fit, `path` is a file of the run, a rig is named for a format
-        without joints of a skeleton, an optional package is missing, or there are too few frames for a frame rate.
+        Suffix, format or origin are unknown or contradict each other, `path` is a file of the run, a rig is named for a
+        format without skeleton, an optional package is missing, or there are too few frames for a frame rate.
     RigError
         The rig is unknown.
     OutputError
@@ -236,12 +237,12 @@ def export_people(
     as_tracked: bool = False,
     model: str | Path | None = None,
 ) -> tuple[Path, ...]:
-    """The same of people whose tracks are in memory, or of those of the run folder `run`; raises as `export_run`."""
+    """Export people whose tracks are in memory, or those of the run folder `run`; raises as `export_run`."""
     target = Path(path)
     name, format_ = _chosen(target, format)
     if rig is not None and not format_.rigged:
         named = ", ".join(known.suffix for known in FORMATS.values() if known.rigged)
-        raise UsageError(f"--rig {rig} is for {named}; {name} names the joints that are reported")
+        raise UsageError(f"--rig {rig} is for {named}; {name} uses the names of the reported joints")
     if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
     if model is not None and name != "opensim":
@@ -260,7 +261,7 @@ def export_people(
 
 
 def _chosen(target: Path, format: str | None) -> tuple[str, Format]:
-    """Name and format by name or suffix."""
+    """Return name and format by name or suffix."""
     suffix = target.suffix.lower()
     if format is not None:
         if format not in FORMATS:
@@ -287,9 +288,7 @@ def _write(
     model: str | Path | None,
 ) -> None:
     if not format_.blank and not people[0].there.any():
-        raise UsageError(
-            f"{people[0].name} is in none of the frames, which {path.name} cannot say; export .csv or .json"
-        )
+        raise UsageError(f"{people[0].name} is in no frame, which {path.name} cannot represent; export .csv or .json")
     place = origin_of(people, origin)
     moved = [person.moved(place.offset) for person in people]
     format_.write(path, ExportJob(moved, place, rig or OWN, None if run is None else Path(run), recording, model))

@@ -1,4 +1,4 @@
-"""Joints as tables of text: CSV for spreadsheets, TRC for OpenSim and its like."""
+"""Export of joints as text tables: CSV for spreadsheets, TRC for OpenSim."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from toolkit.tracks.runs import Person
 
 
 def joint_columns(person: Person, *, level: bool) -> dict[str, np.ndarray]:
-    """A track as columns (T,) by name, in order.
+    """Return a track as columns (T,) by name, in order.
 
     `state` (tracked, lost, empty), then `<joint>_x_m, <joint>_y_m, <joint>_z_m` for each of the 20, then
-    `<joint>_confidence` and `<joint>_observed` (False for one that was guessed), then `left_foot_contact` and
-    `right_foot_contact`. Where no person is there numbers are NaN and flags False.
+    `<joint>_confidence` and `<joint>_observed` (False for an inferred joint), then `left_foot_contact` and
+    `right_foot_contact`. In frames without the person numbers are NaN and flags False.
 
     Parameters
     ----------
     person : whose track it is
-    level : y up, as the person's poses; else the camera frame
+    level : use the level frame (y up); else the camera frame
     """
     track, there, names = person.track, person.there[:, None], skeleton.REPORTED
     joints = person.joints_level if level else np.where(there[..., None], track.joints, np.float32(np.nan))
@@ -38,7 +38,7 @@ def joint_columns(person: Person, *, level: bool) -> dict[str, np.ndarray]:
 def export_csv(path: str | Path, person: Person, *, level: bool = False) -> None:
     """Write the reported joints as CSV, one row per frame: `time_s`, and the columns of `joint_columns`.
 
-    Flags are 1 and 0; where no person is there all but time and state is blank.
+    Flags are 1 and 0; in frames without the person all columns but time and state are blank.
 
     Raises
     ------
@@ -59,12 +59,12 @@ def export_csv(path: str | Path, person: Person, *, level: bool = False) -> None
 def export_trc(path: str | Path, person: Person) -> None:
     """Write the reported joints as markers in a TRC file (OpenSim, Pose2Sim): y up, metres, tabs.
 
-    Where no person is there the fields are blank.
+    The fields are blank in frames without the person.
 
     Raises
     ------
     UsageError
-        There are too few frames for a frame rate.
+        The track has too few frames for a frame rate.
     OutputError
         The file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""The joints that a file names: the body's own, or those of a rig that other programs know."""
+"""Joint trees of exported files: that of the body, or of a common rig."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from toolkit.io.files import shipped
 from toolkit.io.yaml_reader import read_yaml
 
 OWN = "toolkit"
-"""The rig of the body's own joints."""
+"""Name of the body's own rig."""
 SITE_NAMES = tuple(name for name, _ in skeleton.SITES)
 
 
 @dataclass(frozen=True, eq=False)
 class JointTree:
-    """Joints in file order, parents first; at rest all of them are aligned with the body frame.
+    """Joints in file order, parents first; all are aligned with the body frame at rest.
 
     Attributes
     ----------
     names : the N joints
     parents : int64 (N,), -1 for the root
-    turns : int64 (N,), the body's joint whose rotation a joint has, -1 for one that its parent carries
+    turns : int64 (N,), body joint with the rotation of each joint, -1 for a joint without own rotation
     rest : float64 (N, 3), rest positions in the body frame, metres
     tips : joint number -> rest position (3,) of the tip of its bone, for joints without children
     """
@@ -41,18 +41,19 @@ class JointTree:
 
     @property
     def offsets(self) -> np.ndarray:
-        """float64 (N, 3): from the parent's rest position, the root's from the body's own root."""
+        """Return the offset of each joint from its parent at rest, the root's from the body's root: float64 (N, 3)."""
         return np.where(self.parents[:, None] < 0, self.rest, self.rest - self.rest[self.parents])
 
     def vectors(self, poses: np.ndarray) -> np.ndarray:
-        """Rotation vectors of the joints relative to their parents, of poses (T, P): float64 (T, N, 3), radians."""
+        """Return the rotation vectors of the joints relative to their parents for poses (T, P): float64 (T, N, 3),
+        radians."""
         own = np.zeros((len(poses), len(skeleton.JOINTS), 3))
         own[:, skeleton.DOF_JOINT, skeleton.DOF_AXIS] = poses[:, 3:]
         return np.where((self.turns >= 0)[:, None], own[:, self.turns], 0.0)
 
 
 def tree_of(body: Body, rig: str = OWN) -> JointTree:
-    """The joints of a body as a rig names them.
+    """Return the joints of a body under the names of a rig.
 
     Parameters
     ----------
@@ -62,13 +63,13 @@ def tree_of(body: Body, rig: str = OWN) -> JointTree:
     Raises
     ------
     RigError
-        The rig is unknown, or its file is not understood.
+        The rig is unknown, or its file is invalid.
     """
     return _own_tree(body) if rig == OWN else _rig_tree(body, rig)
 
 
 def export_rigs() -> tuple[str, ...]:
-    """Names of the rigs that can be exported."""
+    """Return the names of the rigs for export."""
     return (OWN, *sorted(_shipped_rigs()))
 
 
@@ -111,14 +112,14 @@ def _rig_tree(body: Body, rig: str) -> JointTree:
 
 
 def rest_places(body: Body, places: list[Any]) -> np.ndarray:
-    """Where the joints of a file's tree stand in the rest pose of a body: float64 (J, 3), metres, body frame."""
+    """Return the rest positions of the joints of a file's tree: float64 (J, 3), metres, body frame."""
     points = dict(zip((*skeleton.JOINT_NAMES, *SITE_NAMES), (*body.joints, *body.sites), strict=True))
     parts = [[place] if isinstance(place, str) else place for place in places]
     return np.array([np.mean([points[part] for part in named], axis=0) for named in parts])
 
 
 def tips_of(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.ndarray]:
-    """Fingertips, toe tips and crown for the joints without children, by the body joint that carries them."""
+    """Return finger tips, toe tips and crown for the joints without children, by body joint."""
     carried = turns.copy()
     for i in range(len(parents)):
         if carried[i] < 0:
@@ -130,12 +131,12 @@ def tips_of(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.
 
 
 def read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
-    """Name -> parent and place of every joint in the `export:` section of a file.
+    """Return name -> parent and position of each joint in the `export:` section of a file.
 
     Raises
     ------
     RigError
-        The file is not understood, or its joints do not make a tree over the body's.
+        The file is invalid, or its joints do not form a tree over those of the body.
     """
     hint = "write `export:` with `name: [parent, place]` per joint"
     content = read_yaml(path, f"the rig {path.name}", RigError, hint)
@@ -159,7 +160,7 @@ def read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
 
 
 def _check_order(path: Path, bones: dict[str, tuple[str | None, Any]]) -> None:
-    """Raise where a turning joint does not hang from the joint that its body joint hangs from."""
+    """Raise if the parent of a rotating joint differs from that of its body joint."""
     turning: dict[str, str | None] = {}
     for name, (parent, place) in bones.items():
         above = turning.get(parent) if parent else None

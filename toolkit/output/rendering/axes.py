@@ -1,4 +1,4 @@
-"""Axes of limbs, as the track has them and as inertial sensors do (thesis, Fig. 7.2)."""
+"""Axes of limbs from the track and from inertial sensors (thesis, Fig. 7.2)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from toolkit.output.rendering.overlay import draw_line
 from toolkit.sensing.camera import Camera
 
 LENGTH = 0.14
-"""Metres, of a drawn axis."""
+"""Length of a drawn axis, metres."""
 COLORS = ((200, 40, 40), (40, 150, 60), (40, 80, 200))
-"""Of x, y and z, RGB."""
+"""RGB colours of x, y and z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class LimbAxes:
     ----------
     limbs : their names
     origins : float64 (T, L, 3), metres, the middles of the limbs
-    tracked, measured : float64 (T, L, 3, 3), columns are the axes, by the track and by the sensors; NaN where unknown
+    tracked, measured : float64 (T, L, 3, 3), the columns are the axes by track and by sensors; NaN where unknown
     """
 
     limbs: tuple[str, ...]
@@ -36,7 +36,7 @@ class LimbAxes:
     measured: np.ndarray
 
     def draw(self, image: np.ndarray, camera: Camera, frame: int) -> None:
-        """Draw the axes of a frame on an RGB image: thin as tracked, bold as measured."""
+        """Draw the axes of a frame on an RGB image: tracked ones thin, measured ones bold."""
         for rotations, thickness in ((self.measured, 4), (self.tracked, 1)):
             for origin, rotation in zip(self.origins[frame], rotations[frame], strict=True):
                 if not np.isfinite(rotation).all():
@@ -47,7 +47,7 @@ class LimbAxes:
 
 
 def limb_axes(calibration: Calibration, take: CalibrationSequence, level_rotation: np.ndarray) -> LimbAxes:
-    """The axes of every limb whose sensor is calibrated; `level_rotation` is R_level_camera, (3, 3)."""
+    """Return the axes of each limb with a calibrated sensor; `level_rotation` is R_level_camera, (3, 3)."""
     worlds = worlds_of(calibration, take)
     limbs = tuple(s.name for s in take.sensors if s.name in calibration.usable and s.name in worlds)
     tracked, measured = [], []

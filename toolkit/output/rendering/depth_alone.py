@@ -1,4 +1,4 @@
-"""Pictures of a recording in which no person was found: the depth alone."""
+"""Depth pictures of a recording without detected people."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from toolkit.output.rendering.painter import RenderSettings
 from toolkit.sensing.recording import Recording
 
 NEAREST_SHARE, FARTHEST_SHARE = 2.0, 98.0
-"""Percentiles of the first measured frame between which the colours lie."""
+"""Percentiles of the depth of the first measured frame at the ends of the colour scale."""
 
 
 class DepthPainter:
-    """Paints the frames of a recording without people.
+    """Painter of frames without people.
 
     Parameters
     ----------
     recording : whose frames are painted in order
-    settings : how high a picture is; panels of people are left out
+    settings : height of the picture; panels of people are left out
     """
 
     def __init__(self, recording: Recording, settings: RenderSettings) -> None:
@@ -28,12 +28,12 @@ class DepthPainter:
         self._range: tuple[float, float] | None = None
 
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
-        """Picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8."""
+        """Return the picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8."""
         import cv2
 
         near, far = self._near_and_far(depth_mm)
         colored = color_depth(depth_mm, np.ones(depth_mm.shape, dtype=bool), near, far)
-        width = 2 * round(self._height * depth_mm.shape[1] / depth_mm.shape[0] / 2)  # even, as film codecs want it
+        width = 2 * round(self._height * depth_mm.shape[1] / depth_mm.shape[0] / 2)  # even, for film codecs
         image = cv2.resize(colored, (width, self._height), interpolation=cv2.INTER_NEAREST)
         size = max(9, self._height // 30)
         bar = np.full((2 * size, width, 3), style.BAR, dtype=np.uint8)
@@ -43,7 +43,7 @@ class DepthPainter:
         return np.vstack([bar, image])
 
     def _near_and_far(self, depth_mm: np.ndarray) -> tuple[float, float]:
-        """Metres between which the colours lie, in all frames the same."""
+        """Return the range of the colour scale in metres, the same for all frames."""
         measured = depth_mm[depth_mm > 0]
         if self._range is None and len(measured):
             near, far = np.percentile(measured, [NEAREST_SHARE, FARTHEST_SHARE]) / 1000.0

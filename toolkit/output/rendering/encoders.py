@@ -1,4 +1,4 @@
-"""Pictures into films that browsers play: H.264 and VP9 by the optional package av, VP8 and MJPG by OpenCV."""
+"""Film encoders for browsers: H.264 and VP9 by the optional package av, VP8 and MJPG by OpenCV."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from toolkit.io.errors import OutputError, UsageError
 
 FILM_SUFFIXES = (".mp4", ".webm", ".avi")
-"""Of films: H.264 or VP9 in the first two, motion JPEG in the last, which editors cut but browsers do not play."""
+"""Suffixes of films: H.264 or VP9 in the first two, motion JPEG in the last, for editors (browsers do not play it)."""
 CODECS = {
     ".mp4": ("libx264", {"preset": "veryfast", "crf": "23"}),
     ".webm": (
@@ -23,17 +23,17 @@ CODECS = {
         {"deadline": "realtime", "cpu-used": "5", "tune-content": "screen", "crf": "42", "b": "0"},
     ),
 }
-"""Encoder and its options: constant quality, fast, and for pictures that are drawn."""
+"""Encoder and options: constant quality, fast, for drawn pictures."""
 JUMP = 2.0
-"""Seconds between pictures that a player can jump to without others: half as many make a film a tenth smaller."""
+"""Seconds between key pictures; half as many make a film a tenth smaller."""
 INDEX_FIRST = {"movflags": "+faststart"}
-"""Of the container: a film plays while it is still loaded."""
+"""Container options: a film plays while it is loading."""
 RATE_DENOMINATOR = 1001
-"""Frame rates become fractions with at most this denominator: 30000/1001 is television's."""
+"""Maximum denominator of a frame rate (30000/1001 for television)."""
 
 
 def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) -> AvEncoder | OpenCvEncoder:
-    """The encoder for a film of this suffix, one of `FILM_SUFFIXES`.
+    """Return the encoder for a film of this suffix, one of `FILM_SUFFIXES`.
 
     Raises
     ------
@@ -55,12 +55,12 @@ def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) 
 
 
 def has_av() -> bool:
-    """Whether the optional package av is installed."""
+    """Return whether the optional package av is installed."""
     return importlib.util.find_spec("av") is not None
 
 
 class AvEncoder:
-    """H.264 and VP9 by the package av."""
+    """H.264 and VP9 encoder of the package av."""
 
     def __init__(self, path: Path, suffix: str, rate: float, width: int, height: int) -> None:
         import av
@@ -88,7 +88,7 @@ class AvEncoder:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Nothing that libraries print to the error stream is seen inside the block."""
+    """Suppress the output of libraries to the error stream inside the block."""
     kept = os.dup(2)
     try:
         with open(os.devnull, "wb") as nothing:
@@ -100,13 +100,13 @@ def _silence() -> Iterator[None]:
 
 
 class OpenCvEncoder:
-    """VP8 and MJPG by OpenCV."""
+    """VP8 and MJPG encoder of OpenCV."""
 
     def __init__(self, path: Path, codec: str, rate: float, width: int, height: int) -> None:
         import cv2
 
         self._path, self._written = path, 0
-        with _silence():  # it says of every WebM that the container names no codecs
+        with _silence():  # OpenCV warns for each WebM file that the container has no codec tag
             self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (width, height))
         if not self._writer.isOpened():
             raise OutputError(
@@ -120,7 +120,7 @@ class OpenCvEncoder:
         self._written += 1
 
     def close(self) -> None:
-        """Complete the file, and count what can be read back: OpenCV does not say that a disk is full."""
+        """Complete the file and count its readable pictures, because OpenCV does not report a full disk."""
         import cv2
 
         self._writer.release()

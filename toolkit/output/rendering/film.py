@@ -1,4 +1,4 @@
-"""A run as a film, a contact sheet or single pictures, off-screen."""
+"""Off-screen rendering of a run as a film, a contact sheet or single pictures."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import Person, load_persons, person_runs
 
-DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
-LARGEST_RATE = 240.0  # frames per second that players and codecs take
+DEFAULT_RATE = 25.0  # default frame rate for recordings with invalid timestamps, Hz
+LARGEST_RATE = 240.0  # maximum frame rate of players and codecs, Hz
 SHEET_COLUMNS, SHEET_FRAMES = 2, 12
-"""Of a contact sheet: pictures side by side, and all pictures."""
+"""Columns of a contact sheet, and its number of pictures."""
 GAP = 6
-"""Pixels between them."""
+"""Gap between pictures, pixels."""
 
 
 def settings_for(output: str | Path) -> RenderSettings:
-    """How tracks are drawn to an output unless it is said: the pictures of a contact sheet are small."""
+    """Default paint settings by suffix: the pictures of a contact sheet are small."""
     return RenderSettings(height=300, aspect=0.9) if Path(output).suffix == ".png" else RenderSettings()
 
 
 class FilmWriter:
-    """Writes RGB pictures to a film file; nothing is left under the final name unless all went well.
+    """Writer of RGB pictures to a film file; a failed film leaves no file under the final name.
 
     Parameters
     ----------
-    path : its suffix, one of `encoders.FILM_SUFFIXES`, chooses the codec
+    path : the suffix, one of `encoders.FILM_SUFFIXES`, selects the codec
     rate : frames per second
 
     Raises
     ------
     UsageError
-        The suffix is none of these, or needs a package that is not installed.
+        The suffix is unknown, or needs a package that is not installed.
     OutputError
         The file cannot be written.
     """
@@ -58,7 +58,7 @@ class FilmWriter:
             raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in FILM_SUFFIXES)}")
 
     def write(self, pictures: Iterator[np.ndarray]) -> None:
-        """Write all pictures, uint8 (H, W, 3), all of one size; an odd last row or column is left out."""
+        """Write all pictures, uint8 (H, W, 3), of equal size; an odd last row or column is cropped."""
         with atomic_path(self._path, lasting=False) as place, _plainly_named(place) as temporary:
             encoder = None
             try:
@@ -77,7 +77,7 @@ class FilmWriter:
 
 @contextmanager
 def _plainly_named(path: Path) -> Iterator[Path]:
-    """A path that encoders understand: `path`, or where it is beyond ASCII another one that is copied there."""
+    """Return a path for the encoders: `path`, or a temporary one if it is not ASCII."""
     if str(path).isascii():
         yield path
         return
@@ -104,9 +104,9 @@ def render_people(
     Parameters
     ----------
     people, recording, sensing, settings, axes : see `FramePainter`
-    output : the file to write; a name without suffix is a folder
-    frames : which ones; all by default
-    rate : frames per second of the film; by default the recording's own
+    output : the file; a name without suffix is a folder
+    frames : indices of the frames; default: all
+    rate : frame rate of the film; default: that of the recording
     progress : told after every frame
 
     Raises
@@ -114,8 +114,7 @@ def render_people(
     TrackError
         A track does not belong to the recording.
     UsageError
-        The output's suffix or the rate is none of a film, the output would damage the recording, or there are no frames
-        to draw.
+        The suffix of the output or the rate is invalid, the output would damage the recording, or there are no frames.
     OutputError
         The output cannot be written.
     """
@@ -125,7 +124,7 @@ def render_people(
 
 
 def _target(output: str | Path, recording: Recording, rate: float | None) -> Path:
-    """Where to draw to; raises as `render_people`."""
+    """Return the kind of output; raises as `render_people`."""
     target = check_output(output, [recording.path], sealed=[recording.path])
     if rate is not None and not 0 < rate <= LARGEST_RATE:
         raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {LARGEST_RATE}")
@@ -143,7 +142,7 @@ def _draw(
     rate: float | None,
     progress: Count,
 ) -> Path:
-    """As `render_people`, by a painter."""
+    """Render as `render_people`, with a painter."""
     chosen = range(len(recording)) if frames is None else frames
     if not len(chosen) or chosen.start < 0 or max(chosen) >= len(recording):
         raise UsageError(f"frames {chosen} are not some of the {len(recording)} frames of the track")
@@ -172,8 +171,8 @@ def render_run(
 ) -> Path:
     """Draw all people of a run folder; recording, bodies and sensing settings come from `run.json`.
 
-    `recording` is where the recording has been moved to, `frames` may be a slice too. The rest is as in
-    `render_people`; where no person was found, the depth is drawn alone.
+    `recording` is the new location of a moved recording, `frames` may be a slice. The other arguments are those of
+    `render_people`; a run without people shows only the depth.
     """
     folders = person_runs(run)
     check_output(output, [folder / name for folder in (*folders, Path(run)) for name in (TRACK_FILE, RUN_FILE)])
@@ -198,7 +197,7 @@ def render_run(
 
 
 def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS) -> np.ndarray:
-    """Pictures, RGB uint8 (H, W, 3) of one size, side by side and row by row as one RGB picture."""
+    """Arrange pictures, RGB uint8 (H, W, 3) of equal size, in rows of one RGB picture."""
     if not pictures:
         raise UsageError("a contact sheet needs at least one picture")
     columns = min(columns, len(pictures))
@@ -212,17 +211,17 @@ def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS) -> n
 
 
 def save_png(path: str | Path, picture: np.ndarray) -> None:
-    """Write an RGB picture as PNG, whole or not at all."""
+    """Write an RGB picture as PNG, atomically."""
     import cv2
 
-    # OpenCV ends the process for a name that is no UTF-8: it encodes, and Python writes.
+    # OpenCV ends the process for a name that is no UTF-8; therefore it only encodes, and Python writes.
     save_bytes(path, cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))[1].tobytes())
 
 
 def _pictures(
     painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count
 ) -> Iterator[np.ndarray]:
-    """Pictures of the wanted frames in order."""
+    """Yield the pictures of the selected frames in order."""
     chosen, last, done = set(wanted), max(wanted), 0
     for i, depth in enumerate(recording.frames()):
         if i in chosen:

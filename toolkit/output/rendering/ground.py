@@ -1,4 +1,4 @@
-"""The ground under people and the feet that carry them: grid and soles on a picture, from wherever it looks."""
+"""Ground grid and foot contacts, drawn in any view."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from toolkit.output.rendering.style import CARRYING, FLOOR
 from toolkit.tracks.runs import Person
 
 Project = Callable[[np.ndarray], np.ndarray]
-"""Takes points (..., 3) of the level frame, metres, to pixels (..., 2), NaN for what cannot be seen."""
+"""Map from points (..., 3) of the level frame, metres, to pixels (..., 2), NaN for points out of view."""
 CELL = 0.5
-"""Metres between the lines of the grid."""
+"""Spacing of the grid, metres."""
 AROUND = 0.75
-"""Metres that it reaches beyond the people at least."""
+"""Minimum margin of the grid around the people, metres."""
 FARTHEST = 6.0
-"""Metres from the middle of the people that it reaches at most."""
+"""Maximum distance of the grid from the centre of the people, metres."""
 PIECE = 0.25
-"""Metres of the pieces of which its lines are drawn: one that is partly behind the camera is left out."""
+"""Length of the drawn line segments, metres; a segment partly behind the camera is left out."""
 
 
 class Ground:
-    """The ground under all people of a run, and which feet stand on it.
+    """Ground under all people of a run, and their foot contacts.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Ground:
 
     @property
     def carries(self) -> bool:
-        """Whether a foot carries in any frame."""
+        """Return whether any frame has a foot contact."""
         return any(contact.any() for contact in self._contact)
 
     def draw_floor(self, image: np.ndarray, project: Project) -> None:
@@ -50,7 +50,7 @@ class Ground:
             draw_line(image, start, end, FLOOR, 1)
 
     def draw_soles(self, image: np.ndarray, project: Project, frame: int, numbers: Sequence[int]) -> None:
-        """Draw heel to ball of the feet of these people that carry in a frame."""
+        """Draw the line from heel to ball for each foot contact in a frame."""
         for number in numbers:
             for side in np.flatnonzero(self._contact[number][frame]):
                 heel, ball = project(self._soles[number][frame, side])
@@ -58,7 +58,7 @@ class Ground:
 
 
 def grid(places: np.ndarray, height: float) -> np.ndarray:
-    """Pieces of the lines of a grid at y = `height` around places (N, 2), x and z: float64 (K, 2, 3), metres."""
+    """Return line segments of a grid at y = `height` around positions (N, 2), x and z: float64 (K, 2, 3), metres."""
     if not len(places):
         return np.zeros((0, 2, 3))
     middle = np.median(places, axis=0)

@@ -1,4 +1,4 @@
-"""A shaded body without GL and without a display: smooth normals, left and right in their colours."""
+"""Software rendering of a shaded body: smooth normals, colours by side."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from toolkit.output.rendering.style import PART_COLORS, person_color
 from toolkit.sensing.camera import Camera
 
 KEY_LIGHT = np.array([-0.45, -0.65, -0.6]) / np.linalg.norm([-0.45, -0.65, -0.6])
-"""Towards the brightest light, camera frame: from the upper left, before the body."""
+"""Direction to the key light, camera frame: from the upper left, in front of the body."""
 LIGHTS = np.array([0.28, 0.5, 0.3])
-"""Shares of ambient light, of the key light and of a light at the camera."""
+"""Weights of ambient light, key light and a light at the camera."""
 
 
 def draw_mesh(
@@ -36,7 +36,7 @@ def draw_mesh(
 
     Returns
     -------
-    The depth of what has been drawn, float32 (H, W), metres along z, infinite beside it.
+    Depth of the drawn surface, float32 (H, W), metres along z, infinite elsewhere.
     """
     vertices = np.ascontiguousarray(vertices_camera, dtype=np.float64)
     depth = np.full(camera.shape, np.inf, dtype=np.float32) if depth is None else depth
@@ -48,7 +48,7 @@ def draw_mesh(
 
 
 def mesh_colors(bodies: Sequence[Body]) -> list[np.ndarray]:
-    """Colours of the vertices of each body, float64 (V, 3): one alone by its parts, several each in their own."""
+    """Return vertex colours of each body, float64 (V, 3): by body part for one person, one colour each for several."""
     if len(bodies) == 1:
         return [part_colors(bodies[0])]
     own = (np.array(person_color(number), dtype=np.float64) for number in range(len(bodies)))
@@ -56,5 +56,5 @@ def mesh_colors(bodies: Sequence[Body]) -> list[np.ndarray]:
 
 
 def part_colors(body: Body) -> np.ndarray:
-    """Colour of every vertex, mixed by its skinning weights: float64 (V, 3)."""
+    """Return vertex colours mixed by the skinning weights: float64 (V, 3)."""
     return np.asarray((body.skin_weights[..., None] * PART_COLORS[body.skin_joints]).sum(axis=1), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Motions side by side as stick figures: what a search found beside what was searched for."""
+"""Films of stick figures side by side, for the results of a motion search."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 RATE = 30.0
 """Frames per second of the film."""
 PANEL = (300, 340)
-"""Width and height of a motion's picture, pixels."""
+"""Width and height of a panel, pixels."""
 COLUMNS = 3
 HOLD = 15
-"""Frames for which the last pose of the longest motion stays."""
+"""Number of repetitions of the last pose of the longest motion."""
 YAW = np.radians(35.0)
-"""From straight ahead, at which a motion begins: legs and arms are seen beside each other."""
+"""Azimuth of the view relative to the initial facing; shows arms and legs side by side."""
 VIEWED = 1.6
-"""Body lengths (leg and spine, `BodyLengths.body`) that the height of a panel shows."""
+"""Height of a panel in body lengths (leg and spine, `BodyLengths.body`)."""
 
 _SPINE = ("root", "belly", "chest", "neck", "head", "headtop")
 _LIMBS = tuple(
@@ -42,19 +42,19 @@ _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right
 
 
 def film_of_motions(path: str | Path, titled: Sequence[tuple[str, Motion]]) -> Path:
-    """Write a film of motions that all begin at once, each in its own panel; those that end first wait.
+    """Write a film of motions that start together, each in its own panel; shorter ones hold their last pose.
 
     Parameters
     ----------
-    path : its suffix chooses the codec (`encoders.FILM_SUFFIXES`)
+    path : the suffix selects the codec (`encoders.FILM_SUFFIXES`)
     titled : title, of one or two lines, and motion of each panel, in reading order
 
     Raises
     ------
     UsageError
-        The suffix is no film's.
+        The suffix is no film suffix.
     OutputError
-        It cannot be written.
+        The file cannot be written.
     """
     FilmWriter(path, RATE).write(_pictures(titled))
     return Path(path)
@@ -71,7 +71,7 @@ def _pictures(titled: Sequence[tuple[str, Motion]]) -> Iterator[np.ndarray]:
 
 
 def _projected(motion: Motion) -> np.ndarray:
-    """Pixels (T, 24, 2) of the joints at `RATE`: seen from where the person begins to face, who stays in the middle."""
+    """Return pixels (T, 24, 2) of the joints at `RATE`: view relative to the initial facing, person centred."""
     joints = motion.at_rate(RATE).joints
     across = joints[0, _LEFT] - joints[0, _RIGHT]
     turn = np.arctan2(-across[2], across[0]) + YAW

@@ -1,4 +1,4 @@
-"""What is drawn on top of a picture: depth in colours, skeleton, extrema, cloud."""
+"""Overlays of a picture: coloured depth, skeleton, extrema, cloud."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from toolkit.body.skeleton import BONE_ROWS
 from toolkit.output.rendering.style import BONE_COLORS, EXTREMUM, JOINT_COLORS, PAPER
 
-SHIFT = 3  # binary places of a pixel: lines do not jump from pixel to pixel between frames
-DIM = 0.45  # brightness of what is not the person
+SHIFT = 3  # fractional bits of pixel coordinates, for smooth motion of lines
+DIM = 0.45  # brightness of pixels outside the person
 
 
 @lru_cache(maxsize=1)
 def _depth_palette() -> np.ndarray:
-    """Colours from near to far, uint8 (256, 3): light to dark, blue-grey, so that orange, blue and pink stand out."""
+    """Depth palette from near to far, uint8 (256, 3): light to dark blue-grey, in contrast to orange, blue and pink."""
     stops = np.array([[238, 240, 232], [176, 190, 196], [108, 128, 146], [58, 74, 98], [30, 36, 56]], dtype=float)
     at = np.linspace(0, len(stops) - 1, 256)
     return np.column_stack([np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]).astype(np.uint8)
 
 
 def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: float) -> np.ndarray:
-    """A depth image, uint16 (H, W) millimetres, in colours between `near` and `far` metres: RGB uint8 (H, W, 3).
+    """Colour a depth image, uint16 (H, W) millimetres, between `near` and `far` metres: RGB uint8 (H, W, 3).
 
-    Pixels outside the mask `person` (H, W) are dimmed; pixels without a measurement have the colour of the paper.
+    Pixels outside the mask `person` (H, W) are dimmed; pixels without a measurement have the background colour.
     """
     import cv2
 
     scale = 255 / max(far - near, 1e-6)
     level = cv2.convertScaleAbs(np.maximum(depth_mm, np.uint16(1000 * max(near, 0))), None, scale / 1000, -scale * near)
-    # The palette twice, bright and dim, and the paper: one table, so one pass looks every pixel up.
+    # One table with the palette bright and dim and the background colour, for a single lookup per pixel.
     entry = level.astype(np.uint16) + np.where(person, np.uint16(0), np.uint16(256))
     entry[depth_mm == 0] = 512
     return np.take(_depth_table(), entry, axis=0)
@@ -48,9 +48,9 @@ def draw_skeleton(
     observed: np.ndarray | None = None,
     color: tuple[int, int, int] | None = None,
 ) -> None:
-    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; joints that were not observed become rings.
+    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; unobserved joints are rings.
 
-    Left, right and middle have their own colours, or all of it has the one that is given.
+    Left, right and middle have their own colours, unless one colour is given.
     """
     import cv2
 
@@ -71,7 +71,7 @@ def draw_skeleton(
 
 
 def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
-    """Mark geodesic extrema at pixels (n, 2) with diamonds, the first five larger than the rest."""
+    """Mark geodesic extrema at pixels (n, 2) with diamonds, the first five larger."""
     import cv2
 
     for k, point in enumerate(pixels):
@@ -87,7 +87,7 @@ def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
 def draw_line(
     image: np.ndarray, start: np.ndarray, end: np.ndarray, color: tuple[int, int, int], thickness: int
 ) -> None:
-    """Draw a line between two pixels (2,) on an RGB image; pixels that are not known draw nothing."""
+    """Draw a line between two pixels (2,) on an RGB image; NaN draws nothing."""
     import cv2
 
     if np.isfinite(start).all() and np.isfinite(end).all():
@@ -95,7 +95,7 @@ def draw_line(
 
 
 def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int]) -> None:
-    """Set one pixel for every point at pixels (n, 2) that lies in the RGB image."""
+    """Set one pixel of the RGB image for each point at pixels (n, 2) inside it."""
     at = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
     inside = (at >= 0).all(axis=1) & (at < image.shape[1::-1]).all(axis=1)
     image[at[inside, 1], at[inside, 0]] = color

@@ -1,4 +1,4 @@
-"""One picture per frame of a run: depth with skeletons and extrema, fitted bodies, side view."""
+"""Painter of run frames: depth with skeletons and extrema, fitted bodies, side view, plan."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ TITLES = {
     "plan": "seen from above",
 }  # fmt: skip
 CAMERA_AT = {"side": "camera at the left", "plan": "camera at the bottom"}
-NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m before and behind the person that the colours of depth reach
-NEAR_BODY = 0.15  # m between a drawn body and what was measured of it
-BEHIND_BODY = 2  # times darker is the depth image behind the fitted body
+NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m of depth range in front of and behind the person on the colour scale
+NEAR_BODY = 0.15  # m between the drawn body and points shown with it
+BEHIND_BODY = 2  # factor by which the depth image behind the fitted body is darkened
 
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """How a track is drawn.
+    """Settings of the drawing.
 
     Attributes
     ----------
-    panels : which of "depth", "body", "side" and "plan", from left to right
+    panels : some of "depth", "body", "side" and "plan", from left to right
     height : of a panel, pixels
-    aspect : width of the panels "depth" and "body" over their height; the others are 3/4 as wide as high
-    extrema : how many geodesic extrema to mark; 0 for none
+    aspect : width of the panels "depth" and "body" relative to their height; the others have 3/4
+    extrema : number of drawn geodesic extrema; 0 for none
     """
 
     panels: tuple[str, ...] = ("depth", "body", "side")
@@ -62,15 +62,15 @@ class RenderSettings:
             raise SettingsError(f"extrema {self.extrema} is out of range; give 0 to 100")
 
     def size(self, panel: str) -> tuple[int, int]:
-        """Width and height of a panel in pixels."""
+        """Return width and height of a panel in pixels."""
         width = self.height * (0.75 if panel in R_LEVEL_VIEW else self.aspect)
-        return (2 * round(width / 2), self.height)  # even, as film codecs want it
+        return (2 * round(width / 2), self.height)  # even, for film codecs
 
 
 class FramePainter:
-    """Paints the frames of one run; views are fixed, so that a film does not shake.
+    """Painter of the frames of one run; fixed views keep a film steady.
 
-    One person is drawn in the colours of the sides, with geodesic extrema; several people have a colour each.
+    One person is drawn in the colours of the sides, with geodesic extrema; several people have one colour each.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class FramePainter:
     recording : with as many frames as their tracks
     sensing : with which the depth was cleaned
     settings : what to draw
-    axes : of limbs that carry sensors, drawn over the depth of the first person; None for none
+    axes : axes of limbs with sensors, drawn over the depth of the first person; None for none
 
     Raises
     ------
@@ -99,7 +99,7 @@ class FramePainter:
             if len(person.track) != len(recording):
                 raise TrackError(
                     f"the track has {len(person.track)} frames and the recording {recording.name} has "
-                    f"{len(recording)}; name the recording that was tracked"
+                    f"{len(recording)}; name the recording of this track"
                 )
         self.settings, self._axes = settings or RenderSettings(), axes
         self._people, self._name = tuple(people), recording.name
@@ -118,14 +118,15 @@ class FramePainter:
         self._far = float(np.percentile(depths, 95)) + FAR_SHARE
 
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
-        """Picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames are painted in order."""
+        """Return the picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames must be in
+        order."""
         cloud = self._cloud(i, depth_mm)
         draw = {"depth": self._draw_depth, "body": self._draw_body}
         backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
         panels = []
         for panel in self.settings.panels:
             image, project = self._blank(panel, backdrop), partial(self._to_pixels, panel)
-            if panel != "depth":  # which shows the floor as it was measured
+            if panel != "depth":  # the measured floor is visible there
                 self._ground.draw_floor(image, project)
             draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
             self._ground.draw_soles(image, project, i, [k for k, _ in self._there(i)])
@@ -145,11 +146,11 @@ class FramePainter:
         return max(9, self.settings.height // 30)
 
     def _there(self, i: int) -> list[tuple[int, Person]]:
-        """Number and person of those who are there in frame `i`."""
+        """Yield index and person of the people in frame `i`."""
         return [(k, person) for k, person in enumerate(self._people) if person.track.state[i] != EMPTY]
 
     def _cloud(self, i: int, depth_mm: np.ndarray) -> Cloud:
-        """What was measured within `NEAR_BODY` of a drawn body: what was tracked, however it was cut out."""
+        """Return the measured points within `NEAR_BODY` of a drawn body, independent of the segmentation."""
         camera = self._filter.camera
         drawn = np.full(camera.shape, np.inf, dtype=np.float32)
         blank = np.zeros((*camera.shape, 3), dtype=np.uint8)
@@ -174,7 +175,7 @@ class FramePainter:
         return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
 
     def _to_pixels(self, panel: str, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the level frame in a panel (..., 2), NaN behind its camera."""
+        """Map points (..., 3) of the level frame to a panel (..., 2), NaN behind its camera."""
         if panel in R_LEVEL_VIEW:
             view = self._outside[panel]
             return view.camera.project(view.to_camera(points))
@@ -215,7 +216,7 @@ class FramePainter:
         frame, time = f"{self._name}   frame {i + 1}/{len(track)}", f"{track.timestamps[i]:.2f} s"
         longest = f"{self._name}   frame {len(track)}/{len(track)}  {track.timestamps[-1]:.2f} s"
         names = [f"{person.name}  {STATE_NAMES[LOST]}, {STATE_NAMES[EMPTY]}" for person in self._people]
-        # What may stand in a box is as wide in all frames, so that all pictures of a film are as high.
+        # The widest text sets the width of a box, so that all pictures of a film have the same height.
         places = style.flowed([style.width_of(text, size) + size for text in (longest, *names)], width, size)
         bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
         x = style.write(bar, frame, places[0][1], size // 3, size)

@@ -1,4 +1,4 @@
-"""Colours and text of every picture. Colours are RGB; `left` and `right` are the subject's."""
+"""Colours and text of all pictures. Colours are RGB; `left` and `right` are the subject's."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ PAPER = (20, 22, 28)
 BAR = (32, 35, 43)
 
 PEOPLE = ((255, 145, 40), (60, 150, 255), (120, 220, 120), (240, 110, 190), (240, 215, 70), (150, 120, 255))
-"""One colour per person where there are several, in order of appearance."""
+"""Colours of several people in order of appearance."""
 
 
 def person_color(number: int) -> tuple[int, int, int]:
-    """Colour of the person of this number, from 0."""
+    """Return the colour of the person with this index (from 0)."""
     return PEOPLE[number % len(PEOPLE)]
 
 
 def side_color(name: str) -> tuple[int, int, int]:
-    """Colour of a joint by the side in its name."""
+    """Return the colour of a joint by the side in its name."""
     return LEFT if name.startswith("left") else RIGHT if name.startswith("right") else MIDDLE
 
 
 BONE_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(b) for _, b in BONES)
 JOINT_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(name) for name in REPORTED)
 PART_COLORS: np.ndarray = np.array([side_color(name) for name in JOINT_NAMES], dtype=np.float32)
-"""Float32 (18, 3): colour of the mesh by the joint that carries it."""
+"""Return the mesh colour of each joint: float32 (18, 3)."""
 assert len(PART_COLORS) == len(PARENTS)
 
 
 @lru_cache(maxsize=256)
 def _text_mask(text: str, size: int) -> np.ndarray:
-    """A line of text as float32 (h, w) in [0, 1], `size` pixels high; what cannot be printed is written out."""
+    """Render a line of text as float32 (h, w) in [0, 1], `size` pixels high; control characters are escaped."""
     text = printable(text)
     import matplotlib
     from PIL import Image, ImageDraw, ImageFont
@@ -60,7 +60,7 @@ def _text_mask(text: str, size: int) -> np.ndarray:
 
 
 def flowed(widths: Sequence[int], total: int, gap: int) -> list[tuple[int, int]]:
-    """Line and x of boxes side by side, which go on in the next line where `total` pixels end."""
+    """Return line number and x of boxes in a row, which wraps at `total` pixels."""
     places, line, x = [], 0, gap
     for width in widths:
         if x > gap and x + width > total:
@@ -71,12 +71,12 @@ def flowed(widths: Sequence[int], total: int, gap: int) -> list[tuple[int, int]]
 
 
 def width_of(text: str, size: int) -> int:
-    """Pixels that a line of text is wide."""
+    """Return the width of a line of text in pixels."""
     return _text_mask(text, size).shape[1]
 
 
 def write(image: np.ndarray, text: str, x: int, y: int, size: int = 16, color: tuple[int, int, int] = INK) -> int:
-    """Write a line on an RGB image with its upper left corner at (x, y), cut at the border; the x where it ends."""
+    """Draw a line of text on an RGB image with its upper left corner at (x, y), clipped; return the x of its end."""
     mask = _text_mask(text, size)[: max(image.shape[0] - y, 0), : max(image.shape[1] - x, 0)]
     area = image[y : y + mask.shape[0], x : x + mask.shape[1]]
     area[:] = (area + (np.array(color, dtype=np.float32) - area) * mask[..., None]).astype(np.uint8)

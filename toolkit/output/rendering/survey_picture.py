@@ -1,4 +1,4 @@
-"""The picture of a first look: a frame's depth, each person in a colour."""
+"""Picture of `depthmocap info`: the depth of a frame with the detected people."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ NEAR_SHADE, FAR_SHADE = 0.95, 0.25
 
 
 def picture(look: FirstLook) -> np.ndarray:
-    """RGB uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture of a person's shape is
-    ringed, unmeasured pixels are dark.
+    """Return an RGB picture, uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture with a
+    person's shape is ringed, pixels without a measurement are dark.
     """
     import cv2
 
@@ -46,7 +46,7 @@ def picture(look: FirstLook) -> np.ndarray:
 
 
 def save_picture(look: FirstLook, path: str | Path) -> None:
-    """Write the picture as PNG, whole or not at all.
+    """Write the picture as PNG, atomically.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A track as one figure: some of its skeletons, and how high head, hands and feet are over time."""
+"""Figure of a track: some skeletons, and the heights of head, hands and feet over time."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SKELETONS = 6
-"""Drawn side by side."""
+"""Number of skeletons."""
 STEP = 1.1
-"""Metres between two of them."""
+"""Distance between two skeletons, metres."""
 CURVES = {"head": "black", "left_hand": "tab:orange", "right_hand": "tab:blue"}
 CURVES |= {"left_foot": "tab:orange", "right_foot": "tab:blue"}
 
 
 def plot_person(person: Person) -> Figure:
-    """Some skeletons of the person, seen from the camera, above the heights of head, hands and feet; y is up, metres.
+    """Draw some skeletons as seen from the camera, above the heights of head, hands and feet; y is up, metres.
 
-    Nothing is drawn where no person is there. Broken lines are feet; orange is the person's left.
+    Frames without the person are blank. Dashed lines are feet; orange is the person's left.
     """
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""Where a film looks from: a window on the recording's image, a camera at the subject's left, and one above."""
+"""Views of a film: a crop of the recording's image, a camera at the subject's left, and one above."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import numpy as np
 
 from toolkit.sensing.camera import Camera
 
-MARGIN = 0.18  # of the person's extent, around it
-LEAST_WINDOW = 0.35  # of the image's height
-DISTANCE = 8.0  # m: far enough that near and far limbs keep their proportions
+MARGIN = 0.18  # margin relative to the extent of the person
+LEAST_WINDOW = 0.35  # relative to the image height
+DISTANCE = 8.0  # m: far enough for a weak perspective
 LEAST_SPAN = 2.0  # m of height in these views
 
 R_LEVEL_VIEW = {
     "side": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
     "plan": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
 }
-"""Takes the frame of a camera to the level frame. The one at the side looks along -x, and towards the depth camera is
-left; the one above looks along -y, and towards the depth camera is down."""
+"""Rotations from these cameras to the level frame. The side camera looks along -x with the depth camera at the left;
+the plan camera looks along -y with the depth camera below."""
 
 
 @dataclass(frozen=True)
 class Window:
-    """A part of the recording's image, enlarged.
+    """An enlarged crop of the recording's image.
 
     Attributes
     ----------
@@ -38,7 +38,8 @@ class Window:
     scale: float
 
     def cut(self, image: np.ndarray, beyond: tuple[int, int, int]) -> np.ndarray:
-        """The part of an RGB image (H, W, 3), enlarged without smoothing; the colour `beyond` outside of it."""
+        """Return the crop of an RGB image (H, W, 3), enlarged without smoothing, with the colour `beyond` outside the
+        image."""
         import cv2
 
         # Pixel centres are integers: picture pixel p shows image pixel (p + 0.5) / scale - 0.5 + corner.
@@ -50,7 +51,7 @@ class Window:
 
 
 def window_on(joints: np.ndarray, camera: Camera, size: tuple[int, int]) -> Window:
-    """The window of `size` (width, height) pixels that shows all of the joints (..., 3), metres, camera frame."""
+    """Return the crop of `size` (width, height) pixels with all joints (..., 3), metres, camera frame."""
     pixels = camera.project(joints).reshape(-1, 2)
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
@@ -87,12 +88,13 @@ class OutsideView:
     rotation: np.ndarray
 
     def to_camera(self, points_level: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the level frame in the frame of this camera."""
+        """Return points (..., 3) of the level frame in the frame of this camera."""
         return (points_level - self.centre) @ self.rotation
 
 
 def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) -> OutsideView:
-    """The view "side" or "plan", `size` (width, height) pixels, that shows all joints (..., 3), level frame, metres."""
+    """Return the view "side" or "plan" of `size` (width, height) pixels with all joints (..., 3), level frame,
+    metres."""
     rotation = R_LEVEL_VIEW[view]
     low, high = np.percentile(joints_level.reshape(-1, 3) @ rotation, (0.5, 99.5), axis=0)
     extent = (high - low) * (1 + 2 * MARGIN)

@@ -1,1 +1,1 @@
-"""One page that can be mailed: film, scene, plots and settings of runs in a single file of HTML."""
+"""Report page: film, 3-D view, plots and settings of runs in a single HTML file."""

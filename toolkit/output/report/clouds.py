@@ -1,4 +1,4 @@
-"""Measured points of a recording for the scene of a report: those near the people in every frame, and the room."""
+"""Measured points for the 3-D view of a report: near the people in each frame, and the room."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 
 REACH = 0.45
-"""Points this near to a joint belong to the picture of a person, metres: a forearm's length, so that a limb that the
-body has missed is seen too."""
+"""Maximum distance of a point from a joint, metres: the length of a forearm, so that a limb missed by the body is
+shown."""
 POINTS, ROOM_POINTS = 900, 12_000
-"""At most so many points near the people in a frame, and so many in the room: a page of some megabytes."""
+"""Maximum number of points near the people per frame, and of the room, for a page of some megabytes."""
 TOTAL = 500_000
-"""Near the people in all frames together; a long recording has fewer points a frame."""
+"""Maximum number of points near the people in all frames; long recordings have fewer points per frame."""
 ROOM_FRAMES = 7
-"""The room is the median of so many frames."""
+"""Number of frames in the median of the room."""
 MILLIMETRES = 1000.0
 UNIT = 0.004
-"""Metres per unit of a stored point, finer than depth cameras measure."""
+"""Metres per unit of a stored point, below the resolution of depth cameras."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneClouds:
-    """Points as a camera sees them, int16: column and row in pixels, and the depth in units of `UNIT`.
+    """Return points in image coordinates, int16: column and row in pixels, and depth in units of `UNIT`.
 
-    Neighbours are then alike but for their depth, and a page needs half as many bytes as for points in space.
+    Neighbours then differ mainly in depth, and the page needs half the bytes of 3-D points.
 
     Attributes
     ----------
@@ -42,12 +42,12 @@ class SceneClouds:
 
 
 def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> SceneClouds:
-    """Read the frames once and keep what a page can show.
+    """Read the frames once and keep the points of a page.
 
     Parameters
     ----------
     recording : that was tracked
-    joints : float (T, J, 3), joints of all people in every frame, camera frame, metres; NaN where no person is there
+    joints : float (T, J, 3), joints of all people in each frame, camera frame, metres; NaN in frames without the person
     frames : which ones are shown, in order
     """
     limit = min(POINTS, max(50, TOTAL // len(frames)))
@@ -72,7 +72,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
 
 
 def near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Mask (H, W) of the measured pixels within `REACH` of one of the joints (J, 3)."""
+    """Return the mask (H, W) of measured pixels within `REACH` of a joint (J, 3)."""
     near = np.zeros(depth_mm.shape, dtype=bool)
     known = joints[np.isfinite(joints).all(axis=1)]
     if not len(known):
@@ -89,7 +89,7 @@ def near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> n
 
 
 def thinned(mask: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of at most `limit` pixels of a mask, on a grid as fine as that allows."""
+    """Return rows and columns of at most `limit` pixels of a mask, on the finest regular grid."""
     too_many = max(1.0, np.count_nonzero(mask) / limit)
     down = int(np.ceil(np.sqrt(too_many)))
     across = int(np.ceil(too_many / down))
@@ -98,16 +98,18 @@ def thinned(mask: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pack(points: np.ndarray) -> bytes:
-    """Points (N, 3), int16, as bytes that deflate well: differences of neighbours, coordinate by coordinate, all low
-    bytes before all high ones.
+    """Encode points (N, 3), int16, as compressible bytes: differences of neighbours by coordinate, all low bytes before
+    all high bytes.
     """
-    steps = np.diff(points.astype(np.int32), axis=0, prepend=0).astype("<i2")  # wraps, and so do the sums
+    steps = np.diff(points.astype(np.int32), axis=0, prepend=0).astype(
+        "<i2"
+    )  # wraps around, as do the sums of the decoder
     halves = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2)
     return halves.T.tobytes()
 
 
 def median_point(images: np.ndarray) -> np.ndarray:
-    """Median over images (K, H, W) of the pixels that hold something, 0 where none does."""
+    """Return the median over images (K, H, W) of the non-zero pixels, 0 without any."""
     values = np.where(images > 0, images, np.nan).astype(np.float64)
     seen = np.isfinite(values).any(axis=0)
     out = np.zeros(images.shape[1:])
@@ -116,7 +118,7 @@ def median_point(images: np.ndarray) -> np.ndarray:
 
 
 def _seen(camera: Camera, pixels: tuple[np.ndarray, np.ndarray], depth_mm: np.ndarray) -> np.ndarray:
-    """Points (N, 3) at rows and columns; where the lens bends, those of a straight one to half a pixel."""
+    """Return points (N, 3) at rows and columns; lens distortion is corrected to half a pixel."""
     slopes = camera.rays()[pixels]
     column, row = slopes[:, 0] * camera.fx + camera.cx, slopes[:, 1] * camera.fy + camera.cy
     points = np.rint(np.column_stack([column, row, depth_mm / (MILLIMETRES * UNIT)]))

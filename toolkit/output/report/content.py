@@ -1,4 +1,4 @@
-"""What a report says about one run: numbers as JSON, and the blocks of bytes that it names."""
+"""Content of a report for one run: numbers as JSON, and blocks of bytes."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from toolkit.tracks import EMPTY, STATE_NAMES, RunInfo, Track
 from toolkit.tracks.runs import Person, load_persons, person_runs
 
 LONGEST = 3000
-"""Frames that a report shows unless others are asked for: the page of a longer recording would be too large to mail."""
+"""Default maximum number of frames; the page of a longer recording would be too large for mail."""
 FILM = RenderSettings(panels=("depth", "body"), height=320, aspect=0.8, extrema=0)
-"""Of the film in a page; the scene beside it takes the place of the side view."""
+"""Panels of the film in a page; the 3-D view replaces the side view."""
 STAGE_COLORS = ("#5b8ff9", "#f6903d", "#61ddaa", "#d3adf7", "#f6bd16", "#ff99c3", "#65789b", "#269a99")
 MILLIMETRES = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
 class RunContent:
-    """One run of a page: `data` goes into its JSON, which names the `blocks` by their keys; `movement` is HTML."""
+    """One run of a page: `data` becomes JSON and refers to `blocks` by key; `movement` is HTML."""
 
     data: dict[str, Any]
     blocks: dict[str, bytes]
@@ -55,9 +55,9 @@ def describe_run(
     frames: range | None = None,
     progress: Progress = silent,
 ) -> RunContent:
-    """Everything that a page shows of one run, of one person or several.
+    """Collect the content of a page for one run, of one person or several.
 
-    Without its recording a run has neither film nor points nor error, and the page says why.
+    Without the recording a page has no film, points or errors, and gives the reason.
 
     Parameters
     ----------
@@ -65,15 +65,15 @@ def describe_run(
     key : unique among the runs of a page
     recording : where the recording has been moved to
     references : see `evaluation.reference.find_reference`
-    frames : which ones, without gaps; the first `LONGEST` by default
+    frames : a contiguous range; default: the first `LONGEST`
     progress : told what is going on
 
     Raises
     ------
     TrackError
-        The folder holds no finished track.
+        The folder contains no finished track.
     UsageError
-        The frames are not some of the track's.
+        The frames are no contiguous range of the track.
     """
     people, folder = load_persons(run), person_runs(run)[0]
     total = len(people[0].track)
@@ -105,7 +105,7 @@ def _cut(track: Track, frames: range) -> Track:
 
 
 def _numbers(run: str | Path, info: RunInfo, people: list[Person], frames: range, total: int) -> dict[str, Any]:
-    """Times, joints, plots and facts: all that a page says without the recording."""
+    """Return times, joints, plots and facts, which need no recording."""
     times = people[0].times
     joints = np.concatenate([person.joints_level for person in people])
     seen = joints[np.isfinite(joints).all(axis=(1, 2))]
@@ -200,7 +200,7 @@ def _stage_plot(people: list[Person]) -> dict[str, Any]:
 def _error_plots(
     people: Sequence[Person], recording: Recording, references: list[Path], frames: range
 ) -> list[dict[str, Any]]:
-    """Distance to the truth, or to another system's skeleton, which is called agreement; none without a reference."""
+    """Return the error plot, or the agreement plot for another system's skeleton; nothing without a reference."""
     reference = find_reference(recording, references, len(people[0].track))
     if reference is None:
         return []
@@ -229,7 +229,7 @@ def _seen(
     frames: range,
     progress: Progress,
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """What needs the recording's frames: numbers about film, points and room, and these three as bytes."""
+    """Return film, points and room as bytes, and the numbers that describe them."""
     camera, times = recording.camera, people[0].times[frames.start : frames.stop]
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 25.0
     rate = float(np.clip(rate, 1.0, 120.0))
@@ -258,7 +258,7 @@ def _glb(people: list[Person]) -> bytes:
 
 
 def _text(path: Path) -> str:
-    """The settings beside a track, as far as they are a file of this folder: what a page shows may be mailed."""
+    """Return the settings of a run if they are a regular file of its folder, because pages may be mailed."""
     try:
         return read_file(path, LARGEST_YAML, inside=True).decode("utf-8", "replace")
     except OSError as error:

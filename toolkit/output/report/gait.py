@@ -1,4 +1,4 @@
-"""The part of a report about gait, sit-to-stand and ranges of motion: tables and curves, left against right."""
+"""Gait, sit-to-stand and range-of-motion section of a report: tables and curves, left against right."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ EXPECTED: dict[str, float] = {
     "elbow_flexion_deg": 11.9,
     "rise_duration_s": 0.042,
 }
-"""Mean absolute errors by figure, in the figure's unit; of ranges of motion by joint and motion, degrees."""
+"""Mean absolute errors by parameter, in its unit; of ranges of motion by joint and motion, degrees."""
 
 
 LEFT, RIGHT = "#5b8ff9", "#f6903d"
 WIDTH, HEIGHT, EDGE = 640, 150, 34
-"""Pixels of a curve's drawing, and of its margin."""
+"""Size and margin of a curve, pixels."""
 CURVES = (("knee", "flexion"), ("hip", "flexion"), ("ankle", "dorsiflexion"))
 SHOWN = (
     ("stride_length_m", "stride length", "m", 2),
@@ -50,11 +50,11 @@ SHOWN = (
 SIDED = (("step_length", "step length", "m", 2), ("stance_share", "stance, share of the stride", "", 2))
 MOTIONS = {"internal_rotation": "internal rotation", "plane_of_elevation": "plane of elevation"}
 NARROW = 5.0
-"""Degrees: motions of a smaller range on both sides are left out of the table."""
+"""Minimum range of a motion in the table, degrees."""
 
 
 def gait_section(name: str, people: Sequence[Person]) -> str:
-    """HTML about all people of a run; `name` is the run's."""
+    """Return the HTML of all people of a run; `name` is the run's."""
     parts = [f"<h2>Movement: {html.escape(name)}</h2>"]
     for person in people:
         if len(people) > 1:
@@ -84,7 +84,7 @@ def _number(value: float, decimals: int, unit: str = "") -> str:
 
 
 def _error(name: str, unit: str) -> str:
-    """Two digits of a typical error, empty where none was measured."""
+    """Return a typical error with two digits, or "" if none was measured."""
     return f"± {float(f'{EXPECTED[name]:.2g}'):g} {unit}".strip() if name in EXPECTED else ""
 
 
@@ -134,9 +134,7 @@ def _curves(person: Person, found: Summary) -> str:
         known = np.concatenate([side[np.isfinite(side)] for side in sides])
         if len(known):
             drawn.append(_curve(f"{joint} {motion}, degrees", times, sides, known, person.track.contact))
-    key = (
-        f'<p><i style="background:{LEFT}"></i>left <i style="background:{RIGHT}"></i>right; bars: the foot carries</p>'
-    )
+    key = f'<p><i style="background:{LEFT}"></i>left <i style="background:{RIGHT}"></i>right; bars: foot contact</p>'
     return "".join(drawn) + key if drawn else ""
 
 

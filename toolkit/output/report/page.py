@@ -1,4 +1,4 @@
-"""Runs as one file of HTML that needs nothing else: no server, no network, no installation."""
+"""Report of runs as a single HTML file without server, network or installation."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ def write_report(
 ) -> Path:
     """Write one self-contained page about runs: film, scene, errors, confidence, times, settings.
 
-    The page works offline: everything stands in it, and its content security policy forbids every request.
+    The page works offline: it contains all its data, and its content security policy forbids requests.
 
     Parameters
     ----------
     runs : run folders, of one person or several, or folders that hold some
     output : the file, `.html`
     recording : where the recording of the one run has been moved to
-    references : what the tracks are compared with, see `evaluate_runs`; each run's own recording without
-    frames : which frames are shown; the first 3,000 by default
+    references : references of the errors, see `evaluate_runs`; default: the recording of each run
+    frames : range of frames; default: the first 3,000
     progress : told what is going on
 
     Raises
     ------
     UsageError
-        The output is no `.html` or is read, there is no run, or a recording is named for several.
+        The output is no `.html` file or one of the inputs, there is no run, or one recording is named for several.
     TrackError
-        A folder holds no finished track.
+        A folder contains no finished track.
     OutputError
         The page cannot be written.
     """
@@ -70,7 +70,7 @@ def write_report(
 
 
 def page(contents: Sequence[RunContent]) -> str:
-    """The text of a page about runs; names in them are escaped."""
+    """Return the text of a page about runs; names are escaped."""
     names = ", ".join(content.data["name"] for content in contents)
     blocks = [
         f'<script type="text/plain" id="{html.escape(key)}">{base64.b64encode(data).decode()}</script>'
@@ -87,7 +87,7 @@ def page(contents: Sequence[RunContent]) -> str:
 
 
 def _blocks(contents: Sequence[RunContent]) -> dict[str, bytes]:
-    """What stands in a page, deflated: its viewer, its data, and the blocks that the data name."""
+    """Return the compressed parts of a page: viewer, data, and blocks."""
     data = json.dumps({"runs": [content.data for content in contents]}, separators=(",", ":"), allow_nan=False)
     named = {key: block for content in contents for key, block in content.blocks.items()}
     plain = {"viewer": (ASSETS / "viewer.js").read_bytes(), "data": data.encode(), **named}

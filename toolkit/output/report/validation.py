@@ -24,7 +24,7 @@ STRIDE_HEAD = ("side", "strides", "reference", "time s", "reference s", "length 
 
 
 def write_validation(validation: Validation, folder: str | Path) -> list[Path]:
-    """Write `FILES` into a folder, each whole or not at all, and return their paths.
+    """Write `FILES` into a folder, each atomically, and return their paths.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def stride_rows(validation: Validation) -> list[tuple[str, ...]]:
 
 
 def summary(validation: Validation) -> list[str]:
-    """Return what was compared and how, one sentence each."""
+    """Return the description of the comparison, one sentence each."""
     lines = [f"{validation.frames} frames in common, {100 * validation.tracked:.0f} % of them tracked."]
     if math.isfinite(validation.mean_mm):
         lines.append(f"Mean distance of the joints {validation.mean_mm:.1f} mm (marker set {validation.marker_set}).")
