@@ -323,7 +323,7 @@ def test_two_different_cameras_in_one_folder_are_refused(tmp_path):
     folder = png_folder(tmp_path / "take", [person_alone(TOF)], intrinsics=False)
     for name, fx in (("depth", 220.0), ("colour", 230.0)):
         write_camera(folder / f"{name}.json", fx)
-    with pytest.raises(RecordingError, match="tell different cameras"):
+    with pytest.raises(RecordingError, match="contain different cameras"):
         open_recording(folder)
     assert open_recording(folder, intrinsics=folder / "depth.json").camera.fx == 220.0
 

@@ -1,4 +1,4 @@
-"""The centre of a cloud: where its torso is (Baak 2013, 5.3.4)."""
+"""Centre of a cloud, at the torso of the person (Baak 2013, 5.3.4)."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from toolkit.io.errors import SegmentationError
 from toolkit.kernels.cloud import torso
 
 WIDTH, HEIGHT = 0.35, 0.5
-"""Metres: half axes of the ellipsoid, horizontal and vertical, for an adult. It reaches from the chest to the thighs: a
-smaller one slides along the torso, where nothing holds it."""
+"""Horizontal and vertical half axes of the ellipsoid for an adult, metres. It reaches from the chest to the thighs; a
+smaller one would slide along the torso."""
 TOLERANCE = 1e-3
-"""Metres: a step of the mean shift below this ends it."""
+"""Step of the mean shift below which it ends, metres."""
 MAX_STEPS = 30
 
 
 def cloud_centre(points: np.ndarray, start: np.ndarray | None = None, scale: float = 1.0) -> np.ndarray:
-    """Centre of a person's cloud by mean shift with an upright ellipsoid: float64 (3,), metres, level frame.
+    """Return the centre of a person's cloud by mean shift with an upright ellipsoid: float64 (3,), metres, level frame.
 
-    The mean of the points within the ellipsoid becomes its new centre until it rests, so an outstretched arm, which
-    lies outside, does not pull. The search begins at `start` (3,), normally the centre of the frame before; without it,
-    or where no point is near it any more, at the median of the cloud, which limbs shift little.
+    The centre moves to the mean of the points within the ellipsoid until it stops; an outstretched arm lies outside and
+    has no effect. The search begins at `start` (3,), usually the previous centre. Without it, or without points near
+    it, it begins at the median of the cloud, which limbs change little.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the image's border, or something nearer, cuts a person off: what ends there is no limb."""
+"""Extrema at cuts: points where the image border or an occluder truncates the person."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.cloud import Cloud
 
 CUT_PIXELS = 3
-"""An extremum nearer to the image's border than this, where the person reaches the border, lies on a cut."""
+"""Maximum distance of an extremum from the image border that counts as a cut, pixels."""
 HAND_WIDTH = 0.2
-"""Metres: what leaves by the upper border or a side and is narrower is an arm with little missing."""
+"""Minimum width of a cut at the upper border or at a side, metres; narrower ones are arms with little missing."""
 CUT_SHARE = 0.4
-"""Of the pixels around an extremum: an occluder's edge leaves about half of them unobserved, the shadow that a depth
-camera throws beside a limb less."""
+"""Minimum fraction of unobserved pixels around an extremum at an occluder: its edge leaves about half of them
+unobserved, the shadow beside a limb fewer."""
 
 
 def on_cuts(cloud: Cloud, nodes: np.ndarray, unobserved: np.ndarray | None) -> np.ndarray:
-    """Which of the `nodes` (n,) of a cloud lie where the person is cut off: bool (n,).
+    """Return which of the `nodes` (n,) of a cloud lie on a cut of the person: bool (n,).
 
-    A narrow piece that leaves by another border than the lower one is a hand, of which little is missing. `unobserved`
-    (H, W) are pixels that say nothing about the person, or None.
+    A narrow piece at another border than the lower one is a hand with little missing. `unobserved` (H, W) marks pixels
+    without information about the person; None = no such pixels.
     """
     pixels = cloud.pixels[nodes]
     cut = np.zeros(len(pixels), dtype=np.bool_)
@@ -36,7 +36,7 @@ def on_cuts(cloud: Cloud, nodes: np.ndarray, unobserved: np.ndarray | None) -> n
 
 
 def _leaves_image(cloud: Cloud, v: int, u: int) -> bool:
-    """Whether the person leaves the image near pixel (v, u), and not just with a hand."""
+    """Return whether the person leaves the image near pixel (v, u) with more than a hand."""
     depth, (height, width) = cloud.depth, cloud.camera.shape
     for distance, border, place, narrow in (
         (height - 1 - v, depth[-1], u, 0.0),
@@ -53,7 +53,7 @@ def _leaves_image(cloud: Cloud, v: int, u: int) -> bool:
 
 
 def _run(border: np.ndarray, place: int) -> int:
-    """Pixels of the person on a border (N,) that hang together with those around `place`."""
+    """Return the pixels (N,) of the person on a border that are connected with those around `place`."""
     gaps = np.flatnonzero(border == 0)
     inside = np.flatnonzero(border[max(place - CUT_PIXELS, 0) : place + CUT_PIXELS + 1]) + max(place - CUT_PIXELS, 0)
     if len(inside) == 0:

@@ -1,4 +1,4 @@
-"""Geodesic extrema of a cloud: the points farthest from the torso along the body's surface (Baak 2013, 5.4.2)."""
+"""Geodesic extrema of a cloud: points with maximum geodesic distance from the torso (Baak 2013, 5.4.2)."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ class Extrema:
     ----------
     nodes : int32 (n,), rows of the cloud
     points : float32 (n, 3), metres, frame of the cloud
-    distances : float64 (n,), metres, falling: geodesic distance to the source or the nearest earlier extremum when
-        found
+    distances : float64 (n,), metres, decreasing: geodesic distance to the source or the nearest earlier extremum
     visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first
         pass visits all that can be reached
     source : the source node
-    from_source : int32 (N,), geodesic distance of every node from the source, in units of `cloud_graph.UNIT` metres,
-        `geodesic.UNREACHED` where there is no way; valid as long as the graph
+    from_source : int32 (N,), geodesic distance of each node from the source, in units of `cloud_graph.UNIT` metres,
+        `geodesic.UNREACHED` without a path; valid as long as the graph
     """
 
     nodes: np.ndarray
@@ -43,9 +42,9 @@ class Extrema:
 
 
 def geodesic_extrema(cloud: Cloud, count: int, settings: LandmarkSettings | None = None) -> Extrema:
-    """First `count` geodesic extrema of an organised cloud, measured from the node at its hips.
+    """Return the first `count` geodesic extrema of an organised cloud, with the source at the hips.
 
-    There are fewer where fewer nodes can be reached. Raises as `grid_graph` and `extrema_of_graph`.
+    Fewer are returned if fewer nodes are reachable. Raises as `grid_graph` and `extrema_of_graph`.
     """
     graph = grid_graph(cloud, settings or LandmarkSettings())
     source = source_node(graph, cloud.points, cloud_centre(cloud.points), settings)
@@ -55,10 +54,10 @@ def geodesic_extrema(cloud: Cloud, count: int, settings: LandmarkSettings | None
 def source_node(
     graph: Graph, points: np.ndarray, centre: np.ndarray, settings: LandmarkSettings | None = None, scale: float = 1.0
 ) -> int:
-    """The node to measure from: the one at the hips, `source_drop` below a centre (3,) in the level frame.
+    """Return the source node at the hips, `source_drop` below a centre (3,) in the level frame.
 
-    Of the largest component it is the nearest node, the lowest of equally near ones. Only that component counts as
-    torso, so a hand before the belly is not taken. `scale` is the size of the person against an adult.
+    It is the nearest node of the largest component, the lowest index of equally near ones. A hand in front of the belly
+    is another component and is not selected. `scale` is the size of the person relative to an adult.
     """
     settings = settings or LandmarkSettings()
     hips = np.array(centre, dtype=np.float64)
@@ -69,9 +68,9 @@ def source_node(
 def extrema_of_graph(
     graph: Graph, points: np.ndarray, count: int, source: int, workspace: Workspace | None = None
 ) -> Extrema:
-    """First `count` geodesic extrema of any graph over `points` (N, 3), seen from node `source` (Algorithm 1).
+    """Return the first `count` geodesic extrema of a graph over `points` (N, 3) from node `source` (Algorithm 1).
 
-    Ties fall to the lowest node. Nodes that cannot be reached are ignored.
+    Ties go to the lowest node. Unreachable nodes are ignored.
 
     Raises
     ------
@@ -79,7 +78,7 @@ def extrema_of_graph(
         `count` is below 1 or `source` is not a node.
     """
     if count < 1:
-        raise UsageError(f"{count} geodesic extrema were asked for; ask for at least 1")
+        raise UsageError(f"count is {count}; ask for at least 1 geodesic extremum")
     if not 0 <= source < len(graph):
         raise UsageError(f"source node {source} is not in a graph of {len(graph)} nodes; use a row of the cloud")
     workspace = workspace or Workspace()

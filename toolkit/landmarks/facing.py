@@ -1,4 +1,4 @@
-"""The direction that a person faces, from the plane of the torso, and its smoothing over time (Baak 2013, 5.3.4)."""
+"""Facing of a person from the plane of the torso, and its temporal smoothing (Baak 2013, 5.3.4)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from toolkit.kernels.cloud import torso
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 TORSO_RADIUS = 0.15
-"""Metres: points nearer than this to the middle of an adult's chest are taken for the torso; the paper's."""
+"""Radius of the torso patch around the middle of an adult's chest, metres (from the paper)."""
 SMALLEST_TORSO = 30
-"""A patch of fewer points says nothing about the facing."""
+"""Minimum number of points of a torso patch."""
 CURVED, FLAT = 0.08, 0.03
-"""Shares of the smallest eigenvalue in the sum of the three from which a torso's normal is ignored, and at and below
-which the torso counts as flat."""
+"""Fractions of the smallest eigenvalue in the sum of all three: above the first the normal is ignored, below the second
+the torso counts as flat."""
 LONG, ROUND = 0.35, 0.65
-"""Ratios of the two larger eigenvalues down to which a normal is ignored, and at and above which a patch is round."""
+"""Ratios of the two larger eigenvalues: below the first the normal is ignored, above the second the patch counts as
+round."""
 FACING_TIME = 0.15
-"""Seconds: time constant of the smoothing at full weight."""
+"""Time constant of the smoothing at weight 1, seconds."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class FacingEstimate:
     Attributes
     ----------
     yaw : radians in (-pi, pi], about +y from +z: the person faces (sin yaw, 0, cos yaw) in the level frame
-    weight : in [0, 1], how far the torso looked like a flat round patch; 0 where nothing can be said, then `yaw` points
-        at the camera
+    weight : in [0, 1], flatness and roundness of the torso patch; 0 without an estimate, then `yaw` points at the
+        camera
     """
 
     yaw: float
@@ -40,23 +41,23 @@ class FacingEstimate:
 
 
 def camera_yaw(centre: np.ndarray) -> float:
-    """Yaw of a person at `centre` (3,), level frame, who faces the camera, radians."""
+    """Return the yaw of a person at `centre` (3,), level frame, who faces the camera, radians."""
     return math.atan2(-centre[0], -centre[2])
 
 
 def estimate_facing(
     points: np.ndarray, centre: np.ndarray, settings: LandmarkSettings | None = None, scale: float = 1.0
 ) -> FacingEstimate:
-    """Facing of a cloud from the plane through the points on its chest.
+    """Estimate the facing of a cloud from the plane through the points on its chest.
 
-    The plane's normal is the eigenvector of the smallest eigenvalue of their covariance, turned to the camera and
-    projected onto the ground. A chest is rounded and its visible part lies towards the camera, so its normal turns less
-    than the body: the angle between the normal and the direction to the camera is multiplied by `turn_gain`.
+    The normal of the plane is the eigenvector of the smallest eigenvalue of the covariance, turned to the camera and
+    projected onto the ground. A chest is rounded and only its front is visible, so the normal turns less than the body:
+    the angle between the normal and the direction to the camera is multiplied by `turn_gain`.
 
-    Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large) or not round (the
-    other two differ), and the weight falls linearly between the bounds of both; a normal that stands upright has no
-    horizontal direction, and the weight falls with its horizontal part. Holds for turns of up to about 60 degrees from
-    the camera: a torso seen from the side has no front.
+    If an arm occludes the torso, the patch is curved (large smallest eigenvalue) or not round (different larger
+    eigenvalues), and the weight falls linearly between the bounds of both. It also falls with the horizontal part of
+    the normal. The estimate is valid up to about 60 degrees from the camera, because a torso seen from the side has no
+    visible front.
 
     Parameters
     ----------
@@ -89,27 +90,27 @@ def estimate_facing(
 
 
 def _wrapped(angle: float) -> float:
-    """The same angle in (-pi, pi]."""
+    """Wrap an angle to (-pi, pi]."""
     return math.atan2(math.sin(angle), math.cos(angle))
 
 
 def _ramp(value: float, zero: float, one: float) -> float:
-    """0 at `zero`, 1 at `one`, linear between them and constant outside."""
+    """Return 0 at `zero` and 1 at `one`, linear between them and constant outside."""
     return min(max((value - zero) / (one - zero), 0.0), 1.0)
 
 
 def smoothed_facing(
     direction: np.ndarray | None, estimate: FacingEstimate, dt: float, centre: np.ndarray
 ) -> np.ndarray:
-    """The direction (2,) that a person faces in the ground plane, x and z, after the estimate of one more frame.
+    """Return the smoothed facing (2,) in the ground plane, x and z, after the estimate of one more frame.
 
-    A low-pass whose rate is the weight of each estimate. An estimate of weight w moves the direction by the share
-    1 - exp(-w dt / `FACING_TIME`): the same for one long step as for two short ones, so the frame rate does not matter,
-    and an occluded torso leaves the direction as it was. As a vector it wraps without a seam.
+    A low-pass filter with the weight of the estimate as its rate: an estimate of weight w moves the direction by the
+    fraction 1 - exp(-w dt / `FACING_TIME`). One long step therefore equals two short ones, and an occluded torso leaves
+    the direction unchanged. The vector form has no discontinuity at pi.
 
     Parameters
     ----------
-    direction : (2,), as it was `dt` seconds ago; None on a first frame, which is a mean of the estimate, by its weight,
+    direction : (2,), value `dt` seconds ago; None in a first frame, which gets the mean of the estimate, by its weight,
         and of facing the camera
     centre : (3,), of the cloud, level frame
     """

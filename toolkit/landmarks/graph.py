@@ -1,4 +1,4 @@
-"""The weighted graph of a cloud, on the pixel grid or by nearest neighbours (Baak 2013, 5.4.2, Eq. 5.3)."""
+"""Weighted graph of a cloud on the pixel grid (Baak 2013, 5.4.2, Eq. 5.3)."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """Edges of N nodes as a table of R >= N rows, the first N of which belong to the nodes.
+    """Edges of N nodes as a table of R >= N rows; the first N rows belong to the nodes.
 
     Attributes
     ----------
-    neighbours : int32 (R, D), the nodes at the other ends of a node's edges; a free place names the node itself
-    lengths : int32 (R, D), above 0, in units of `cloud_graph.UNIT` metres; 0 in a free place
-    more : int32 (R,), the row with further edges of the same node, -1 for none
-    roots : int32 (N,), lowest node of each node's component before components were joined
+    neighbours : int32 (R, D), other nodes of the edges; a free entry holds the node itself
+    lengths : int32 (R, D), positive, in units of `cloud_graph.UNIT` metres; 0 in a free entry
+    more : int32 (R,), row with further edges of the same node, -1 for none
+    roots : int32 (N,), lowest node of each node's component before the components were joined
     bridges : int32 (B, 2), the edges that join a component to the largest one, whose node stands second
     edges : number of edges, bridges included, each counted once
     """
@@ -43,11 +43,11 @@ class Graph:
 
     @property
     def trunk(self) -> int:
-        """Root of the largest component, the one with the torso; the lowest of equally large ones."""
+        """Return the root of the largest component, which contains the torso; the lowest of equally large ones."""
         return int(np.bincount(self.roots).argmax())
 
     def matrix(self) -> csr_matrix:
-        """The lengths, float64 (N, N), in metres, symmetric: the form that SciPy's graph routines take."""
+        """Return the lengths, float64 (N, N), in metres, as a symmetric SciPy matrix."""
         from scipy.sparse import csr_matrix
 
         nodes = np.arange(len(self.more))
@@ -59,16 +59,16 @@ class Graph:
 
 
 class Workspace:
-    """Arrays for one graph and its extrema, made once and grown where a cloud is larger than all before it.
+    """Reusable arrays for one graph and its extrema, which grow with the clouds.
 
-    A graph or a distance array that was made in a workspace is valid until the next one is made there.
+    A graph or distance array of a workspace is valid until the next one is made in it.
     """
 
     def __init__(self) -> None:
         self._arrays: dict[str, np.ndarray] = {}
 
     def take(self, name: str, *shape: int, dtype: type = np.int32) -> np.ndarray:
-        """Uninitialised C-contiguous array `name` of a shape."""
+        """Return an uninitialised C-contiguous array `name` of a shape."""
         size = math.prod(shape)
         held = self._arrays.get(name)
         if held is None or held.size < size or held.dtype != dtype:
@@ -77,7 +77,7 @@ class Workspace:
 
 
 def grid_graph(cloud: Cloud, settings: LandmarkSettings, workspace: Workspace | None = None) -> Graph:
-    """Graph over the 8-neighbourhood of the pixels of an organised cloud.
+    """Build the graph over the 8-neighbourhood of the pixels of an organised cloud.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def grid_graph(cloud: Cloud, settings: LandmarkSettings, workspace: Workspace | 
 
 
 def _rows(nodes: int, settings: LandmarkSettings) -> int:
-    """Rows of a table that has room for every bridge that there can be."""
+    """Return the number of rows with room for all possible bridges."""
     return nodes + 2 * (nodes // settings.smallest_component)
 
 

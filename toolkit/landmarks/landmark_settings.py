@@ -9,20 +9,20 @@ from toolkit.io.errors import SettingsError
 
 @dataclass(frozen=True)
 class LandmarkSettings:
-    """What variants of Baak 2013, 5.3.4 and 5.4.2 differ in, metres for a body of adult size.
+    """Parameters of Baak 2013, 5.3.4 and 5.4.2, in metres for an adult body.
 
     Attributes
     ----------
     neighbour_distance : tau, edges of the graph are shorter than this. Just above the depth steps of a Kinect at 4 m
         (4.5 cm), and below the gap between an arm and the torso that it hides
-    smallest_component : components of fewer nodes are noise; a hand at 4 m has 30 at half of a Kinect's resolution
+    smallest_component : minimum number of nodes of a component; a hand at 4 m has 30 at half of a Kinect's resolution
     bridge_distance : components farther than this from the largest one stay unconnected (0.5 m in the paper)
-    source_drop : the extrema are measured from this far below the centre, at the hips. From there head, hands and feet
-        are about equally far; from the centre the knees are farther than the head and are found before it, and all five
-        end effectors are among the first five extrema in 44 instead of 74 % of frames in which they are free
-    chest_height : the middle of the chest lies this far above the centre. 0 in the paper; but a belly is round, and its
-        plane turns by 0.4 of the body's turn and by 0.1 for heavy people, a chest's by 0.6 and by 0.4
-    turn_gain : the turn of the chest's plane away from the camera times this is the body's turn (1 in the paper)
+    source_drop : distance of the source of the extrema below the centre, at the hips. Head, hands and feet are about
+        equally far from the hips; from the centre the knees are farther than the head. All five end effectors are among
+        the first five extrema in 74 % of the frames in which they are free (44 % from the centre)
+    chest_height : height of the middle of the chest above the centre. 0 in the paper; but a belly is round: its plane
+        turns by 0.4 of the body's turn (0.1 for heavy people), that of the chest by 0.6 (0.4)
+    turn_gain : ratio of the body's turn away from the camera to that of the chest plane (1 in the paper)
     """
 
     neighbour_distance: float = 0.05

@@ -1,4 +1,4 @@
-"""Joints that a detector wrote: a folder of OpenPose JSON, one file for each frame (Qammaz, 2.2)."""
+"""Joint files of a 2-D detector: a folder of OpenPose JSON, one file per frame (Qammaz, 2.2)."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ FORMATS = {
     51: ("COCO-17", COCO_17),
     99: ("MediaPipe's 33 points", POSE_MODEL),
 }
-"""Numbers of a person -> name of the format, and its points."""
+"""Number of values of a person -> name of the format, and its points."""
 NORMALISED = 2.0
-"""Coordinates of a whole folder below this are shares of the image, no pixels."""
+"""Maximum coordinate of a folder whose coordinates are fractions of the image instead of pixels."""
 KEYS = ("pose_keypoints_2d", "keypoints")
-"""Where a person's numbers are, as OpenPose and as COCO call them."""
-HINT = "write it as OpenPose does"
+"""Key of a person's values in OpenPose and in COCO files."""
+HINT = "use the format of OpenPose"
 
 
 def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int, int] | None = None) -> np.ndarray:
-    """The joints of a recording from a folder of JSON files.
+    """Read the joints of a recording from a folder of JSON files.
 
-    There is one file for each frame, in natural order; or fewer, whose last number is their frame's. A file without
-    people is a frame without joints, and a confidence above 1 counts as 1.
+    The folder has one file per frame in natural order, or fewer files whose last number is their frame. A file without
+    people is a frame without joints; confidences above 1 are set to 1.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
         COCO-17, 99 MediaPipe's points (c is their visibility)
     count : frames of the recording
     camera : of the images as they lie in the file, neither flipped nor turned
-    size : width and height of the images in which the joints were found, if they are not the depth's
+    size : width and height of the images of the detector, if they differ from the depth's
 
     Returns
     -------
@@ -50,7 +50,7 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
     Raises
     ------
     RecordingError
-        A file is missing, broken or of another format, or its coordinates are no pixels of this image.
+        A file is missing, damaged or of another format, or its coordinates do not fit the image.
     """
     folder = Path(folder)
     people = {frame: _people(path) for frame, path in _files(folder, count).items()}
@@ -58,8 +58,8 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
     pixels = np.concatenate(known)[:, :2] if known else np.zeros((0, 2))
     if len(pixels) and np.abs(pixels).max() < NORMALISED:
         raise RecordingError(
-            f"the coordinates in {folder} are all below {np.abs(pixels).max():.2g}, shares of the image; write them in "
-            "pixels (OpenPose: keypoint_scale 0)"
+            f"the coordinates in {folder} are all below {np.abs(pixels).max():.2g}, fractions of the image; write them "
+            "in pixels (OpenPose: keypoint_scale 0)"
         )
     width, height = size or (camera.width, camera.height)
     scale = np.array([camera.width / width, camera.height / height])
@@ -78,9 +78,11 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
 
 
 def _files(folder: Path, count: int) -> dict[int, Path]:
-    """The file of each frame that has one."""
+    """Return the file of each frame with one."""
     if not is_folder(folder):
-        raise RecordingError(f"there is no folder {folder}; --joints is one of OpenPose JSON, or colour, depth or none")
+        raise RecordingError(
+            f"there is no folder {folder}; --joints is a folder of OpenPose JSON, or colour, depth or none"
+        )
     paths = sorted(folder.glob("*_keypoints.json"), key=natural_key) or sorted(folder.glob("*.json"), key=natural_key)
     if not paths:
         raise RecordingError(f"{folder} holds no *_keypoints.json; let OpenPose write one for each frame")
@@ -90,14 +92,14 @@ def _files(folder: Path, count: int) -> dict[int, Path]:
     by_number = {int(found[-1]): path for found, path in zip(numbers, paths, strict=True) if found}
     if len(by_number) < len(paths) or max(by_number) >= count:
         raise RecordingError(
-            f"{folder} holds {len(paths)} files for {count} frames, and they are not all named by the number of a "
-            "frame; write one file for each frame"
+            f"{folder} holds {len(paths)} files for {count} frames, and not all names contain a frame number; "
+            "write one file for each frame"
         )
     return by_number
 
 
 def _people(path: Path) -> list[np.ndarray]:
-    """The people of one file with a known joint, float32 (20, 3) each."""
+    """Return the people of one file with a known joint, float32 (20, 3) each."""
     value = read_json(path, RecordingError, HINT)
     people = value.get("people") if isinstance(value, dict) else None
     if not isinstance(people, list):
@@ -112,7 +114,7 @@ def _people(path: Path) -> list[np.ndarray]:
 
 
 def _rows(numbers: Any, path: Path) -> np.ndarray:
-    """One person's flat list as reported joints (20, 3)."""
+    """Return the flat list of one person as reported joints (20, 3)."""
     if not isinstance(numbers, list) or not all(isinstance(n, (int, float)) for n in numbers):
         raise RecordingError(f"a person in {path} has no list of numbers {KEYS[0]!r}; {HINT}")
     if len(numbers) not in FORMATS:

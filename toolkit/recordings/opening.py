@@ -1,4 +1,4 @@
-"""Opening a recording: of any known format, or of an array."""
+"""Opening of recordings in files or in memory."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ logger = logging.getLogger(__name__)
 
 
 def open_recording(path: str | Path, **options: Any) -> Recording:
-    """Open a depth recording of any known format; options are those of `ReaderOptions`.
+    """Open a depth recording of any supported format; options are those of `ReaderOptions`.
 
     Raises
     ------
     RecordingError
-        The path is missing, of no known format, or its contents cannot be used.
+        The path is missing, of no supported format, or its content is invalid.
     UsageError
         An option is unknown.
     """
@@ -40,7 +40,7 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
 
 
 def open_upright(path: str | Path, **options: Any) -> Recording:
-    """As `open_recording`; the images of a camera that stands on its side are turned (its options then say `rotate`).
+    """Open as `open_recording` and rotate the images of a camera on its side (the options then contain `rotate`).
 
     Raises
     ------
@@ -63,22 +63,22 @@ def recording_of(
     name: str = "depth",
     **options: Any,
 ) -> Recording:
-    """A recording of depth in memory, which is not copied.
+    """Make a recording of depth in memory, without a copy.
 
     Parameters
     ----------
-    depth : (T, H, W), 0 = no measurement: whole numbers are millimetres, others metres, unless `depth_unit` says so
-    timestamps : (T,), seconds; without them `frame_rate` tells, or 30 frames a second
+    depth : (T, H, W), 0 = no measurement: integers are millimetres, floats metres, unless `depth_unit` is given
+    timestamps : (T,), seconds; default: evenly at `frame_rate`, or 30 Hz
     background : (H, W), the empty scene in the same unit
     name : for people
-    options : of `ReaderOptions`; `intrinsics` (fx, fy, cx, cy in pixels) has to be one of them
+    options : of `ReaderOptions`; `intrinsics` (fx, fy, cx, cy in pixels) is required
 
     Raises
     ------
     RecordingError
-        The array is none of depth frames, or the intrinsics are missing or absurd.
+        The array has no depth frames, or the intrinsics are missing or invalid.
     UsageError
-        An option is unknown or wrong.
+        An option is unknown or invalid.
     """
     frames = np.asarray(depth)
     if frames.ndim != 3 or frames.dtype.kind not in "uif":

@@ -1,4 +1,4 @@
-"""How to read a recording, where its files do not say so themselves."""
+"""Reader options for facts that the files of a recording do not contain."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from toolkit.sensing.conversion import unit_in_metres
 
 LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
 FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
-LARGEST_RATE = 1000.0  # frames a second: faster than any depth camera
-LARGEST_SIDE = 20_000  # pixels: larger than any image
+LARGEST_RATE = 1000.0  # maximum frame rate of a depth camera, Hz
+LARGEST_SIDE = 20_000  # maximum width or height of an image, pixels
 SETTINGS = {
     "segment": "settings={'sensing.segment': ...}",
     "subject": "settings={'sensing.subject': ...}",
     "online": "settings={'passes': 1}",
 }
-"""What the command takes as options, though it does not say how a recording is read -> how Python says it."""
+"""Command-line option of another stage -> its Python equivalent, for error messages."""
 
 
 @dataclass(frozen=True)
 class ReaderOptions:
-    """How to read a recording, where its files do not say so themselves.
+    """Options for reading a recording.
 
     Attributes
     ----------
-    format : a name of `readers.READERS`, such as "npz", "ros", "mkv" or "png"; guessed from the path if None
-    mirrored : the source shows the scene as a mirror does; its images are flipped. None leaves it to the reader
+    format : a key of `readers.READERS`, such as "npz", "ros", "mkv" or "png"; None = detected from the path
+    mirrored : flip the images of a mirrored source; None = decided by the reader
     radial : pixels hold the distance to the camera's centre instead of the depth along z
-    depth_unit : "mm", "m" or the metres of one unit, such as 0.0002; None is "mm", for clouds "m"
+    depth_unit : "mm", "m" or the metres per unit, such as 0.0002; None = "mm", for clouds "m"
     intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file that holds them
     size : width and height in pixels, for raw files and for clouds without a pixel grid
-    frame_rate : frames per second of a source without timestamps; None is the format's own, or 30
+    frame_rate : frame rate of a source without timestamps, Hz; None = that of the format, or 30
     up_camera : the vertical in the camera frame
     background : path of a 16-bit PNG with the depth of the empty scene
-    skeleton : a reference skeleton's file, or the folder that holds it
+    skeleton : file of a reference skeleton, or the folder that contains it
     axes : "camera" (x right, y down, z forward) or "graphics" (x right, y up, z backward), for clouds
     rotate : degrees by which the images are turned clockwise, 0, 90, 180 or 270, for a camera that stands on its side
     track : name of the depth topic of a file that holds several
@@ -60,12 +60,12 @@ class ReaderOptions:
 
     @classmethod
     def from_mapping(cls, options: dict[str, Any]) -> ReaderOptions:
-        """Options by name; paths become text and lists tuples, so that they can be written as JSON and read back.
+        """Return options by name; paths become text and lists tuples, for JSON.
 
         Raises
         ------
         UsageError
-            A name or a value is not one of those above.
+            A name or a value is invalid.
         """
         names = [f.name for f in fields(cls)]
         unknown = sorted(set(options) - set(names))
@@ -90,7 +90,7 @@ class ReaderOptions:
         return made
 
     def given(self) -> dict[str, Any]:
-        """The options that differ from their defaults."""
+        """Return the options that differ from their defaults."""
         default = asdict(ReaderOptions())
         return {k: v for k, v in asdict(self).items() if v != default[k]}
 
@@ -102,7 +102,7 @@ def _plain(value: Any) -> Any:
 
 
 def _numbers(name: str, value: Any) -> Any:
-    """Numbers given as a list, an array or a text such as `320,240`; another text is a path."""
+    """Parse numbers from a list, an array or a text such as `320,240`; other text is a path."""
     if value is None:
         return None
     parts = value.split(",") if isinstance(value, str) else value

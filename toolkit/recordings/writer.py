@@ -1,4 +1,4 @@
-"""Writing a recording as NPZ, frame by frame."""
+"""Writer of recordings as NPZ, frame by frame."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import check_rows
 from toolkit.sensing.recording import check_joints, check_timestamps
 
-COMPRESSION = 3  # of 9: a segmented depth image shrinks tenfold already, at a third of the default's time
+COMPRESSION = 3  # zlib level (of 9): a tenth of the size for segmented depth, a third of the default level's time
 BLOCK = 1 << 20
 
 
 class RecordingWriter:
-    """Collects frames on disk and puts the NPZ file in place when it is closed without an error.
+    """Writer that collects frames on disk and puts the NPZ file in place on success.
 
     Use as a context manager:
 
@@ -31,8 +31,8 @@ class RecordingWriter:
     ...     for depth, time in frames:
     ...         writer.append(depth, time)
 
-    Frames wait in an unnamed temporary file of the target's folder, so that memory does not grow and a killed run
-    leaves nothing behind.
+    Frames are buffered in an unnamed temporary file of the target's folder, so that memory does not grow and a killed
+    run leaves no file.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class RecordingWriter:
         color: np.ndarray | None = None,
         joints: np.ndarray | None = None,
     ) -> None:
-        """Add one frame.
+        """Append one frame.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class RecordingWriter:
         RecordingError
             An image has another size or type.
         OutputError
-            There is no space left or the folder cannot be written.
+            The disk is full or the folder cannot be written.
         """
         shape = self._camera.shape
         self._write_image("depth", self._checked(np.asarray(depth), shape, np.dtype(np.uint16)))
@@ -101,9 +101,9 @@ class RecordingWriter:
         reference_joints: np.ndarray | None,
         joints_2d: np.ndarray | None,
     ) -> None:
-        """Joints of all frames at once, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame.
+        """Joints of all frames, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame.
 
-        `joints_2d` are u, v in pixels of the depth image and confidence (see `Joints2D`).
+        `joints_2d` holds u, v in pixels of the depth image and confidence (see `Joints2D`).
         """
         for key, value in (("joints", joints), ("reference_joints", reference_joints), ("joints_2d", joints_2d)):
             if value is not None:
@@ -116,7 +116,7 @@ class RecordingWriter:
         Raises
         ------
         RecordingError
-            There is no frame, or colour or joints are not there for every frame.
+            No frame was appended, or colour or joints are missing in some frames.
         OutputError
             The file cannot be written.
         """
@@ -133,7 +133,7 @@ class RecordingWriter:
             self.discard()
 
     def discard(self) -> None:
-        """Drop everything collected so far; nothing is written."""
+        """Discard all frames without writing a file."""
         for stream in self._images.values():
             stream.close()
         self._images = {}
@@ -164,7 +164,7 @@ class RecordingWriter:
         return arrays
 
     def _stacked(self, key: str) -> np.ndarray | None:
-        """The rows of all frames, people first, or None."""
+        """Return the rows of all frames, people first, or None."""
         rows = np.array(self._rows[key]) if self._rows[key] else None
         return rows.swapaxes(0, 1) if rows is not None and rows.ndim == 4 else rows
 
@@ -211,7 +211,7 @@ def save_recording(
     reference_joints: np.ndarray | None = None,
     joints_2d: np.ndarray | None = None,
 ) -> None:
-    """Write a recording; arrays and iterators of frames will do, and nothing is held but one frame.
+    """Write a recording from arrays or iterators of frames; one frame is held in memory.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def save_recording(
     Raises
     ------
     RecordingError
-        Shapes or types do not fit each other.
+        Shapes or types do not match.
     OutputError
         The file cannot be written.
     """

@@ -34,7 +34,8 @@ class Origin:
         """Return one sentence about the axes."""
         if self.name == CAMERA:
             return "Origin at the camera."
-        return f"y up, ground at y = 0 ({self.ground}), z towards the camera; origin below the first position of the person."
+        axes = f"y up, ground at y = 0 ({self.ground}), z towards the camera"
+        return f"{axes}; origin below the first position of the person."
 
 
 def origin_of(people: Sequence[Person], name: str) -> Origin:

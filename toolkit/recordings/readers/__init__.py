@@ -1,4 +1,4 @@
-"""One reader per format of recording, guessed from the path."""
+"""Readers of recordings, one per format, selected by the path."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
     "cloud": (cloud.matches, cloud.read),
     "raw": (raw.matches, raw.read),
 }
-"""Format -> (does a path look like it, read it), asked in this order."""
+"""Format -> (test of a path, reader), tested in this order."""
 
 
 def reader_for(path: Path, name: str | None) -> Reader:
-    """The reader called `name`, or the first one whose format `path` looks like.
+    """Return the reader called `name`, or the first one whose test accepts `path`.
 
     Raises
     ------
     UsageError
-        There is no reader of that name.
+        No reader has this name.
     RecordingError
-        The path looks like no known format.
+        No reader accepts the path.
     """
     if name is not None:
         if name not in READERS:
@@ -45,7 +45,7 @@ def reader_for(path: Path, name: str | None) -> Reader:
         if matches(path):
             return read
     raise RecordingError(
-        f"{path} looks like no known recording; it may be an .npz file, a .db3, .bag, .mcap, .mkv or .r3d file, "
+        f"{path} has no supported format; supported are .npz, .db3, .bag, .mcap, .mkv and .r3d files, "
         "a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, of TUM RGB-D or of a Stray Scanner, a .pcd or .ply file "
         "or a folder of them, or a folder of raw uint16 frames (--format raw); name each recording of a folder of many"
     )

@@ -1,4 +1,4 @@
-"""What every reader decides the same way: frames in files, camera, times, vertical, background, unit."""
+"""Common parts of the readers: frames in files, camera, times, vertical, background, unit."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import FrameSource, Recording
 
 LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
-"""Pixels of a camera's picture, and bytes of its file, at most."""
+"""Maximum number of pixels of a picture, and of bytes of its file."""
 GRAVITY, GRAVITY_TOLERANCE = 9.81, 1.0
-"""m/s^2, and how far a cheap accelerometer may be off."""
+"""Gravity, and tolerance for a cheap accelerometer, m/s^2."""
 
 
 def natural_key(path: Path) -> list[tuple[int, int | str]]:
-    """Sort key by which `frame_2` comes before `frame_10`."""
+    """Return the sort key of natural order (`frame_2` before `frame_10`)."""
     return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", path.name) if part]
 
 
 def frame_times(count: int, options: ReaderOptions, rate: float = 30.0) -> np.ndarray:
-    """Float64 (count,), seconds, at the chosen frame rate, else at the format's own `rate`."""
+    """Return evenly spaced times, float64 (count,), seconds, at the chosen frame rate, else at the format's `rate`."""
     return np.arange(count, dtype=np.float64) / (options.frame_rate or rate)
 
 
@@ -48,12 +48,12 @@ class ArrayFrames(FrameSource):
         return len(self._depth)
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
+        """Return raw frame `i`."""
         return np.asarray(self._depth[i])
 
 
 class FileFrames(FrameSource):
-    """Frames that lie in a file each.
+    """Frames with one file each.
 
     Parameters
     ----------
@@ -69,11 +69,11 @@ class FileFrames(FrameSource):
         return len(self._files)
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
+        """Return raw frame `i`."""
         return self._read(self._files[i])
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour image of frame `i`, RGB, or None."""
+        """Return the colour image of frame `i`, RGB, or None."""
         if not self._color:
             return None
         import cv2
@@ -83,12 +83,12 @@ class FileFrames(FrameSource):
 
 @dataclass(frozen=True, eq=False)
 class FileFacts:
-    """What a file says of its recording; None where it says nothing.
+    """Metadata of a recording from its file; None if absent.
 
     Attributes
     ----------
     unit, mirrored : of the raw depth, as in `ReaderOptions`
-    timestamps : (T,), seconds; None = evenly, at the option's rate or 30 a second
+    timestamps : (T,), seconds; None = evenly, at the option's rate or 30 Hz
     background : raw depth of the empty scene
     up : the vertical in the camera frame
     joints, reference_joints, image_joints : as in `Recording`
@@ -113,9 +113,9 @@ def recording_of_source(
     *,
     name: str | None = None,
 ) -> Recording:
-    """A recording of what its file `says`, where the `options` do not say otherwise.
+    """Return the recording of a file with metadata `says`, where `options` have precedence.
 
-    `source` and `camera` are its raw frames, and what they were taken with; `name` is that of the path if None.
+    `source` and `camera` are its raw frames and their camera; `name` is that of the path if None.
     """
     says = says or FileFacts()
     background = says.background if options.background is None else read_depth_png(Path(options.background))
@@ -147,12 +147,12 @@ def chosen_camera(
     stored: np.ndarray | tuple[float, ...] | None = None,
     distortion: np.ndarray | None = None,
 ) -> Camera:
-    """The camera from the option `intrinsics`, else from the stored values.
+    """Return the camera of the option `intrinsics`, else of the stored values.
 
     Raises
     ------
     RecordingError
-        Neither is there, or they are absurd.
+        Neither exists, or they are invalid.
     """
     size = (int(shape[0]), int(shape[1]))
     if isinstance(options.intrinsics, str):
@@ -165,7 +165,7 @@ def chosen_camera(
 
 @contextmanager
 def damaged(path: Path) -> Iterator[None]:
-    """Turn whatever reading the container raises (each library has its own family) into one sentence."""
+    """Turn all exceptions of a container library into one sentence."""
     try:
         yield
     except (RecordingError, UsageError):
@@ -176,9 +176,9 @@ def damaged(path: Path) -> Iterator[None]:
 
 
 def upright(accelerations: np.ndarray) -> np.ndarray | None:
-    """The vertical from accelerations (N, 3), m/s^2, in the camera frame: at rest an accelerometer measures upwards.
+    """Return the vertical in the camera frame from accelerations (N, 3), m/s^2, which point upwards at rest.
 
-    None where their median is not gravity: the camera was moved, or they are in another unit.
+    None if their median differs from gravity, because the camera moved or the unit is another.
     """
     median = np.median(accelerations, axis=0)
     length = math.hypot(*median)
@@ -186,19 +186,19 @@ def upright(accelerations: np.ndarray) -> np.ndarray | None:
 
 
 def decoded(content: bytes | memoryview, flag: int) -> np.ndarray | None:
-    """A picture as OpenCV decodes it with `flag`; None where it is none, or would have more than `LARGEST_PICTURE`."""
+    """Decode a picture by OpenCV with `flag`; None for invalid data or more than `LARGEST_PICTURE` pixels."""
     import cv2
     from PIL import Image
 
     try:
-        width, height = Image.open(io.BytesIO(content)).size  # reads the head alone
+        width, height = Image.open(io.BytesIO(content)).size  # reads only the header
         return cv2.imdecode(np.frombuffer(content, np.uint8), flag) if width * height <= LARGEST_PICTURE else None
-    except Exception:  # of damaged pictures either library raises a dozen kinds
+    except Exception:  # damaged pictures raise a dozen exception types in either library
         return None
 
 
 def _camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
-    """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix`
+    """Read a camera from a JSON file: `intrinsic_matrix` (column-major, as in Open3D), `K` or `camera_matrix`
     (row-major), or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`,
     `coeffs` or `dist`.
 
@@ -226,14 +226,14 @@ def _camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
 
 
 def camera_beside(own: list[Path], around: Path, shape: tuple[int, int]) -> Camera | None:
-    """The camera of the first folder whose JSON files tell one: a recording's own ones, then the one around it.
+    """Return the camera of the JSON files in the first folder with one: that of the recording, then its parent.
 
-    Returns None where there is no file at all. JSON about something else around a recording is none of its business.
+    None without such a file. Other JSON files beside a recording are ignored.
 
     Raises
     ------
     RecordingError
-        Two files of one folder tell different cameras, or no file of the recording's own tells one.
+        Two files of one folder contain different cameras, or no file of the recording contains one.
     """
     problems: list[RecordingError] = []
     for folder in [*own, around]:
@@ -245,7 +245,7 @@ def camera_beside(own: list[Path], around: Path, shape: tuple[int, int]) -> Came
                 problems += [error] if folder in own else []
         if len(set(found.values())) > 1:
             named = " and ".join(str(table) for table in found)
-            raise RecordingError(f"{named} tell different cameras; give --intrinsics FILE for the right one")
+            raise RecordingError(f"{named} contain different cameras; give --intrinsics FILE for the right one")
         if found:
             return next(iter(found.values()))
     if problems:
@@ -268,12 +268,12 @@ def _intrinsics_of(table: dict[str, Any]) -> list[float] | None:
 
 
 def read_depth_png(path: Path) -> np.ndarray:
-    """A 16-bit PNG as uint16 (H, W); a larger one than any camera's is refused by its header.
+    """Read a 16-bit PNG as uint16 (H, W); too large images are refused by their header.
 
     Raises
     ------
     RecordingError
-        It cannot be read, or it is not a single channel of 16 bits.
+        The file cannot be read, or has not a single channel of 16 bits.
     """
     import cv2
 
@@ -285,7 +285,7 @@ def read_depth_png(path: Path) -> np.ndarray:
 
 
 def _read_image(path: Path, flags: int) -> np.ndarray:
-    """An image file as OpenCV reads it; raises RecordingError."""
+    """Read an image file by OpenCV; raises RecordingError."""
     try:
         image = decoded(read_file(path, LARGEST_FILE), flags)
     except OSError as error:

@@ -1,8 +1,8 @@
-"""Matroska containers (`.mkv`) of uncompressed or image-compressed tracks: an index of all blocks, read by seeking.
+"""Matroska containers (`.mkv`) with uncompressed or image-compressed tracks: index of all blocks with random access.
 
-Only what recorders of depth cameras write is understood: tracks, attachments, and blocks without lacing. The payloads
-are skipped while the index is made, so that opening takes no longer for larger images, and any frame is read at once.
-See RFC 8794 (EBML) and RFC 9559 (Matroska) for the identifiers.
+Supported are the elements that recorders of depth cameras write: tracks, attachments, and blocks without lacing.
+Indexing skips the payloads, so that the image size does not affect its time. See RFC 8794 (EBML) and RFC 9559
+(Matroska) for the identifiers.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ TRACK_ENTRY, TRACK_NUMBER, CODEC, CODEC_PRIVATE, NAME, VIDEO, WIDTH, HEIGHT = (
 CLUSTER_TIME, SIMPLE_BLOCK, BLOCK_GROUP, BLOCK, TIME_SCALE = 0xE7, 0xA3, 0xA0, 0xA1, 0x2AD7B1
 ATTACHED_FILE, FILE_NAME, FILE_DATA = 0x61A7, 0x466E, 0x465C
 PARENTS = frozenset({SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO, TRACK_ENTRY, VIDEO, BLOCK_GROUP, ATTACHED_FILE})
-"""Elements that hold others that matter here."""
+"""Identifiers of the elements that contain relevant elements."""
 SMALL = 1 << 24
-"""Bytes: no element but a block or an attachment is larger."""
+"""Maximum size of an element that is no block or attachment, bytes."""
 DEEPEST = 8
 
 
 class Block(NamedTuple):
-    """Where one frame lies: time in nanoseconds, first byte and number of bytes."""
+    """Position of one frame: time in nanoseconds, first byte and number of bytes."""
 
     time: int
     start: int
@@ -40,7 +40,7 @@ class Block(NamedTuple):
 
 @dataclass
 class MatroskaTrack:
-    """One track: its name and codec, the codec's own description, size in pixels (0 without), and its blocks."""
+    """One track: name, codec, codec private data, size in pixels (0 without), and blocks."""
 
     number: int = 0
     name: str = ""
@@ -52,7 +52,7 @@ class MatroskaTrack:
 
 
 class Matroska:
-    """The tracks and attachments of a file; raises ValueError where it is damaged.
+    """Tracks and attachments of a file; raises ValueError for a damaged one.
 
     Attributes
     ----------
@@ -69,22 +69,22 @@ class Matroska:
         self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
         identifier, *_ = self._element_at(0)
         if identifier != EBML:
-            raise ValueError("it does not begin as Matroska does")
+            raise ValueError("it has no Matroska header")
         self._walk(0, self._size, 0)
         for track in self.tracks:
             track.blocks.sort()
 
     def read(self, block: Block) -> bytes:
-        """The content of one block."""
+        """Return the content of one block."""
         return _exactly(self._stream, block.start, block.size)
 
     def _element_at(self, place: int) -> tuple[int, int, int]:
-        """Identifier of the element at `place`, first byte of its content, and the byte after it."""
+        """Return the identifier of the element at `place`, the first byte of its content, and the byte after it."""
         self._stream.seek(place)
         identifier, length = _number(self._stream, keep_mark=True)
         size, more = _number(self._stream, keep_mark=False)
         start = place + length + more
-        unknown = size == (1 << 7 * more) - 1  # lasts as long as its parent: a recorder that could not go back
+        unknown = size == (1 << 7 * more) - 1  # unknown size: the element extends to the end of its parent
         return identifier, start, self._size if unknown else start + size
 
     def _walk(self, place: int, end: int, depth: int) -> None:
@@ -141,7 +141,7 @@ class Matroska:
 
 
 def _of_track(name: str, made: Callable[[bytes], object]) -> Callable[[Matroska, bytes], None]:
-    """What sets one attribute of the track that is being read."""
+    """Return the function that sets one attribute of the current track."""
 
     def set_attribute(file: Matroska, data: bytes) -> None:
         if not file.tracks:
@@ -171,14 +171,14 @@ LEAVES: dict[int, Callable[[Matroska, bytes], None]] = {
     FILE_NAME: Matroska._set_file_name,
     FILE_DATA: Matroska._add_file,
 }
-"""Elements whose content is read at once, and what becomes of it."""
+"""Identifier -> handler of the elements that are read immediately."""
 
 
 def _number(stream: IO[bytes], *, keep_mark: bool) -> tuple[int, int]:
-    """A number of variable length (RFC 8794, 4) and the number of its bytes."""
+    """Return a number of variable length (RFC 8794, 4) and the number of its bytes."""
     first = stream.read(1)
     if not first or first[0] == 0:
-        raise ValueError("it ends within an element, or holds what is none")
+        raise ValueError("it ends within an element, or contains an invalid one")
     length = 9 - first[0].bit_length()
     data = first + stream.read(length - 1)
     if len(data) != length:

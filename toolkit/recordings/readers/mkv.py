@@ -1,9 +1,9 @@
 """Azure Kinect and Orbbec Femto recordings (`.mkv` of the k4arecorder and of Orbbec's viewer).
 
-The depth track is uncompressed 16-bit big-endian millimetres (`b16g`), the factory calibration an attachment in JSON,
-relative to the whole sensor: a depth mode bins it and cuts a window out, as the SDK's `transformation` does. Lens:
-Brown-Conrady with six radial coefficients, which is OpenCV's rational model. Accelerations give the vertical. Colour
-is registered to depth through the calibration.
+The depth track holds uncompressed 16-bit big-endian millimetres (`b16g`). The factory calibration is a JSON attachment
+relative to the whole sensor; a depth mode bins the sensor and crops a window, as in the SDK's `transformation`. The
+lens model is Brown-Conrady with six radial coefficients (OpenCV's rational model). Accelerations give the vertical.
+Colour is registered to depth through the calibration.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
 DEPTH_CODE, COLOR_CODE = b"b16g", b"MJPG"
-"""Four letters at byte 16 of a video track's description (a BITMAPINFOHEADER)."""
+"""Codec at byte 16 of a video track's private data (a BITMAPINFOHEADER)."""
 DEPTH_MODES = {
     (640, 576): (1024, 192, 180),
     (320, 288): (512, 96, 90),
     (512, 512): (512, 0, 0),
     (1024, 1024): (1024, 0, 0),
 }
-"""Image size -> side of the binned sensor in pixels, and the window's first column and row."""
+"""Image size -> side of the binned sensor in pixels, and first column and row of the window."""
 IMU_CODEC, IMU_SAMPLE = "S_K4A/IMU", struct.Struct("<Q3fQ3f")
-"""Time in ns and acceleration, m/s^2, time and angular velocity."""
+"""Record of time in ns, acceleration in m/s^2, time, and angular velocity."""
 ACCELERATIONS = 2000
-"""First samples that are looked at: some seconds, of which the median counts."""
+"""Number of samples in the median of the vertical (some seconds)."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a Matroska file by its name."""
+    """Return whether `path` has the suffix of Matroska."""
     return is_file(path) and path.suffix.lower() == ".mkv"
 
 
 @dataclass(frozen=True)
 class FactoryCalibration:
-    """The factory calibration: both cameras, and how points move between the frames of the sensors.
+    """Factory calibration: both cameras, and the transforms between the sensors.
 
     Attributes
     ----------
-    depth, color : the cameras, `color` None where there is none of this size
+    depth, color : the cameras; `color` is None without colour of this size
     R_color_depth, t_color_depth : float64 (3, 3) and (3,), metres: `p_color = R p_depth + t`
-    R_imu_depth : float64 (3, 3), from the depth camera's axes to the accelerometer's
+    R_imu_depth : float64 (3, 3), from the axes of the depth camera to those of the accelerometer
     """
 
     depth: Camera
@@ -68,7 +68,7 @@ def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | N
     Raises
     ------
     RecordingError
-        It is no calibration, or the size is none of the sensor's modes.
+        The attachment is no calibration, or the size belongs to no mode of the sensor.
     """
     hint = "record it again, or give --intrinsics fx,fy,cx,cy"
     content = parse_json(text, f"the calibration of {where}", RecordingError, hint)
@@ -92,13 +92,13 @@ def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | N
 
 def _camera(entry: Any, size: tuple[int, int], sensor: tuple[int, int], window: tuple[int, int]) -> Camera:
     cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = (float(v) for v in entry["Intrinsics"]["ModelParameters"])
-    # Stored relative to the sensor's size, 0 at its corner; ours counts pixels from the centre of the first one.
+    # Stored relative to the sensor's size with 0 at its corner; our origin is the centre of the first pixel.
     centre = (cx * sensor[0] - window[0] - 0.5, cy * sensor[1] - window[1] - 0.5)
     return Camera(fx * sensor[0], fy * sensor[1], *centre, *size, (k1, k2, p1, p2, k3, k4, k5, k6))
 
 
 def _pose(entry: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and shift (metres) from the depth camera's frame to a sensor's; the identity without a sensor."""
+    """Return rotation and translation (metres) from the depth camera's frame to a sensor's; identity without it."""
     if entry is None:
         return np.eye(3), np.zeros(3)
     rotation = np.array(entry["Rt"]["Rotation"], dtype=np.float64).reshape(3, 3)
@@ -106,7 +106,7 @@ def _pose(entry: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _MkvFrames(FrameSource):
-    """Depth blocks and, registered to them, the colour block that is nearest in time."""
+    """Depth blocks, with the colour block that is nearest in time registered to each."""
 
     def __init__(
         self,
@@ -122,7 +122,7 @@ class _MkvFrames(FrameSource):
         return len(self._depth.blocks)
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`, uint16 (H, W)."""
+        """Return raw frame `i`, uint16 (H, W)."""
         shape = (self._depth.height, self._depth.width)
         with damaged(self._path):
             data = self._file.read(self._depth.blocks[i])
@@ -131,7 +131,7 @@ class _MkvFrames(FrameSource):
         return np.frombuffer(data, ">u2").reshape(shape).astype(np.uint16)
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of every measured pixel of frame `i`, black elsewhere, or None without a colour track."""
+        """Return the colour of each measured pixel of frame `i`, black elsewhere, or None without a colour track."""
         if self._color is None or self._lenses is None or self._lenses.color is None or not self._color.blocks:
             return None
         import cv2
@@ -146,8 +146,8 @@ class _MkvFrames(FrameSource):
 
 
 def registered(depth_mm: np.ndarray, color: np.ndarray, lenses: FactoryCalibration) -> np.ndarray:
-    """Colour (h, w, 3) looked up where each measured pixel of a depth image (H, W) lies: uint8 (H, W, 3), RGB, black
-    where the colour camera does not see or where `lenses` know none."""
+    """Register colour (h, w, 3) to a depth image (H, W): uint8 (H, W, 3), RGB, black out of view of the colour camera
+    or where `lenses` are undefined."""
     import cv2
 
     camera = lenses.color
@@ -168,7 +168,7 @@ def registered(depth_mm: np.ndarray, color: np.ndarray, lenses: FactoryCalibrati
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a recording; the option `track` names the depth track where there are several."""
+    """Open a recording; the option `track` names one of several depth tracks."""
     with damaged(path):
         file = Matroska(path)
     depth = _depth_track(path, file, options.track)
@@ -203,7 +203,7 @@ def _depth_track(path: Path, file: Matroska, wanted: str | None) -> MatroskaTrac
 
 
 def _up(path: Path, file: Matroska, lenses: FactoryCalibration | None) -> np.ndarray | None:
-    """The vertical in the depth camera's frame, from the accelerometer, or None."""
+    """Return the vertical in the depth camera's frame from the accelerometer, or None."""
     blocks = [block for track in file.tracks if track.codec == IMU_CODEC for block in track.blocks]
     if lenses is None or not blocks:
         return None

@@ -1,4 +1,4 @@
-"""The project's own recording format: one NPZ file, read frame by frame."""
+"""The project's recording format: one NPZ file, read frame by frame."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from toolkit.recordings.readers.base import LARGEST_PICTURE, FileFacts, chosen_c
 from toolkit.sensing.recording import FrameSource, Recording
 
 RECORD_AGAIN = "copy or record it again"
-"""What to do about a damaged recording."""
+"""Advice for a damaged recording."""
 
 
 class MemberReader:
-    """Rows of one array of an NPZ file, read as they are asked for.
+    """Rows of one array of an NPZ file, read on demand.
 
-    A stored (uncompressed) member is read at any place; a compressed one in order, and going back starts over.
+    A stored (uncompressed) member has random access; a compressed one is read in order, and going back restarts it.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class MemberReader:
         self._row_bytes = int(np.prod(self._row_shape, dtype=np.int64)) * self.dtype.itemsize
 
     def rows(self) -> Iterator[np.ndarray]:
-        """All rows in order, each a new array."""
+        """Yield all rows in order, each a new array."""
         with self._guarded():
             archive = zipfile.ZipFile(self._path)
         with archive:
@@ -55,7 +55,7 @@ class MemberReader:
                 yield self._read(stream, i)
 
     def row(self, i: int) -> np.ndarray:
-        """Row `i` as a new array."""
+        """Return row `i` as a new array."""
         with self._guarded():
             if self._stream is None or i < self._next:
                 archive = zipfile.ZipFile(self._path)
@@ -89,15 +89,16 @@ METADATA = {
     "reference_joints": Column("iuf", gaps=True),
     "joints_2d": Column("iuf", gaps=True),
 }
-"""What is read at once; the rest of the file is read frame by frame, or is none of ours."""
+"""Members that are read immediately; the others are read frame by frame or ignored."""
 NUMBER, SMALL, MOST_NUMBERS = 16, 1 << 16, 64 * 20 * 10
-"""Bytes of a number at most, numbers beside frames and background, and numbers of a frame: of 64 people's joints."""
+"""Maximum number of bytes per value, of values beside frames and background, and of values per frame (joints of 64
+people)."""
 MOST_FRAMES = 50_000_000
-"""Two weeks and more at 30 frames a second."""
+"""Maximum number of frames (more than two weeks at 30 Hz)."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is an NPZ file by its name."""
+    """Return whether `path` has the suffix of NPZ."""
     return path.suffix == ".npz"
 
 
@@ -123,20 +124,20 @@ class _NpzFrames(FrameSource):
         return self._depth.shape[0]
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`; reading in order is fast, going back in a compressed file starts over."""
+        """Return raw frame `i`; reading in order is fast, going back restarts a compressed file."""
         return self._depth.row(i)
 
     def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
+        """Yield the raw frames in order."""
         return self._depth.rows()
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of frame `i`, or None."""
+        """Return the colour of frame `i`, or None."""
         return None if self._color is None else self._color.row(i)
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open an NPZ recording (keys: see ARCHITECTURE in the documentation); nothing but metadata is read yet."""
+    """Open an NPZ recording (keys: see `docs/recordings.md`); only metadata is read."""
     names = archive_names(path, RecordingError, RECORD_AGAIN)
     if "depth" not in names:
         raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(names) or 'nothing'}")
@@ -144,7 +145,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     count, (height, width) = len(source), source.shape
     most = NUMBER * (2 * height * width + count * MOST_NUMBERS + SMALL)
     small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA, most=most)
-    check_columns(small, METADATA, RecordingError, str(path), "write it as the documentation says")
+    check_columns(small, METADATA, RecordingError, str(path), "see docs/recordings.md for the format")
     camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))
     return recording_of_source(
         path,

@@ -21,14 +21,15 @@ COLOR_NAMES = ("color", "rgb")
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a folder with PNG files, in itself or in a folder `depth` below it, or one PNG file."""
+    """Return whether `path` is a PNG file, or a folder with PNG files in itself or in `depth` below it."""
     if path.is_file():
         return path.suffix == ".png"
     return bool(depth_files(path))
 
 
 def depth_files(path: Path) -> list[Path]:
-    """Depth images by their numbers: a file itself; of a folder those in `depth`, those called so, or all."""
+    """Return the depth images in natural order: the file itself, or the images of the folder in `depth`, with depth in
+    their names, or all."""
     if path.is_file():
         return [path]
     folder = path / "depth" if (path / "depth").is_dir() else path
@@ -56,7 +57,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
 
 
 def color_files(folder: Path, depth: list[Path]) -> list[Path]:
-    """Colour images of the same stems as the depth images, else as many in sorted order, else none."""
+    """Return the colour images with the stems of the depth images, else equally many in sorted order, else none."""
     for name in COLOR_NAMES:
         named = [p.with_name(p.name.replace("depth", name)) for p in depth]
         if all("depth" in p.name and (folder / q.name).is_file() for p, q in zip(depth, named, strict=True)):

@@ -1,4 +1,4 @@
-"""A folder of raw frames: each file one image of little-endian uint16."""
+"""A folder of raw frames: one image of little-endian uint16 per file."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from toolkit.recordings.readers.base import LARGEST_FILE, FileFrames, chosen_cam
 from toolkit.sensing.recording import Recording
 
 KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240), (176, 144))}
-"""Bytes of a file -> width and height of the depth cameras that such dumps come from."""
+"""File size in bytes -> width and height of common depth cameras."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a raw file, or a folder of them, of a known camera's size."""
+    """Return whether `path` is a raw file of a known size, or a folder with some."""
     return any(file.stat().st_size in KNOWN_SIZES for file in frame_files(path))
 
 
 def frame_files(path: Path) -> list[Path]:
-    """Files of the frames, sorted: a file itself; of a folder all of the kind of those that are of a frame's size."""
+    """Return the files of the frames, sorted: the file itself, or all files of the folder with the suffix of a
+    frame."""
     if path.is_file():
         return [path]
     files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
     frames = [p for p in files if p.stat().st_size in KNOWN_SIZES]
-    suffixes = {p.suffix for p in frames}  # what is called like a frame is one, and cut short if it has another size
+    suffixes = {p.suffix for p in frames}  # a file with the suffix of a frame is one, and truncated if its size differs
     return sorted((p for p in files if p.suffix in suffixes) or files, key=natural_key)
 
 
 def read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
-    """One image of a shape (height, width)."""
+    """Read one image of a shape (height, width)."""
     try:
         content = read_file(path, LARGEST_FILE)
     except OSError as error:
@@ -47,9 +48,7 @@ def read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a folder of raw frames, or one file; the option `intrinsics` is needed, `size` where it cannot be
-    guessed.
-    """
+    """Open raw frames; requires the option `intrinsics`, and `size` for an unknown file size."""
     files = frame_files(path)
     if not files:
         raise RecordingError(f"{path} holds no file; give the folder of the raw frames")

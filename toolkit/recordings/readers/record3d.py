@@ -1,7 +1,7 @@
 """Record3D recordings (`.r3d`, iPhone and iPad): a zip of LZFSE-compressed float32 metres, JPEG, and JSON metadata.
 
-The metadata hold the colour camera `K` (column by column), its size `w`, `h`, the depth's size `dw`, `dh`, frame rate
-and perhaps times. Depth images are the colour images scaled down.
+The metadata contain the colour camera `K` (column by column), its size `w`, `h`, the depth size `dw`, `dh`, the frame
+rate and optionally times. Depth images cover the colour images at a lower resolution.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
 LARGEST_SIDE = 4096
-"""Pixels: no phone measures more depth."""
+"""Maximum number of depth pixels of a phone."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a Record3D file by its name."""
+    """Return whether `path` has the suffix of Record3D."""
     return is_file(path) and path.suffix.lower() == ".r3d"
 
 
@@ -55,7 +55,7 @@ class _Record3dFrames(FrameSource):
         return self._count
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`, float32 (H, W), metres."""
+        """Return raw frame `i`, float32 (H, W), metres."""
         with damaged(self._path):
             data = self._decompress(self._member(f"rgbd/{i}.depth"))
             return np.frombuffer(data, "<f4").reshape(self._shape)
@@ -66,7 +66,7 @@ class _Record3dFrames(FrameSource):
         return self._archive.read(name)
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of frame `i`, scaled down to the depth's size, or None."""
+        """Return the colour of frame `i`, scaled to the depth's size, or None."""
         import cv2
 
         if f"rgbd/{i}.jpg" not in self._archive.namelist():
@@ -80,7 +80,7 @@ class _Record3dFrames(FrameSource):
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a Record3D file; `lzfse` must be installed."""
+    """Open a Record3D file; requires the package `lzfse`."""
     with damaged(path), zipfile.ZipFile(path) as archive:
         if archive.getinfo("metadata").file_size > LARGEST_JSON:
             raise ValueError("its metadata are too large")
@@ -95,7 +95,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
 
 
 def facts_of(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
-    """Shape of the depth images, their camera, and times in seconds (empty where there are none)."""
+    """Return the shape of the depth images, their camera, and times in seconds (empty without)."""
     shape = (int(known["dh"]), int(known["dw"]))
     if not all(0 < side <= LARGEST_SIDE for side in shape):
         raise ValueError(f"depth of {shape[1]}x{shape[0]} pixels")

@@ -1,8 +1,9 @@
 """Depth recordings as ROS messages: RealSense `.db3` and old `.bag`, ROS 1 bags, ROS 2 `.db3`, mcap and folders.
 
-The depth topic is found by its type, its name and its first message, its camera by the `CameraInfo` nearest in name.
-RealSense files say the metres of one unit; else 16 bits are millimetres and 32FC1 metres, as ROS has it. Colour is kept
-where it is registered to depth. The vertical comes from an accelerometer whose axes are the camera's.
+The depth topic is found by its type, name and first message, its camera by the `CameraInfo` topic with the most similar
+name. RealSense files contain the metres per unit; otherwise 16-bit values are millimetres and 32FC1 metres, as defined
+by ROS. Colour is read if it is registered to depth. The vertical comes from an accelerometer with the axes of the
+camera.
 """
 
 from __future__ import annotations
@@ -28,20 +29,20 @@ IMAGE, COMPRESSED, CAMERA, IMU = (
     f"sensor_msgs/{name}" for name in ("Image", "CompressedImage", "CameraInfo", "Imu")
 )  # fmt: skip
 ACCELERATIONS = 2000
-"""First messages of an accelerometer that are looked at: some seconds, of which the median counts."""
+"""Number of accelerometer messages in the median of the vertical (some seconds)."""
 REALSENSE_ACCELERATION = "/Accel_0/imu/data"
-"""End of the topic in which the SDK writes accelerations, in the axes of its depth camera."""
+"""Last part of the SDK's acceleration topic, in the axes of its depth camera."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a `.db3`, `.bag` or `.mcap` file, or a ROS 2 folder."""
+    """Return whether `path` is a `.db3`, `.bag` or `.mcap` file, or a ROS 2 folder."""
     if is_file(path):
         return path.suffix.lower() in (*BAG_SUFFIXES, SQLITE_SUFFIX)
     return is_folder(path) and is_file(path / METADATA)
 
 
 class _RosFrames(FrameSource):
-    """Depth images of a topic, and the colour images of another that are nearest in time."""
+    """Depth images of a topic, with the nearest colour images in time of another topic."""
 
     def __init__(self, path: Path, file: MessageFile, depth: str, color: str | None) -> None:
         self._path, self._file, self._depth, self._color = path, file, depth, color
@@ -53,7 +54,7 @@ class _RosFrames(FrameSource):
         return len(self.times)
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`; reading in order is fast."""
+        """Return raw frame `i`; reading in order is fast."""
         at, pictures = self._ahead
         if at != i:
             pictures = self._pictures(self._depth, i)
@@ -64,11 +65,11 @@ class _RosFrames(FrameSource):
         return picture.pixels
 
     def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
+        """Yield the raw frames in order."""
         return (picture.pixels for picture in self._pictures(self._depth, 0))
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour at the time of frame `i`, where it is registered to depth."""
+        """Return the colour at the time of frame `i` if it is registered to depth, else None."""
         if self._color is None or not len(self._color_times):
             return None
         nearest = int(np.abs(self._color_times - self.times[i]).argmin())
@@ -80,7 +81,7 @@ class _RosFrames(FrameSource):
 
 
 def picture_of(path: Path, file: MessageFile, topic: str, data: bytes) -> decode.Picture:
-    """The image of one message; raises RecordingError where it is of another kind or cut short."""
+    """Decode the image of one message; raises RecordingError for another kind or truncated data."""
     decoded = decode.picture if file.topics[topic] == IMAGE else decode.compressed_picture
     try:
         return decoded(data, file.cdr)
@@ -89,7 +90,7 @@ def picture_of(path: Path, file: MessageFile, topic: str, data: bytes) -> decode
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a file of ROS messages; the option `track` names the depth topic where there are several."""
+    """Open a file of ROS messages; the option `track` names one of several depth topics."""
     file = open_messages(path)
     topic = depth_topic(path, file, options.track)
     first = next(iter(file.messages(topic)), None)
@@ -114,12 +115,12 @@ def read(path: Path, options: ReaderOptions) -> Recording:
 
 
 def depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
-    """The topic of the depth images: the one that is wanted, or the only one; raw images rather than compressed ones.
+    """Return the depth topic: the named one, or the only one; raw images are preferred to compressed ones.
 
     Raises
     ------
     RecordingError
-        There is none, or several and none is wanted.
+        No depth topic exists, or several and none is named.
     """
     images = [topic for topic, kind in file.topics.items() if kind in (IMAGE, COMPRESSED)]
     found = [topic for topic in images if "depth" in topic.lower() or topic == wanted]
@@ -136,14 +137,14 @@ def depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
 
 
 def color_topic(file: MessageFile, depth: str) -> str | None:
-    """The colour topic to which depth is aligned, as RealSense and others call it."""
+    """Return the colour topic to which depth is registered, by the names of RealSense and others."""
     if "aligned_depth_to_color" not in depth:
         return None
     return next((t for t, kind in sorted(file.topics.items()) if kind == IMAGE and "/color/image" in t), None)
 
 
 def _camera(path: Path, file: MessageFile, topic: str) -> Camera | None:
-    """The camera of the `CameraInfo` whose topic begins most like the image's."""
+    """Return the camera of the `CameraInfo` topic whose name shares the longest prefix with the image's."""
     near = [(len(commonprefix([topic, t])), t) for t, kind in sorted(file.topics.items()) if kind == CAMERA]
     near = [(length, t) for length, t in near if "/" in topic[1:length]]
     if not near:
@@ -155,7 +156,7 @@ def _camera(path: Path, file: MessageFile, topic: str) -> Camera | None:
     with damaged(path):
         info = decode.camera_info(data, file.cdr)
     rectified = "rect" in topic.rsplit("/", 1)[-1] and any(info.P)
-    if rectified:  # then P is the camera of the image, and its lens is ideal
+    if rectified:  # then P is the camera of the image without distortion
         return Camera.from_intrinsics(np.array([info.P[0], info.P[5], info.P[2], info.P[6]]), info.shape)
     if info.model in ("equidistant", "fisheye") and any(info.D):
         raise RecordingError(f"{name} of {path} is a fisheye lens, which is not read; give rectified images")
@@ -164,7 +165,7 @@ def _camera(path: Path, file: MessageFile, topic: str) -> Camera | None:
 
 
 def unit_of(path: Path, file: MessageFile, topic: str, picture: decode.Picture) -> str | float:
-    """Metres of one unit: what a RealSense file says, behind each image or as an option of the sensor; else ROS's."""
+    """Return the metres per unit: from the RealSense message, from the sensor option, else as defined by ROS."""
     if picture.encoding == "32FC1":
         return "m"
     if len(picture.behind) == 4 and 1e-6 < (unit := struct.unpack("<f", picture.behind)[0]) < 0.1:
@@ -180,7 +181,7 @@ def unit_of(path: Path, file: MessageFile, topic: str, picture: decode.Picture) 
 
 
 def _up(path: Path, file: MessageFile) -> np.ndarray | None:
-    """The vertical from an accelerometer in the axes of the camera, or None."""
+    """Return the vertical from an accelerometer in the axes of the camera, or None."""
     for topic, kind in sorted(file.topics.items()):
         if kind != IMU:
             continue

@@ -1,5 +1,5 @@
-"""Files of ROS messages: SQLite (`.db3`, read by the standard library), and by `rosbags` ROS 1 bags, mcap and ROS 2
-folders. All give the same: topics with their types, the times of a topic's messages, and its messages from any one on.
+"""Files of ROS messages: SQLite (`.db3`) by the standard library, and ROS 1 bags, mcap and ROS 2 folders by `rosbags`.
+All have the same interface: topics with types, message times, and messages from any one on.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from toolkit.recordings.readers.base import damaged
 
 BAG_SUFFIXES, SQLITE_SUFFIX = (".bag", ".mcap"), ".db3"
 METADATA = "metadata.yaml"
-"""What a ROS 2 folder holds beside its files."""
+"""Metadata file of a ROS 2 folder."""
 
 
 class MessageFile(Protocol):
@@ -25,19 +25,19 @@ class MessageFile(Protocol):
 
     Attributes
     ----------
-    topics : topic -> type, as ROS 1 names it without `msg/` in the middle, such as `sensor_msgs/Image`
-    cdr : the messages are ROS 2's, else ROS 1's
+    topics : topic -> type in the notation of ROS 1 without `msg/`, such as `sensor_msgs/Image`
+    cdr : whether the messages are in the CDR encoding of ROS 2, else in that of ROS 1
     """
 
     topics: dict[str, str]
     cdr: bool
 
     def times(self, topic: str) -> np.ndarray:
-        """Times (T,) at which the messages of a topic were written, int64 nanoseconds, ascending."""
+        """Return the times (T,) of the messages of a topic, int64 nanoseconds, ascending."""
         ...
 
     def messages(self, topic: str, start: int = 0) -> Iterator[bytes]:
-        """The messages of a topic, in the order of `times`, from number `start` on."""
+        """Yield the messages of a topic in the order of `times`, from number `start` on."""
         ...
 
 
@@ -47,9 +47,9 @@ def open_messages(path: Path) -> MessageFile:
     Raises
     ------
     RecordingError
-        It is damaged or of another kind.
+        The file is damaged or of another kind.
     UsageError
-        It needs the package `rosbags`, which is not installed.
+        The file needs the package `rosbags`, which is not installed.
     """
     if is_file(path) and path.suffix.lower() == SQLITE_SUFFIX:
         return _SqliteMessages(path)
@@ -61,7 +61,7 @@ def _type_name(name: str) -> str:
 
 
 class _SqliteMessages:
-    """A `.db3` file of ROS 2 or of the RealSense SDK; read without any further package."""
+    """A `.db3` file of ROS 2 or of the RealSense SDK, read by the standard library."""
 
     cdr = True
 
@@ -81,12 +81,12 @@ class _SqliteMessages:
             yield from self._database.execute(order, (self._ids[topic], start))
 
     def times(self, topic: str) -> np.ndarray:
-        """As in `MessageFile`."""
+        """See `MessageFile`."""
         with damaged(self._path):
             return np.array([row[0] for row in self._rows("timestamp", topic, 0)], dtype=np.int64)
 
     def messages(self, topic: str, start: int = 0) -> Iterator[bytes]:
-        """As in `MessageFile`."""
+        """See `MessageFile`."""
         for (data,) in self._rows("data", topic, start):
             if not isinstance(data, bytes):
                 raise RecordingError(f"a message of {topic} in {self._path} is no bytes; record it again")
@@ -94,7 +94,7 @@ class _SqliteMessages:
 
 
 class _BagMessages:
-    """What `rosbags` reads: ROS 1 bags, mcap files and ROS 2 folders, compressed ones too."""
+    """Reader by `rosbags`: ROS 1 bags, mcap files and ROS 2 folders, compressed ones too."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -117,7 +117,7 @@ class _BagMessages:
         return [c for c in self._reader.connections if c.topic == topic]
 
     def times(self, topic: str) -> np.ndarray:
-        """As in `MessageFile`; a ROS 1 bag has an index, other files are read through once."""
+        """See `MessageFile`; a ROS 1 bag has an index, other files are scanned once."""
         connections = self._connections(topic)
         with damaged(self._path):
             if not self.cdr:
@@ -126,14 +126,14 @@ class _BagMessages:
             return np.array([time for _, time, _ in self._reader.messages(connections)], dtype=np.int64)
 
     def messages(self, topic: str, start: int = 0) -> Iterator[bytes]:
-        """As in `MessageFile`."""
+        """See `MessageFile`."""
         connections, first, skipped = self._connections(topic), None, start
         if start:
             times = self.times(topic)
             if start >= len(times):
                 return
             first = int(times[start])
-            skipped = start - int(np.searchsorted(times, first))  # of several with one time
+            skipped = start - int(np.searchsorted(times, first))  # messages with equal times
         with damaged(self._path):
             for k, (_, _, data) in enumerate(self._reader.messages(connections, start=first)):
                 if k >= skipped:

@@ -1,4 +1,4 @@
-"""The few ROS messages that a depth recording is made of, decoded from ROS 1 and ROS 2 (CDR) bytes."""
+"""ROS messages of a depth recording, decoded from ROS 1 and ROS 2 (CDR) bytes."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ import numpy as np
 from toolkit.recordings.readers.base import decoded
 
 ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
-"""Encodings of a depth image; `mono16` is what RealSense's old files say."""
+"""Encodings of depth images; `mono16` occurs in old RealSense files."""
 COLOR_ENCODINGS = {"rgb8": (3, False), "bgr8": (3, True), "rgba8": (4, False), "bgra8": (4, True)}
-"""Encoding -> channels, and whether blue stands first."""
+"""Encoding -> number of channels, and whether blue is first."""
 QUANTISED = struct.Struct("<iff")
-"""What stands before the PNG of a `compressedDepth` message: its kind, and the constants A and B of
-`depth = A / (value - B)` for images that were 32FC1."""
+"""Header of the PNG in a `compressedDepth` message: format, and the constants A and B of `depth = A / (value - B)` for
+images of type 32FC1."""
 
 
 class Cursor:
-    """Reads numbers and texts one after the other; raises ValueError where the bytes end too early.
+    """Sequential reader of numbers and texts; raises ValueError for truncated bytes.
 
     Parameters
     ----------
     data : the message as stored
-    cdr : ROS 2's form: four bytes in front that tell the byte order, numbers aligned to their size, texts that end with
-        a zero; otherwise ROS 1's
+    cdr : ROS 2 encoding: four bytes with the byte order, numbers aligned to their size, texts with a final zero;
+        otherwise ROS 1
     """
 
     def __init__(self, data: bytes, cdr: bool) -> None:
@@ -37,7 +37,7 @@ class Cursor:
         self._order = "<" if not cdr or data[1] & 1 else ">"
 
     def take(self, count: int) -> memoryview:
-        """The next bytes."""
+        """Return the next bytes."""
         piece = self._data[self._place : self._place + count]
         if count < 0 or len(piece) != count:
             raise ValueError(f"the message ends {count - len(piece)} bytes too early")
@@ -45,29 +45,29 @@ class Cursor:
         return piece
 
     def numbers(self, code: str, count: int) -> tuple[float, ...]:
-        """Numbers of one kind, named as by `struct`."""
+        """Return numbers of one kind, named as in `struct`."""
         size = struct.calcsize(code)
         if self.cdr and count:
             self._place += -(self._place - self._start) % size
         return struct.unpack(f"{self._order}{count}{code}", self.take(size * count))
 
     def whole(self, code: str = "I") -> int:
-        """One whole number."""
+        """Return one integer."""
         return int(self.numbers(code, 1)[0])
 
     def text(self) -> str:
-        """A text."""
+        """Return a text."""
         return bytes(self.take(self.whole())).rstrip(b"\0").decode("utf-8", "replace")
 
     def rest(self) -> memoryview:
-        """What is left."""
+        """Return the remaining bytes."""
         return self._data[self._place :]
 
 
 def read_header(cursor: Cursor) -> str:
-    """The frame of the header that begins most messages; its time is not used."""
+    """Return the frame id of a header; its time is not used."""
     if not cursor.cdr:
-        cursor.whole()  # a running number
+        cursor.whole()  # sequence number
     cursor.whole("i" if cursor.cdr else "I")
     cursor.whole()
     return cursor.text()
@@ -75,7 +75,7 @@ def read_header(cursor: Cursor) -> str:
 
 @dataclass(frozen=True)
 class CameraInfo:
-    """What `sensor_msgs/CameraInfo` says: size, lens model, `D`, `K` (9) and `P` (12), row by row."""
+    """Content of `sensor_msgs/CameraInfo`: size, lens model, `D`, `K` (9) and `P` (12), row by row."""
 
     shape: tuple[int, int]
     model: str
@@ -96,7 +96,7 @@ def camera_info(data: bytes, cdr: bool) -> CameraInfo:
 
 
 def acceleration(data: bytes, cdr: bool) -> tuple[str, np.ndarray]:
-    """Frame and linear acceleration (3,), m/s^2, of `sensor_msgs/Imu`."""
+    """Return frame id and linear acceleration (3,), m/s^2, of `sensor_msgs/Imu`."""
     cursor = Cursor(data, cdr)
     frame = read_header(cursor)
     cursor.numbers("d", 4 + 9 + 3 + 9)
@@ -104,7 +104,7 @@ def acceleration(data: bytes, cdr: bool) -> tuple[str, np.ndarray]:
 
 
 class Picture(NamedTuple):
-    """An image as a message holds it: its encoding, pixels (H, W) or (H, W, 3), and the bytes behind its last field."""
+    """An image message: encoding, pixels (H, W) or (H, W, 3), and the bytes after its last field."""
 
     encoding: str
     pixels: np.ndarray

@@ -1,7 +1,8 @@
 """Folders of the Stray Scanner (iPhone and iPad with LiDAR): `depth/`, `camera_matrix.csv`, `odometry.csv`.
 
-The matrix belongs to the colour video, `WIDTH` pixels wide; depth is its image scaled down. The odometry maps the
-camera's frame (x right, y down, z forward) into a world with y up: it tells the vertical. The video stays unread.
+The matrix belongs to the colour video with `WIDTH` columns; depth covers the same image at a lower resolution. The
+odometry maps the camera frame (x right, y down, z forward) to a world with y up, which gives the vertical. The video is
+not read.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from toolkit.sensing.recording import Recording
 
 MATRIX, ODOMETRY = "camera_matrix.csv", "odometry.csv"
 WIDTH = 1920
-"""Pixels of a row of the video that the matrix belongs to."""
+"""Width of the video, pixels."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a folder with a `camera_matrix.csv` and depth images."""
+    """Return whether `path` is a folder with a `camera_matrix.csv` and depth images."""
     return is_folder(path) and is_file(path / MATRIX) and is_folder(path / "depth")
 
 
 def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
-    """The camera of depth images of a shape (height, width), from the matrix of the video.
+    """Return the camera of depth images of a shape (height, width) from the matrix of the video.
 
     Raises
     ------
@@ -55,12 +56,12 @@ def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
 
 
 def odometry_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Times (T,), seconds, and the vertical in the camera's frame (3,), the median over all frames.
+    """Return times (T,), seconds, and the vertical in the camera's frame (3,), the median over all frames.
 
     Raises
     ------
     RecordingError
-        A column is missing or holds something else than numbers.
+        A column is missing or contains no numbers.
     """
     from scipy.spatial.transform import Rotation
 

@@ -1,7 +1,8 @@
-"""Folders in the layout of the TUM RGB-D benchmark: `depth.txt` lists time and file of every image, `rgb.txt` colour.
+"""Folders of the TUM RGB-D benchmark: `depth.txt` lists time and file of each image, `rgb.txt` those of colour.
 
-Depth has 5000 units a metre and is registered to colour; the benchmark's own advice for such images of 640x480 pixels
-is the camera 525, 525, 319.5, 239.5, which a JSON file in the folder or the option `intrinsics` overrides.
+Depth has 5000 units per metre and is registered to colour. The default camera for images of 640x480 pixels is that
+recommended by the benchmark (525, 525, 319.5, 239.5); a JSON file in the folder or the option `intrinsics` overrides
+it.
 """
 
 from __future__ import annotations
@@ -26,25 +27,25 @@ from toolkit.sensing.recording import Recording
 
 DEPTH_LIST, COLOR_LIST = "depth.txt", "rgb.txt"
 UNIT = 0.0002
-"""Metres of one unit of depth."""
+"""Metres per unit of depth."""
 CAMERA = {(480, 640): (525.0, 525.0, 319.5, 239.5)}
-"""Image shape -> the camera that the benchmark advises."""
+"""Image shape -> camera recommended by the benchmark."""
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a folder with a `depth.txt`."""
+    """Return whether `path` is a folder with a `depth.txt`."""
     return is_folder(path) and is_file(path / DEPTH_LIST)
 
 
 def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
-    """Times (T,), seconds, and files of a list: a time and a path beside the list on each line, `#` for comments.
+    """Return times (T,), seconds, and files of a list: a time and a relative path per line, `#` for comments.
 
     Raises
     ------
     RecordingError
-        A line is something else, or leads out of the folder.
+        A line has another form, or its path leads out of the folder.
     """
-    hint = "write a time and a file on every line"
+    hint = "write a time and a file on each line"
     times, files = [], []
     for number, line in enumerate(read_text(path, RecordingError, hint).splitlines(), start=1):
         words = line.split("#", 1)[0].split()
@@ -53,7 +54,7 @@ def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
         try:
             time, name = float(words[0]), words[1]
             file = path.parent / name
-            inside = path.parent.resolve() in file.resolve().parents  # ValueError for what no file can be called
+            inside = path.parent.resolve() in file.resolve().parents  # ValueError for invalid file names
         except (ValueError, IndexError):
             raise RecordingError(f"line {number} of {path} is {line[:80]!r}; {hint}") from None
         if not inside:
@@ -66,7 +67,7 @@ def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a folder; colour is the image nearest in time."""
+    """Open a folder; colour is the nearest image in time."""
     times, files = listed(path / DEPTH_LIST)
     color: list[Path] = []
     if is_file(path / COLOR_LIST):

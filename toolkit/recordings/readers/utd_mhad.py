@@ -1,10 +1,10 @@
 """UTD-MHAD depth recordings: MATLAB files of a mirrored Kinect v1, with an optional reference skeleton.
 
-`d_depth` (240, 320, T) holds millimetres; `d_skel` (20, 3, T) metres, x right, y up, z forward, projected by
-u = 160 + f x / z, v = 120 - f y / z, f = 285.63 pixels. The source is mirrored: u' = 319 - u and x' = -x put it right.
+`d_depth` (240, 320, T) holds millimetres; `d_skel` (20, 3, T) metres, x right, y up, z forward, projected by u = 160 +
+f x / z, v = 120 - f y / z, f = 285.63 pixels. The source is mirrored; u' = 319 - u and x' = -x correct it.
 
-The files hold no times. The wearable sensors of the same clips say that their frames lie 53 ms apart (5 to 95 % of the
-clips: 47 to 59), not the 33 of a Kinect: `depthmocap bench inertial real`.
+The files contain no times. By the wearable sensors of the same clips their frames are 53 ms apart (47 to 59 ms for 5 to
+95 % of the clips), not the 33 ms of a Kinect: `depthmocap bench inertial real`.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
-INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
+INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # intrinsics of the raw, mirrored image
 SUFFIX = "_depth"
 FRAME_RATE = 18.8
-"""Frames a second, by the clock of the wearable sensors: the median over the 108 shared clips."""
+"""Frame rate in Hz by the clock of the wearable sensors: median over the 108 shared clips."""
 
 _OURS_FROM_KINECT = {3: 0, **{4 + i: 4 + i for i in range(16)}}
 _SHOULDERS, _HIPS = (4, 8), (12, 16)
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a MATLAB file by its name."""
+    """Return whether `path` has the suffix of MATLAB."""
     return path.suffix == ".mat"
 
 
 def joints_from_kinect(found: np.ndarray) -> np.ndarray:
-    """Our 20 joints, camera frame of the raw image, from a Kinect skeleton (20, 3, T): float32 (T, 20, 3), metres.
+    """Return our 20 joints, camera frame of the raw image, of a Kinect skeleton (20, 3, T): float32 (T, 20, 3), metres.
 
-    Head, shoulders to hands and hips to feet are taken over; pelvis, neck and spine are derived as for every skeleton.
+    Head, shoulders to hands and hips to feet are copied; pelvis, neck and spine are derived as for each skeleton.
     """
     kinect = np.transpose(found, (2, 0, 1)) * (1.0, -1.0, 1.0)
     joints = np.empty(kinect.shape, dtype=np.float32)
@@ -48,7 +48,7 @@ def joints_from_kinect(found: np.ndarray) -> np.ndarray:
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a UTD-MHAD recording; the skeleton is looked for beside it unless the option `skeleton` says where."""
+    """Open a UTD-MHAD recording with the skeleton of the option `skeleton`, by default beside it."""
     depth = np.moveaxis(_load(path, "d_depth"), 2, 0)
     beside = _skeleton_path(path, options)
     reference = None
@@ -74,7 +74,7 @@ def _skeleton_path(path: Path, options: ReaderOptions) -> Path | None:
     chosen = Path(options.skeleton)
     chosen = chosen / file if chosen.is_dir() else chosen
     if not chosen.exists():
-        raise RecordingError(f"there is no skeleton at {chosen}; correct the path or leave it away")
+        raise RecordingError(f"there is no skeleton at {chosen}; correct the path or leave it out")
     return chosen
 
 
