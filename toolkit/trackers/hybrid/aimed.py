@@ -1,4 +1,4 @@
-"""Arms brought to where the cloud ends, by inverse kinematics (Lopez-Mendez 2011, 2.2)."""
+"""Inverse kinematics of arms to extrema of the cloud (Lopez-Mendez 2011, 2.2)."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from toolkit.tracking.search.arm_search import LimbExchange
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
 
 SOURCE = "head_hands"
-"""What a pose with other arms is called."""
+"""Name of the hypothesis of a pose with replaced arms."""
 CANDIDATES = 8
-"""Geodesic extrema in the order found: head and both hands are among them in 96 % of frames from the waist up."""
+"""Number of geodesic extrema, in the order found; head and both hands are among them in 96 % of frames from the waist
+up."""
 SWIVELS = 12
-"""Swivel samples of an arm whose hand is at a candidate: 30 degrees apart."""
+"""Number of swivel samples of an arm with its hand at a candidate (30 degrees apart)."""
 AIM = aiming.Aim(0.05, 0.0, -8.0)
-"""A hand may be 20 cm beside its candidate: the fit does the rest."""
+"""Maximum distance of a hand from its candidate, metres; the fit corrects the rest."""
 
 
 class AimedArms:
-    """Each arm of a pose at the extrema of its own side, at many swivels, held against the frame as balls, fitted and
-    refined; what decides is that of `ArmSearch`.
+    """Arm search at extrema of the arm's own side: many swivels are compared with the frame as balls, then fitted and
+    refined; the acceptance test is that of `ArmSearch`.
 
     Parameters
     ----------
@@ -42,7 +43,7 @@ class AimedArms:
         self._exchange = LimbExchange(objective, refiner, settings)
 
     def of(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
-        """A hypothesis with arms that leave less unexplained; the same one if there are none."""
+        """Return the hypothesis with arms that leave less depth unexplained, or the same one."""
         pose, compared, scene = scored.hypothesis.pose, scored.comparison, observation.scene
         candidates = sides_of(observation.free_extrema[:CANDIDATES], pose)
         for side, own in zip(SIDES, candidates, strict=True):
@@ -55,7 +56,7 @@ class AimedArms:
     def _proposed(
         self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray, scene: Scene
     ) -> list[np.ndarray]:
-        """`pose` (P,) with one arm at candidates that leaves less unexplained; the best first."""
+        """Return the versions of `pose` (P,) with one arm at a candidate that leave less unexplained, best first."""
         rig = self._bodies.of(body).arms[SIDES.index(side)]
         poses, _ = aimed_all_round(pose, rig, candidates, SWIVELS, AIM)
         if len(poses) == 0:

@@ -1,4 +1,4 @@
-"""All settings of the hybrid tracker, and the constants that it hands to its parts."""
+"""Settings of the hybrid tracker, and the constants of its parts."""
 
 from __future__ import annotations
 
@@ -22,43 +22,40 @@ from toolkit.tracking.tracking_settings import check_seed
 
 @dataclass(frozen=True)
 class HybridSettings:
-    """Settings of the hybrid tracker (Baak 2013, 5.4, with what its section 5.5.5 left open).
+    """Settings of the hybrid tracker (Baak 2013, 5.4, with extensions suggested in 5.5.5).
 
     Attributes
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
-    passes : 2 follows each person in a recording a second time, from their surest frame outwards; 1 is done with each
-        frame as it comes, as with a stream
-    hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
-        where extrema merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on first
-        frames and after losses, hands where the cloud ends, and the best pose turned round), "swarm" (likewise, where
-        joints are seen in the image, which are evidence in every frame then; set up as in configs/swarm.yaml)
-    body : how much of a person there is to see: "auto" (the regressor tells which links are out of view, frame by
-        frame), "whole" (nothing is out of view that the frame does not hide), "upper" (legs are never looked for)
-    extrema : geodesic extrema per frame: the lookup asks by them, and the local optimisation draws the body to them
-    candidates : retrieved poses that are compared before one of them is refined: a comparison costs a fifth of a
-        refinement; 1 takes the best by Eq. 5.6 unseen
-    promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis:
-        a refinement halves a distance, seldom more, so that a farther pose cannot win
-    lookup_period : while all is well the database is asked for whole poses in every so manieth frame. Arms are searched
-        in the others; with 2 or 3 the error is the same, and no frame bears both
-    restarts : poses refined on a first frame or after a loss, per size of the body: no previous pose says which one is
-        right
-    momentum : share of the last speed at which the pose is expected to move on, in [0, 1], so that fast limbs stay
-        within reach; the noise of a step is carried on by as much
+    passes : 2 adds forward and backward tracking from keyframes for each person; 1 finishes each frame when it arrives,
+        as for a stream
+    hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed
+        joints, for extrema that merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on
+        first frames and after losses: hands at extrema of the cloud, and the best pose turned by 180 degrees), "swarm"
+        (likewise, with image joints, which are then evidence in each frame; settings as in configs/swarm.yaml)
+    body : visible part of a person: "auto" (the regressor decides frame by frame), "whole" (all links, unless
+        occluded), "upper" (no legs)
+    extrema : number of geodesic extrema per frame, for the lookup and as correspondences of the local optimisation
+    candidates : number of retrieved poses that are compared with the frame before one is refined; a comparison costs a
+        fifth of a refinement. 1 takes the best by Eq. 5.6 without comparison
+    promising : maximum ratio of a retrieved pose's distance to that of the local hypothesis for a refinement, which
+        rarely reduces a distance by more than half
+    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched in the other
+        frames; with 2 or 3 the error is the same, and no frame pays for both
+    restarts : number of poses refined on a first frame or after a loss, per body size
+    momentum : fraction of the last velocity in the prediction, in [0, 1]; higher values follow fast limbs and amplify
+        noise
     sizes : standard deviations of height, tall to small: bodies of 1.84, 1.71, 1.58, 1.44, 1.28, 1.07 and 0.85 m are
         tried on the first frame
-    smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
-    lost_distance : metres of the sparse distance of the winner above which a frame counts as lost: over twice the
-        largest of a correct pose on the tuning suite
-    vote_pull : weight of a sure joint of the regressor against one correspondence while a pose is refined that was
-        found by the joints, or the body of one who is cut off is learnt, or a person is looked for: as much as the
-        vertices around it; 0 = none
-    patience : seconds of lost frames in a row after which the next one is treated as a first frame: some frames of bad
-        luck are not a loss
-    smoothing : seconds by which the reported poses are smoothed and lag; users of still pictures want none
-    vote_samples : points that vote for the joints; hands have few, so that with fewer votes they are found less often
+    smallest_person : minimum number of measured points; frames with fewer are empty. A person at 8 m in a 176x144 image
+    lost_distance : maximum sparse distance of the winner, metres; frames above it are lost. Over twice the largest
+        value of a correct pose on the tuning suite
+    vote_pull : weight of a confident regressed joint relative to one correspondence, in the refinement of poses found
+        by joints, in body estimation of truncated people and after losses; 0 = none
+    patience : seconds of consecutive lost frames before the next one is treated as a first frame
+    smoothing : time constant and lag of the smoothing of reported poses, seconds; 0 for still pictures
+    vote_samples : number of points that vote for joints; hands are small and need many
     """
 
     tracker: Literal["hybrid", "baak2013"] = "hybrid"

@@ -1,7 +1,7 @@
-"""Verification of first poses: the best poses of different facings are refined alike before the selection.
+"""Verification of first poses: the best poses with different facings are refined equally before the selection.
 
-A body seen from behind has nearly the outline and the depth of one seen from the front, with its arms bent the other
-way. Whichever of the two a search happens to finish better wins, and is followed for good.
+Front and back view of a body have nearly the same outline and depth, with the arms bent in opposite directions. Without
+verification, the tracker would keep the one with the better refinement.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from toolkit.tracking.search.database_lookup import FIRST_ROUNDS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, cost_of
 
 APART = math.radians(60.0)
-"""Turn between two facings from which on no refinement leads from one to the other."""
+"""Minimum angle between two facings that no refinement connects."""
 
 
 class InitialPoseVerifier:
-    """Finishes the hypotheses of a first frame, or of one after a loss; the nearest of them is the person's pose.
+    """Refiner of the hypotheses of a first frame or of a frame after a loss; the nearest one is selected.
 
-    The best of each body, the best that faces elsewhere than the best of all, and that one turned to the other side
-    have their arms brought to where the cloud ends (Lopez-Mendez 2011, 2.2). A wrong size, too, is often the nearest
-    only until the arms are where they belong. No person is turned without a regressor: its votes know front from back,
-    a depth image alone does not.
+    Candidates are the best of each body size, the best with a clearly different facing, and that one turned by 180
+    degrees. Their arms are moved to extrema of the cloud (Lopez-Mendez 2011, 2.2), because a wrong body size often fits
+    better until the arms are right. Turning requires a regressor, because depth alone does not separate front from
+    back.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class InitialPoseVerifier:
         return aimed + [self._arms.of(each, observation) for each in others]
 
     def _turned(self, best: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
-        """The other way round, refined: with its limbs or with their mirror image, whichever is nearer."""
+        """Return the refined pose turned by 180 degrees, with its own or with mirrored limbs, by lower cost."""
         both = []
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
         for turned in other_ways_round(best.hypothesis.pose):
@@ -64,7 +64,7 @@ class InitialPoseVerifier:
 
 
 def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """The hypothesis of least cost of every body."""
+    """Return the hypothesis with the lowest cost for each body."""
     best: dict[int, ScoredHypothesis] = {}
     for each in sorted(scored, key=cost_of, reverse=True):
         best[id(each.body)] = each
@@ -72,7 +72,8 @@ def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothes
 
 
 def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """Of those that face at least `APART` from the best one the one of least cost, if there are any."""
+    """Return the hypothesis with the lowest cost among those at least `APART` from the facing of the best one, or
+    None."""
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(each.hypothesis.pose)) - yaw for each in scored]
     apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
@@ -80,7 +81,7 @@ def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis])
 
 
 def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A pose (P,) of a y-up frame turned by 180 degrees in its place, with its limbs and with their mirror image."""
+    """Return a pose (P,) of a y-up frame turned by 180 degrees in place, with its limbs and with mirrored limbs."""
     own, position, yaw = canonical.canonicalise(pose)
     turned, mirrored = (
         canonical.place(limbs, np.zeros(4), position, yaw + np.pi) for limbs in (own, canonical.mirrored(own))

@@ -1,4 +1,4 @@
-"""The hybrid tracker: local optimisation and database lookup, fused late (Baak 2013, 5.4)."""
+"""The hybrid tracker: local optimisation and database lookup with late fusion (Baak 2013, 5.4)."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.tracker_protocol import Wanted
 
 STILL_RESTARTS = 10
-"""`restarts` in a recording of one frame: more, or more in a recording of many, are no better."""
+"""`restarts` for a recording of one frame; more have no effect, nor in longer recordings."""
 
 
 class HybridTracker(SearchingTracker):
-    """Baak 2013, 5.4, with regressed joints, arms of the database, a pose prior and a learnt shape; see `Tracker`.
+    """Tracker of Baak 2013, 5.4, with regressed joints, arm search, pose prior and estimated shape; see `Tracker`.
 
     Parameters
     ----------
     database : poses to look up, with or without a joint regressor
     settings : see `HybridSettings`
-    body : the person's own body, if it is known; otherwise it is learnt from the recording
-    database_path : where the database came from, for `run.json`
+    body : the person's own body if known; default: estimated from the recording
+    database_path : path of the database, for `run.json`
     guide : what is known of the frames besides their depth
     """
 
@@ -77,7 +77,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def _more(self) -> tuple[str, ...]:
-        """Searches that not every hybrid tracker has: head and hands, and the swarm."""
+        """Optional searches: head and hands, and the swarm."""
         head_hands = ("head_hands",) if "head_hands" in self.settings.hypotheses else ()
         return (*head_hands, *self._swarm)
 
@@ -88,7 +88,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def joints_wanted(self) -> Wanted:
-        """See `Tracker.joints_wanted`: the swarm starts from them, and in every frame they are evidence."""
+        """See `Tracker.joints_wanted`: initial poses of the swarm, and evidence in each frame."""
         return "offered" if self._swarm else "none"
 
     @property
@@ -97,13 +97,13 @@ class HybridTracker(SearchingTracker):
         return self._regressor
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
-        """The searches of the settings, in the order in which they are asked."""
+        """Return the searches of the settings in their order of execution."""
         settings, asked = self.settings, self.settings.hypotheses
         members: list[Search] = []
         if "local" in asked:
             members.append(LocalSearch(refiner, settings.momentum))
         queries = self.queries()
-        # Without the local hypothesis every frame has to ask.
+        # without the local hypothesis, each frame needs a lookup
         period = settings.lookup_period if "local" in asked else 1
         if self._arms is not None:
             members.append(ArmSearch(self._arms, objective, refiner, settings.arms, period if queries else 1))
@@ -117,7 +117,7 @@ class HybridTracker(SearchingTracker):
         return tuple(members)
 
     def of_still(self) -> HybridTracker:
-        """See `SearchingTracker.of_still`: more poses of the database are refined."""
+        """See `SearchingTracker.of_still`: refines more poses of the database."""
         other = copy(self)
         other.settings = replace(self.settings, restarts=max(self.settings.restarts, STILL_RESTARTS))
         return other
@@ -130,7 +130,7 @@ class HybridTracker(SearchingTracker):
         return InitialPoseVerifier(objective, refiner, arms)
 
     def queries(self) -> list[Query]:
-        """The ways of the settings to ask the database for whole poses."""
+        """Return the database queries for whole poses that the settings name."""
         queries: list[Query] = []
         if "extrema" in self.settings.hypotheses:
             queries.append(ExtremaQuery(self._poses, self.settings.lookup))
@@ -140,7 +140,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def observer(self) -> Observer:
-        """How this tracker looks at sightings."""
+        """Return the observer of this tracker."""
         s = self.settings
         return Observer(
             s.landmarks, s.extrema, s.fitting.cloud_samples, self._regressor, s.vote_samples,
@@ -149,18 +149,18 @@ class HybridTracker(SearchingTracker):
 
     @cached_property
     def priors(self) -> tuple[PoseTerm, ...]:
-        """See `SearchingTracker`: the database's own poses are likely."""
+        """See `SearchingTracker`: the poses of the database define what is likely."""
         weight = self.settings.fitting.prior_weight
         return (GaussianPrior.of_poses(self._poses.poses, weight),) if weight > 0.0 else ()
 
     @cached_property
     def occluded_limbs(self) -> OccludedLimbs | None:
-        """See `SearchingTracker`; databases from before there were pose priors have none."""
+        """See `SearchingTracker`; databases of older versions have no prior."""
         return None if self._poses.prior is None else OccludedLimbs(self._poses.prior)
 
     @property
     def _swarm(self) -> tuple[str, ...]:
-        """The name of the swarm's stage and source, if it is asked."""
+        """Return the name of the swarm's stage and source, or nothing without the swarm."""
         return ("swarm",) if "swarm" in self.settings.hypotheses else ()
 
     @cached_property

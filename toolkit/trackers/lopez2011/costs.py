@@ -1,4 +1,4 @@
-"""What a pose of an upper body costs against a frame (Lopez-Mendez 2011, 2.1, Eq. 3)."""
+"""Cost of upper-body poses for a frame (Lopez-Mendez 2011, 2.1, Eq. 3)."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from toolkit.sensing.cloud import marked
 from toolkit.trackers.lopez2011.upper import UpperBody
 
 CAP = 0.10
-"""Metres, the largest difference of depths that counts (`d_max`): a limb's width."""
+"""Cap of a depth difference (`d_max`), metres: the width of a limb."""
 DEPTH, SILHOUETTE = 40.0, 20.0
-"""Costs of a mean squared difference of depths in units of the cap (`lambda_1`), and of silhouettes that nowhere agree
-(`lambda_2`): half of what a missed depth costs."""
+"""Weights of the mean squared depth difference in units of the cap (`lambda_1`), and of the silhouette mismatch
+(`lambda_2`), which is half of the former."""
 OVERLAP = 10.0
-"""Cost of squared overlaps in units of the balls' radii (`lambda_3`)."""
+"""Weight of squared overlaps in units of the ball radii (`lambda_3`)."""
 TRUNK_MARGIN = 0.22
-"""Metres around the trunk's joints within which it is weighed, at their depth: half a shoulder more."""
+"""Margin around the trunk's joints for the trunk cost, metres at their depth: half a shoulder."""
 ARM_MARGIN = 0.15
-"""Metres around an arm's joints and its candidates: the box must hold the proposed hands."""
+"""Margin around an arm's joints and its candidates, metres: contains the proposed hands."""
 TRUNK_JOINTS: np.ndarray = np.array(
     [skeleton.REPORTED.index(n) for n in ("spine", "neck", "head", "left_shoulder", "right_shoulder")]
 )
-"""Rows of the reported joints around which the trunk is weighed."""
+"""Indices of the reported joints of the trunk."""
 
 
 class ParticleImage(NamedTuple):
-    """A frame at one resolution: seen float32 (h, w), as `Scene.seen`, and intrinsics float64 (4,)."""
+    """A frame at one resolution: `seen` float32 (h, w) as `Scene.seen`, and intrinsics float64 (4,)."""
 
     seen: np.ndarray
     intrinsics: np.ndarray
@@ -43,12 +43,12 @@ class ParticleImage(NamedTuple):
     def of(
         cls, depth: np.ndarray, unobserved: np.ndarray | None, camera: Camera, columns: int, setting: str
     ) -> ParticleImage:
-        """Every n-th pixel of a depth image (H, W), metres, so that at least about `columns` are left.
+        """Return every n-th pixel of a depth image (H, W), metres, with at least about `columns` columns.
 
         Raises
         ------
         SettingsError
-            The image is narrower than `columns`, which the setting of this name asks for.
+            The image has fewer columns than `columns`, which is a setting of this name.
         """
         if columns > camera.width:
             raise SettingsError(f"{setting} is {columns}, finer than the image, which has {camera.width} columns")
@@ -59,12 +59,13 @@ class ParticleImage(NamedTuple):
         )
 
     def whole(self) -> kernel.Tile:
-        """All of the image."""
+        """Return the whole image."""
         height, width = self.seen.shape
         return self._within(np.array([0, height, 0, width]))
 
     def tile(self, points: np.ndarray, margin: float) -> kernel.Tile:
-        """The part of the image within `margin` metres of points (N, 3), camera frame; empty where it is outside."""
+        """Return the part of the image within `margin` metres of points (N, 3), camera frame; empty outside the
+        image."""
         fx, fy, cx, cy = self.intrinsics
         height, width = self.seen.shape
         ahead = points[points[:, 2] > kernel.NEAREST]
@@ -78,14 +79,14 @@ class ParticleImage(NamedTuple):
         return self._within(window)
 
     def _within(self, window: np.ndarray) -> kernel.Tile:
-        """The part of the image from row `window[0]` to `window[1]`, and column `window[2]` to `window[3]`."""
+        """Return rows `window[0]` to `window[1]` and columns `window[2]` to `window[3]` of the image."""
         part = self.seen[window[0] : window[1], window[2] : window[3]]
         pixels = max(int(np.count_nonzero(part > 0)), 1)
         return kernel.Tile(self.seen, self.intrinsics, window, pixels, CAP, DEPTH, SILHOUETTE)
 
 
 class ParticleFrame(NamedTuple):
-    """A frame as the filter sees it.
+    """A frame as input of the filter.
 
     Attributes
     ----------
@@ -99,23 +100,24 @@ class ParticleFrame(NamedTuple):
 
 
 def likelihood(costs: np.ndarray) -> np.ndarray:
-    """Weights (N,), which sum to 1, of particles by their costs (N,) (Eq. 3); a constant in all costs changes none."""
+    """Return weights (N,), with sum 1, of particles by their costs (N,) (Eq. 3); a constant in all costs has no
+    effect."""
     weights = np.exp(-(costs - costs.min()))
     return weights / weights.sum()
 
 
 def costs_of_whole(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-    """What each of `poses` (N, P) costs (N,) over the whole image: for poses that are far apart."""
+    """Return the costs (N,) of `poses` (N, P) over the whole image, for poses that are far apart."""
     return _drawn(upper, poses, frame.coarse.whole())
 
 
 def costs_of_both_arms(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-    """What each of `poses` (N, P), which share a trunk, costs (N,) over the whole image."""
+    """Return the costs (N,) of `poses` (N, P) with one trunk over the whole image."""
     return _over_one_trunk(upper, poses, frame.fine.whole())
 
 
 def mean_cost(upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float:
-    """Mean cost of a pose (P,) over the three layers (the last term of Eq. 7)."""
+    """Return the mean cost of a pose (P,) over the three layers (last term of Eq. 7)."""
     trunk = costs_of_trunks(upper, pose[None], pose, frame)
     arms = [
         _over_one_trunk(upper, pose[None], frame.fine.tile(_arm_joints(upper, side, pose), ARM_MARGIN))
@@ -125,19 +127,19 @@ def mean_cost(upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float
 
 
 def costs_of_trunks(upper: UpperBody, poses: np.ndarray, before: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-    """What the trunk of each of `poses` (N, P) costs (N,) around that of the pose `before` (P,)."""
+    """Return the trunk costs (N,) of `poses` (N, P) around the trunk of the pose `before` (P,)."""
     return _drawn(upper, poses, frame.coarse.tile(_joints(upper, before, TRUNK_JOINTS), TRUNK_MARGIN))
 
 
 def trunk_pictures(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-    """The trunks of `poses` (K, P) as drawn into the fine image, (K, h, w), metres."""
+    """Draw the trunks of `poses` (K, P) into the fine image, (K, h, w), metres."""
     return _trunk_pictures(upper, poses, frame.fine.whole())
 
 
 def costs_near_arm(
     upper: UpperBody, poses: np.ndarray, side: int, pose: np.ndarray, frame: ParticleFrame
 ) -> np.ndarray:
-    """What each of `poses` (N, P), which share a trunk, costs (N,) around one arm of a `pose` (P,)."""
+    """Return the costs (N,) of `poses` (N, P) with one trunk around one arm of a `pose` (P,)."""
     return _over_one_trunk(upper, poses, _around(upper, side, pose, frame))
 
 
@@ -145,12 +147,12 @@ def costs_of_arm(
     upper: UpperBody, poses: np.ndarray, side: int, before: np.ndarray, frame: ParticleFrame, base_of: np.ndarray,
     pictures: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """What each of `poses` (N, P) costs (N,) around one arm, laid over the `pictures` (K, h, w) of its trunk."""
+    """Return the costs (N,) of `poses` (N, P) around one arm, over the drawn trunks `pictures` (K, h, w)."""
     return _overlaid(upper, poses, _around(upper, side, before, frame), base_of, pictures)
 
 
 def _around(upper: UpperBody, side: int, pose: np.ndarray, frame: ParticleFrame) -> kernel.Tile:
-    """The part of the fine image around one arm and the candidates within its reach."""
+    """Return the part of the fine image around one arm and the candidates within its reach."""
     joints, arm = _arm_joints(upper, side, pose), upper.arms[side]
     candidates = linear.rotated(frame.candidates, upper.whole.from_level.T)
     lengths = linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand]))
@@ -159,7 +161,7 @@ def _around(upper: UpperBody, side: int, pose: np.ndarray, frame: ParticleFrame)
 
 
 def _drawn(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
-    """Costs (N,) of `poses` (N, P) as meshes, arms and all."""
+    """Return the costs (N,) of `poses` (N, P) drawn as meshes with arms."""
     costs = np.empty(len(poses))
     kernel.trunk_costs(poses, upper.whole, tile, costs)
     return costs
@@ -179,7 +181,7 @@ def _over_one_trunk(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> n
 def _overlaid(
     upper: UpperBody, poses: np.ndarray, tile: kernel.Tile, base_of: np.ndarray, pictures: np.ndarray
 ) -> np.ndarray:
-    """Costs (N,) of the arms of `poses` (N, P) as balls over the `pictures` (K, h, w) of their trunks."""
+    """Return the costs (N,) of `poses` (N, P) with arms drawn as balls over the trunks `pictures` (K, h, w)."""
     balls = np.empty((len(poses), len(upper.trunk.radii), 3))
     kernel.place_balls(poses, upper.trunk, balls)
     rows = np.concatenate(upper.of_arm)

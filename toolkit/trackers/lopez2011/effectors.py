@@ -1,4 +1,4 @@
-"""Candidates for head and hands of a person seen from the waist up (Lopez-Mendez 2011, 2.2 and 3)."""
+"""Candidates for head and hands of a person from the waist up (Lopez-Mendez 2011, 2.2 and 3)."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
 COLUMN = 0.15
-"""Metres to either side of the source within which a head stands above it."""
+"""Half width of the column above the source that contains the head, metres."""
 
 SMALLEST_AREA = 0.004
-"""Square metres: summits of less surface are noise: half a fist."""
+"""Minimum area of a summit, square metres: half a fist."""
 GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8, source_drop=0.10)
-"""Neighbours of the graph lie within 0.1 m: with bridges hardly anything changes from 0.05 to 0.12. Pieces within 0.5 m
-are joined: forearms that point at the camera are not measured, and hands float; of 160x120 pixels a hand at 2 m has 30.
-The source lies 0.1 m below the centre of mass ("lowered")."""
+"""Graph settings of upper bodies: neighbours within 0.1 m (with bridges, results are stable from 0.05 to 0.12), bridges
+up to 0.5 m, because forearms that point at the camera are not measured; a hand at 2 m has 30 pixels of 160x120. The
+source lies 0.1 m below the centre of mass ("lowered")."""
 PRONG = 0.25
-"""Metres along a path at which its direction is taken: beyond the source's own neighbourhood, before the shoulder."""
+"""Path length at which its direction is measured, metres: outside the source's neighbourhood, before the shoulder."""
 
 
 @dataclass(frozen=True)
 class EffectorSettings:
-    """How head and hands are looked for.
+    """Settings of the search for head and hands.
 
     Attributes
     ----------
-    count : candidates per frame: the paper takes 3; head and both hands are oftener among the first 6
-    tree : whether the candidates are the summits of the geodesic map's component tree with the largest dynamics,
-        instead of its first extrema, of which they are no better
-    narrowest, widest : degrees between neighbouring prongs of the fork; the paper's cosines of all three pairs hardly
-        ever hold
+    count : number of candidates per frame (3 in the paper); head and both hands are more often among the first 6
+    tree : use the summits of the component tree of geodesic distances with the largest dynamics instead of the first
+        extrema; the results are equal
+    narrowest, widest : range of the angle between neighbouring prongs of the fork, degrees; the cosines of the paper
+        for all three pairs rarely hold
     """
 
     count: int = constant(6)
@@ -59,13 +59,13 @@ class EffectorSettings:
 
 @dataclass(frozen=True, eq=False)
 class Effectors:
-    """Unlabelled candidates for head and hands, the most prominent first.
+    """Unlabelled candidates for head and hands, most prominent first.
 
     Attributes
     ----------
     points : float64 (n, 3), metres, frame of the cloud
     source : float64 (3,), metres, where the geodesic map begins
-    summit : float64 (3,), metres, the highest point of the cloud above the source: the crown, unless a hand is there
+    summit : float64 (3,), metres, highest point of the cloud above the source: the crown, or a raised hand
     paths : for each candidate the points of its shortest path, float64 (k, 3), metres, from the source on
     """
 
@@ -80,7 +80,7 @@ class Effectors:
 
 @dataclass(frozen=True)
 class Fork:
-    """Which candidate is what; left and right are the subject's."""
+    """Labelled head and hands; left and right are the subject's."""
 
     head: int
     left_hand: int
@@ -93,7 +93,7 @@ def find_effectors(
     unobserved: np.ndarray | None = None,
     workspace: Workspace | None = None,
 ) -> Effectors:
-    """Candidates in an organised cloud of one person; extrema at cuts are left out, summits are not.
+    """Return the candidates in an organised cloud of one person; extrema at cuts are left out, summits are not.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def find_effectors(
     graph = grid_graph(cloud, GRAPH, workspace)
     middle = cloud.points.mean(axis=0, dtype=np.float64)
     source = source_node(graph, cloud.points, middle, GRAPH)
-    # As many more are found as there may be cuts.
+    # the number of possible cuts is added
     extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
     nodes = extrema.nodes
     nodes = _summits(cloud, graph, extrema) if settings.tree else nodes[~on_cuts(cloud, nodes, unobserved)]
@@ -123,13 +123,14 @@ def find_effectors(
 
 
 def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
-    """The highest of `points` (N, 3) in a column around the source (3,)."""
+    """Return the highest of `points` (N, 3) in a column around the source (3,)."""
     column = np.flatnonzero(np.abs(points[:, 0] - source[0]) < COLUMN)
     return points[column[np.argmax(points[column, 1])]].astype(np.float64)
 
 
 def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
-    """Nodes of the geodesic map's summits by falling dynamics, of at least `SMALLEST_AREA`."""
+    """Return the nodes of the summits of geodesic distance with an area of at least `SMALLEST_AREA`, by decreasing
+    dynamics."""
     count = len(graph)
     distances = extrema.from_source
     reached = np.flatnonzero(distances != geodesic.UNREACHED)
@@ -151,9 +152,9 @@ def _path(graph: Graph, extrema: Extrema, node: int, points: np.ndarray) -> np.n
 
 
 def direction(path: np.ndarray) -> float:
-    """Radians from upwards towards the image's right in which a path (k, 3) leaves the source, level frame.
+    """Return the angle, radians from upwards towards the image's right, of a path (k, 3) at the source, level frame.
 
-    Taken where it is `PRONG` metres long, or at its end.
+    It is measured after `PRONG` metres of the path, or at its end.
     """
     lengths = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)))])
     at = min(int(np.searchsorted(lengths, PRONG)), len(path) - 1)
@@ -161,11 +162,12 @@ def direction(path: np.ndarray) -> float:
 
 
 def find_fork(effectors: Effectors, settings: EffectorSettings | None = None) -> Fork | None:
-    """Head and hands by the fork of their paths: the head between the hands (Lopez-Mendez 2011, 3); None without one.
+    """Return head and hands by the fork of their paths, with the head between the hands (Lopez-Mendez 2011, 3), or
+    None.
 
-    The person faces the camera. Of several forks the one of the most prominent candidates is taken. The paper asks that
-    the cosines of all three pairs of prongs lie in [0.5, 0.9], which a fork with prongs at 45 degrees does not meet;
-    here it is neighbouring prongs whose angle is limited.
+    Valid for a person who faces the camera. Of several forks the one with the most prominent candidates is selected.
+    The paper requires cosines in [0.5, 0.9] for all three pairs of prongs, which a fork with prongs at 45 degrees
+    violates; here only the angle of neighbouring prongs is limited.
     """
     settings = settings or EffectorSettings()
     angles = [direction(path) for path in effectors.paths]

@@ -1,8 +1,8 @@
 """The hierarchical particle filter of an upper body, with geodesic-driven proposals (Lopez-Mendez 2011, 2).
 
-Three layers: trunk with head, then one arm given the trunk, then the other arm given all the rest. In every layer the
-particles are moved, weighed by the likelihood of Eq. 3 and resampled. Arms are moved by diffusion or, as Eq. 6 has it,
-by inverse kinematics to a candidate for a hand.
+Three layers: trunk with head, then one arm given the trunk, then the other arm given both. In each layer the particles
+are moved, weighted by the likelihood of Eq. 3 and resampled. Arms are moved by diffusion or, by Eq. 6, by inverse
+kinematics to a candidate for a hand.
 """
 
 from __future__ import annotations
@@ -25,20 +25,19 @@ from toolkit.trackers.lopez2011.proposals import UpperProposals
 from toolkit.trackers.lopez2011.upper import UpperBody
 
 BASES = 16
-"""Different trunks that are kept after the first layer: more are seldom left."""
+"""Maximum number of different trunks after the first layer."""
 SHARPNESS = 3.0
-"""How many times a cost counts in the weights: a mean over pixels is small against what a wrong arm costs."""
+"""Factor of the cost in the log weights: costs are means over pixels, so a wrong arm changes them little."""
 
 
 @dataclass(frozen=True, eq=False)
 class Filtered:
-    """A frame filtered.
+    """Result of the filter for one frame.
 
     Attributes
     ----------
     particles : float64 (N, P), of equal weight, for the next frame
-    estimate : float64 (P,), the particle that both arms' layers together explain best (MAP): the last layer alone would
-        leave the first arm to chance
+    estimate : float64 (P,), particle with the lowest cost over both arm layers (MAP)
     cost : mean over the three layers of what the estimate costs there
     """
 
@@ -48,14 +47,15 @@ class Filtered:
 
 
 def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Resampled particles, int64 (N,), by their costs (N,): `SHARPNESS` times these are the negative log weights."""
+    """Return resampled particles, int64 (N,), by their costs (N,); the negative log weights are `SHARPNESS` times the
+    costs."""
     chosen = np.empty(len(costs), dtype=np.int64)
     systematic(likelihood(SHARPNESS * costs), rng.random(), chosen)
     return chosen
 
 
 class UpperFilter:
-    """Filters the poses of an upper body from frame to frame.
+    """Particle filter of upper-body poses.
 
     Parameters
     ----------
@@ -71,16 +71,16 @@ class UpperFilter:
         self.proposals = UpperProposals(settings)
 
     def first_arm(self, turn: int) -> int:
-        """The arm that comes before the other in the frame of number `turn`: 0 left, 1 right."""
+        """Return the first arm in frame number `turn`: 0 left, 1 right."""
         return turn % 2 if self.settings.alternate else 1
 
     def trunk(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
         rng: np.random.Generator,
     ) -> np.ndarray:  # fmt: skip
-        """First layer: `particles` (N, P) with their trunks moved, weighed and resampled.
+        """First layer: move, weight and resample the trunks of `particles` (N, P).
 
-        `before` (P,) is the last estimate, `dt` the seconds since then.
+        `before` (P,) is the last estimate, `dt` the seconds since it.
         """
         poses = particles.copy()
         self.proposals.move_trunk(poses, dt, rng)
@@ -91,7 +91,7 @@ class UpperFilter:
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
         first: int, rng: np.random.Generator,
     ) -> Filtered:  # fmt: skip
-        """Second and third layer: the arm `first` (0 left, 1 right), then the other, of `particles` (N, P)."""
+        """Second and third layer of `particles` (N, P): the arm `first` (0 left, 1 right), then the other."""
         poses = particles.copy()
         bases, base_of = self._bases(poses)
         poses = bases[base_of]
@@ -107,7 +107,8 @@ class UpperFilter:
         return Filtered(poses, estimate, mean_cost(upper, estimate, frame))
 
     def _bases(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The most frequent of the resampled `poses` (N, P), and for each pose the base that stands for it."""
+        """Return the most frequent of the resampled `poses` (N, P), and the index of the representative of each
+        pose."""
         distinct, member = np.unique(poses, axis=0, return_inverse=True)
         member = member.reshape(-1)
         often = np.argsort(-np.bincount(member), kind="stable")[:BASES]

@@ -1,4 +1,4 @@
-"""Head and hands where the cloud ends: the first pose of Lopez-Mendez 2011."""
+"""Search for head and hands at extrema of the cloud: the first pose of Lopez-Mendez 2011."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from toolkit.tracking.state import PersonState
 
 @dataclass(frozen=True)
 class HeadHandSettings:
-    """Constants of this search.
+    """Settings of this search.
 
     Attributes
     ----------
     effectors : how head and hands are looked for where nothing is known of the person yet
-    initial : how the first pose is found: less often filtered than by the particle filter alone, because it is refined
+    initial : settings of the first pose; fewer rounds than in the particle filter, because the pose is refined
     particles : how it is filtered
     """
 
@@ -40,10 +40,10 @@ class HeadHandSettings:
 
 
 class HeadHandSearch:
-    """The first pose of Lopez-Mendez 2011 on a first frame and after a loss.
+    """Search with the first pose of Lopez-Mendez 2011, on first frames and after losses.
 
-    Head and hands are looked for by the fork of their paths (3); the filtered pose is refined and competes by its
-    distance. While a person is followed it says nothing: arms of the database find the way back as well.
+    Head and hands are found by the fork of their paths (3); the filtered pose is refined and competes by its distance.
+    While a person is tracked it proposes nothing, because the arm search is as good.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class HeadHandSearch:
         return Proposal(self._found(observation, state.body, rng))
 
     def _found(self, observation: Observation, body: Body, rng: np.random.Generator) -> tuple[Hypothesis, ...]:
-        """The first pose of Lopez-Mendez 2011, 3, refined; nothing without a fork."""
+        """Return the first pose of Lopez-Mendez 2011, 3, refined; nothing without a fork."""
         cloud, settings = observation.cloud, self._filter.settings
         width = cloud.camera.width
         small = replace(

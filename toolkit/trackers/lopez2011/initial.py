@@ -1,4 +1,4 @@
-"""The first pose of an upper body from the candidates for head and hands (Lopez-Mendez 2011, 3)."""
+"""First pose of an upper body from the candidates for head and hands (Lopez-Mendez 2011, 3)."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from toolkit.trackers.lopez2011.proposals import SPREAD
 from toolkit.trackers.lopez2011.upper import UpperBody, aimed_all_round
 
 HANGING = 1.1
-"""Radians by which the arms hang down from the T-pose before they are aimed."""
+"""Angle of hanging arms from the T-pose before inverse kinematics, radians."""
 FRAME_TIME = 1.0 / 30.0
-"""Seconds of diffusion in each round on the first frame."""
+"""Diffusion time of each round on the first frame, seconds."""
 HEADS = 3
-"""Candidates that may be the head where no fork says which one is: raised hands are above it."""
+"""Number of head candidates without a fork; raised hands may be higher than the head."""
 TURNS = (-0.6, 0.0, 0.6)
-"""Radians by which a person may be turned away from the camera, where no fork says that they face it."""
+"""Angles of the body from the camera that are tried without a fork, radians."""
 LEANS = (0.0, 0.35, 0.7)
-"""Radians by which a person may lean forward."""
+"""Forward leans that are tried, radians."""
 ARMED = 6
-"""Trunks to which arms are given, out of all that were tried."""
+"""Number of trunks that get arms."""
 FILTERED = 2
-"""Starts that are filtered: the cheapest one may be a hand taken for the head."""
+"""Number of filtered starts; the cheapest may have a hand in place of the head."""
 LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
-"""Radians from the T-pose, and shares of the elbow's range, of arms that need no candidate: hidden or cut-off hands."""
+"""Elevations from the T-pose in radians, and fractions of the elbow's range, of arms without a candidate."""
 
 SWIVELS = 24
-"""Swivels of each arm that are tried: 15 degrees apart."""
+"""Number of swivels of each arm (15 degrees apart)."""
 
 
 @dataclass(frozen=True)
 class InitialSettings:
-    """How a first pose is found.
+    """Settings of the first pose.
 
     Attributes
     ----------
-    rounds : times that the first frame is filtered: trunk and size are rough at first
-    unlabelled : whether a person is looked for without the fork too, with one of the highest places as head: hands that
-        are cut off or hidden make no fork, and shoulders may make one
+    rounds : number of filter rounds on the first frame; trunk and size are inaccurate at first
+    unlabelled : also search without the fork, with the highest points as head; occluded or truncated hands form no
+        fork, and shoulders may form a wrong one
     """
 
     rounds: int = 10
@@ -58,7 +58,7 @@ class InitialSettings:
 
     def __post_init__(self) -> None:
         if self.rounds < 0:
-            raise SettingsError(f"initial.rounds is {self.rounds}; it is a number of times and not negative")
+            raise SettingsError(f"initial.rounds is {self.rounds}; give 0 or more")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +71,16 @@ class InitialPoseEstimator:
 
 
 class InitialPose(NamedTuple):
-    """A pose (P,), and where its crown, and perhaps left and right hand, ought to be: (1, 3) or (3, 3), level frame."""
+    """A pose (P,) with the target of its crown and optionally of left and right hand: (1, 3) or (3, 3), level frame."""
 
     pose: np.ndarray
     wanted: np.ndarray
 
 
 def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0, leaning: float = 0.0) -> np.ndarray:
-    """A person upright, arms hanging, with the crown at `head` (3,): pose (P,), level frame.
+    """Return the pose (P,) of an upright person with hanging arms and the crown at `head` (3,), level frame.
 
-    They face the camera, but for `turned` radians to their left, and lean forward by `leaning` radians.
+    The person faces the camera, turned by `turned` radians to their left, and leans forward by `leaning` radians.
     """
     pose = np.zeros(skeleton.POSE_SIZE)
     yaw = math.atan2(-head[0], -head[2]) + turned
@@ -101,13 +101,13 @@ def initial_pose(
     settings: InitialSettings,
     rng: np.random.Generator,
 ) -> InitialPoseEstimator | None:
-    """The model moved to the head, arms by inverse kinematics, filtered on the same frame, and its probability (Eq. 7).
+    """Return the first pose: the model moved to the head, arms by inverse kinematics, filtered on the frame, and its
+    probability (Eq. 7).
 
-    The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork, and
-    beside one, which may be of shoulders, each of the highest places may be the head of a person who is turned or leans
-    somehow, and in the likeliest of these trunks an arm rests or reaches for any candidate of its own side. Poses that
-    are far apart are compared over the whole image; the cheapest are filtered, and the cheapest of these is the answer.
-    None if nothing may be tried.
+    Crown and hands of the fork enter Eq. 7 by their distances. Independent of a fork, which may be one of shoulders,
+    each of the highest points is tried as the head of a person with various angles and leans; the arms of the most
+    probable trunks rest or reach for candidates on their side. Poses are compared over the whole image, the best are
+    filtered, and the best result is returned. None if nothing can be tried.
     """
     starts = [] if fork is None else [_labelled(upper, effectors.points, fork, frame)]
     if settings.unlabelled:
@@ -127,7 +127,7 @@ def initial_pose(
 
 
 def _heads(effectors: Effectors) -> np.ndarray:
-    """Where the crown may be (K, 3): the highest candidates, and the highest point above the source."""
+    """Return the possible crowns (K, 3): the highest candidates, and the highest point above the source."""
     points = effectors.points
     highest = points[np.argsort(-points[:, 1], kind="stable")[:HEADS]]
     return np.concatenate([highest, effectors.summit[None]])
@@ -137,7 +137,7 @@ def _filtered(
     upper: UpperBody, filtering: UpperFilter, start: InitialPose, frame: ParticleFrame, settings: InitialSettings,
     rng: np.random.Generator,
 ) -> InitialPoseEstimator:  # fmt: skip
-    """The pose that a start leads to on the same frame."""
+    """Return the filtered pose of a start on the same frame."""
     pose, wanted = start
     labelled = frame._replace(candidates=wanted[1:]) if len(wanted) > 1 else frame
     particles = np.repeat(pose[None], filtering.settings.count, axis=0)
@@ -152,7 +152,7 @@ def _filtered(
 
 
 def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleFrame) -> InitialPose:
-    """A pose with crown and hands where the fork names them."""
+    """Return a pose with crown and hands at the points of the fork."""
     wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
     pose = standing_pose(upper, wanted[0])
     for side in range(2):
@@ -163,7 +163,7 @@ def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleF
 def unlabelled_start(
     upper: UpperBody, points: np.ndarray, head: np.ndarray, pose: np.ndarray, frame: ParticleFrame
 ) -> InitialPose:
-    """A `pose` (P,) with the crown at `head` (3,) and arms that rest or reach for the candidates on their sides."""
+    """Return a `pose` (P,) with the crown at `head` (3,) and arms that rest or reach for candidates on their sides."""
     others = sides_of(points[(points != head).any(axis=1)], pose)
     for side in range(2):
         pose = _best_arm(upper, pose, side, others[side], frame, resting=True)
@@ -171,7 +171,7 @@ def unlabelled_start(
 
 
 def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) on the left and on the right of a person in a pose (P,), seen along the ground."""
+    """Split points (n, 3) into those left and right of a person in a pose (P,), in the ground plane."""
     yaw = float(canonical.body_facing(pose))
     away = points - pose[skeleton.ROOT_POSITION]
     left = away[:, 0] * math.cos(yaw) - away[:, 2] * math.sin(yaw)
@@ -179,7 +179,7 @@ def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def place_hands(upper: UpperBody, pose: np.ndarray) -> np.ndarray:
-    """Where a pose (P,) has its hands (`F(x)`), left and right: float64 (2, 3)."""
+    """Return the positions of left and right hand in a pose (P,) (`F(x)`): float64 (2, 3)."""
     hands = np.empty((2, 1, 3))
     for arm, hand in zip(upper.arms, hands, strict=True):
         aiming.place_hands(pose[None], arm, hand)
@@ -189,9 +189,9 @@ def place_hands(upper: UpperBody, pose: np.ndarray) -> np.ndarray:
 def _best_arm(
     upper: UpperBody, pose: np.ndarray, side: int, targets: np.ndarray, frame: ParticleFrame, *, resting: bool
 ) -> np.ndarray:
-    """The pose (P,) with the hand of one arm at one of `targets` (n, 3) at some swivel, whatever costs least.
+    """Return the pose (P,) with the hand of one arm at one of `targets` (n, 3) at the swivel with the lowest cost.
 
-    Arms that rest take part if they may; the arm as it is stays if no target can be reached.
+    Resting arms take part if allowed; the arm is unchanged if no target can be reached.
     """
     anything = aiming.Aim(SPREAD, 0.0, -np.inf)
     poses, _ = aimed_all_round(pose, upper.arms[side], targets, SWIVELS, anything)
@@ -201,7 +201,7 @@ def _best_arm(
 
 
 def _rested(pose: np.ndarray, side: int) -> np.ndarray:
-    """The pose (P,) with one arm hanging, lifted or raised, straight or bent: float64 (n, P)."""
+    """Return the pose (P,) with one arm hanging, lifted or raised, straight or bent: float64 (n, P)."""
     lift = skeleton.POSE_NAMES.index(f"{SIDES[side]}_shoulder_rz")
     bend = skeleton.POSE_NAMES.index(f"{SIDES[side]}_elbow_ry")
     low, high = skeleton.POSE_LIMITS[bend]

@@ -1,4 +1,5 @@
-"""Where particles of an upper body are moved: by diffusion, or to a candidate for a hand (Lopez-Mendez 2011, 2.2)."""
+"""Proposals of upper-body particles: diffusion, or inverse kinematics to a candidate for a hand (Lopez-Mendez 2011,
+2.2)."""
 
 from __future__ import annotations
 
@@ -12,29 +13,28 @@ from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.upper import TRUNK, UpperBody, aimed_all_round
 
 RATE = 30.0
-"""Frames a second for which the diffusion is given."""
+"""Frame rate for which the diffusion is given, Hz."""
 LONGEST = 0.5
-"""Seconds: a longer gap between frames diffuses no farther."""
+"""Maximum time between frames in the diffusion, seconds."""
 SPREAD = 0.03
-"""Metres of a hand about a candidate (`Sigma_e`), which lies on the surface, at tip or knuckles."""
+"""Spread of a hand about a candidate (`Sigma_e`), metres; candidates lie on the surface, at fingertip or knuckles."""
 AIM = aiming.Aim(SPREAD, 0.1, -8.0)
-"""Spread, `lambda` of Eq. 4 (an arm may turn by two radians for a candidate), and the log-probability of Eq. 4 below
-which an arm is diffused instead: four spreads from the candidate."""
+"""Spread of arm angles (`lambda` of Eq. 4), and log-probability of Eq. 4 below which an arm diffuses instead: four
+spreads from the candidate."""
 SWIVEL = 0.5
-"""Radians of spread about the swivel nearest to the arm before."""
+"""Spread about the swivel nearest to the previous arm, radians."""
 NEAR = 0.25
-"""Metres: a candidate counts exp(-(distance / NEAR)^power) as much as one at the hand before (`f` of Eq. 5)."""
+"""Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR)^power)."""
 HOLDING = 0.15
-"""Metres: the other hand holds a candidate that is as near as this."""
+"""Distance at which the other hand occupies a candidate, metres."""
 DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
     f"{side}_{name}": spread
     for side in SIDES
     for name, spread in (("clavicle", 0.04), ("shoulder", 0.2), ("elbow", 0.25), ("wrist", 0.1))
 }
-"""Radians by which the angles of a joint diffuse in a frame at 30 Hz: fast arms turn by 6 radians a second, trunks move
-little."""
+"""Diffusion of joint angles per frame at 30 Hz, radians: fast arms turn by 6 rad/s, trunks move little."""
 ROOT_DIFFUSION = (0.02, 0.052)
-"""Metres and radians (3 degrees) of the root, likewise."""
+"""Diffusion of the root per frame at 30 Hz, metres and radians (3 degrees)."""
 TRUNK_ENTRIES: np.ndarray = np.array(
     [*range(6)]
     + [
@@ -43,24 +43,25 @@ TRUNK_ENTRIES: np.ndarray = np.array(
         if i >= 6 and name.rpartition("_")[0] in TRUNK and "clavicle" not in name
     ]
 )
-"""Where the root, the spine and the neck stand in a pose."""
+"""Pose entries of root, spine and neck."""
 
 
 def diffusion() -> np.ndarray:
-    """Spread of every pose entry, float64 (P,), per frame at 30 Hz; 0 for the legs."""
+    """Return the spread of each pose entry, float64 (P,), per frame at 30 Hz; 0 for the legs."""
     spread = np.array([DIFFUSION.get(name.rpartition("_")[0], 0.0) for name in skeleton.POSE_NAMES])
     spread[skeleton.ROOT_POSITION], spread[skeleton.ROOT_ROTATION] = ROOT_DIFFUSION
     return spread
 
 
 def by_inverse_kinematics(count: int, alpha: float) -> np.ndarray:
-    """Which of the particles are aimed, bool (count,): the share 1 - alpha, spread evenly (Lopez-Mendez 2011, 2.2)."""
+    """Return which particles use inverse kinematics, bool (count,): the fraction 1 - alpha, evenly spaced (Lopez-Mendez
+    2011, 2.2)."""
     steps = np.floor(np.arange(count + 1) * (1.0 - alpha) + 1e-9)
     return np.diff(steps) > 0
 
 
 class UpperProposals:
-    """Moves trunks and arms of particles (Eq. 4 to 6).
+    """Proposals for trunks and arms of particles (Eq. 4 to 6).
 
     Parameters
     ----------
@@ -71,16 +72,16 @@ class UpperProposals:
         self.settings, self._spread = settings, diffusion()
 
     def move_trunk(self, poses: np.ndarray, dt: float, rng: np.random.Generator) -> None:
-        """Diffuse root, spine and neck of `poses` (N, P), in place, `dt` seconds after the frame before."""
+        """Diffuse root, spine and neck of `poses` (N, P), in place, `dt` seconds after the previous frame."""
         self._diffuse(poses, TRUNK_ENTRIES, dt, rng)
 
     def move_arm(
         self, upper: UpperBody, poses: np.ndarray, side: int, frame: ParticleFrame, dt: float,
         rng: np.random.Generator, *, look: bool = True,
     ) -> np.ndarray:  # fmt: skip
-        """Sample one arm of `poses` (N, P) by Eq. 6, in place; bool (N,), which were moved by inverse kinematics.
+        """Sample one arm of `poses` (N, P) by Eq. 6, in place; return bool (N,), True for inverse kinematics.
 
-        To `look` before half of the aimed ones are drawn takes as long as everything else: arms take turns in it.
+        With `look`, half of the aimed arms are drawn by cost. This doubles the time of a frame, so the arms alternate.
         """
         s, arm, entries, candidates = self.settings, upper.arms[side], entries_of(SIDES[side]), frame.candidates
         start = poses.copy()
@@ -89,7 +90,7 @@ class UpperProposals:
         if not wanted.any():
             return wanted
         aimed = poses.copy()
-        # Clavicle and wrist diffuse with the others; shoulder and elbow are what inverse kinematics starts from.
+        # Clavicle and wrist diffuse with the others; shoulder and elbow are the start of inverse kinematics.
         swing = np.array([arm.shoulder_entry, arm.shoulder_entry + 1, arm.shoulder_entry + 2, arm.elbow_entry])
         aimed[:, swing] = start[:, swing]
         weights = self.candidate_weights(upper, start, side, candidates)
@@ -112,9 +113,9 @@ class UpperProposals:
     def _looked(
         self, upper: UpperBody, pose: np.ndarray, side: int, frame: ParticleFrame
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """One arm of a pose (P,) at every candidate, at swivels all round, as far as its joints allow.
+        """Place one arm of a pose (P,) at each candidate, with all swivels that the joint limits allow.
 
-        Poses (n, P), which candidate each has in its hand (n,), and what each costs (n,).
+        Returns poses (n, P), the candidate of each (n,), and their costs (n,).
         """
         anything = AIM._replace(smoothness=0.0)
         poses, reached = aimed_all_round(pose, upper.arms[side], frame.candidates, self.settings.looks, anything)
@@ -123,14 +124,15 @@ class UpperProposals:
         return poses, reached, costs_near_arm(upper, poses, side, pose, frame)
 
     def candidate_weights(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
-        """Weights (N, M), which sum to 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq. 5)."""
+        """Return weights (N, M), with sum 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq.
+        5)."""
         s = self.settings
         own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
         weights = np.maximum(np.exp(-((own / NEAR) ** s.power)), s.floor) * np.where(other < HOLDING, s.held, 1.0)
         return weights / weights.sum(axis=1, keepdims=True)
 
     def _far(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
-        """Distances (N, M) of the candidates from the hand of each pose."""
+        """Return the distances (N, M) of the candidates from the hand of each pose."""
         hands = np.empty((len(poses), 3))
         aiming.place_hands(poses, upper.arms[side], hands)
         return np.sqrt(((hands[:, None] - candidates[None]) ** 2).sum(axis=2))
@@ -138,7 +140,8 @@ class UpperProposals:
     def _diffuse(self, poses: np.ndarray, entries: np.ndarray, dt: float, rng: np.random.Generator) -> None:
         """Add Gaussian noise to some entries of `poses` (N, P), in place, within the joint limits.
 
-        Half of them stay near, and the first one stays: a few particles in many dimensions cannot do with one width.
+        Half of the poses diffuse less, and the first one not at all, because few particles in many dimensions need
+        several widths.
         """
         scale = float(np.sqrt(RATE * min(max(dt, 0.0), LONGEST)))
         noise = rng.standard_normal((len(poses), len(entries)))
@@ -149,7 +152,7 @@ class UpperProposals:
 
 
 def _drawn(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A column for each row of `weights` (N, M), by the row's weights: int64 (N,)."""
+    """Draw a column for each row of `weights` (N, M), by the row's weights: int64 (N,)."""
     reached = np.cumsum(weights, axis=1)
     rows = (reached < rng.random((len(weights), 1)) * reached[:, -1:]).sum(axis=1)
     return np.minimum(rows, weights.shape[1] - 1)

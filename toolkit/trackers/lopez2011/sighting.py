@@ -1,4 +1,4 @@
-"""A sighting as the particle filter needs it: cloud, candidates and images of an upper body."""
+"""Observation of the particle filter: cloud, candidates and images of an upper body."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, fi
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 
 TOP = 0.12
-"""Metres from the middle of a head to its crown."""
+"""Distance from the middle of a head to its crown, metres."""
 TRUNK_SHARE = 75
-"""Percentile of the distances of the upper points that is the trunk's distance; hands are before it."""
+"""Percentile of the distances of upper points that gives the trunk's distance; hands are in front of it."""
 BEFORE = 0.2
-"""Metres before the trunk from which on low points are a lap's: the trunk's own thickness."""
+"""Distance in front of the trunk from which low points belong to a lap, metres: the thickness of the trunk."""
 
 
 class Limits(NamedTuple):
-    """What of a sighting is not the upper body's, metres; see `ParticleTrackerSettings`."""
+    """Limits of the upper body in a sighting, metres; see `ParticleTrackerSettings`."""
 
     reach: float
     lap: float
 
 
 class UpperSighting:
-    """What is seen of an upper body.
+    """Observation of an upper body in one frame.
 
     Attributes
     ----------
@@ -53,20 +53,20 @@ class UpperSighting:
         )
 
     def effectors(self, settings: EffectorSettings, workspace: Workspace) -> Effectors:
-        """Candidates for head and hands."""
+        """Return the candidates for head and hands."""
         return find_effectors(self.cloud, settings, self.unobserved, workspace)
 
     def frame(self, effectors: Effectors) -> ParticleFrame:
-        """For the filter."""
+        """Return the frame of the filter."""
         return ParticleFrame(self.coarse, self.fine, effectors.points)
 
     def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
-        """For the local optimisation."""
+        """Return the scene of the local optimisation."""
         return Scene(self.cloud, effectors.points, settings.cloud_samples, unobserved=self.unobserved)
 
 
 class UpperViewer:
-    """Looks at sightings before one camera, at a lower resolution and where upper bodies reach.
+    """Maker of observations for one camera, at a lower resolution and within the reach of upper bodies.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ class UpperViewer:
         self._lens = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 
     def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
-        """What is seen of an upper body; `crown` is how high its head reaches, metres, level frame.
+        """Return the observation of an upper body; `crown` is the height of its head, metres, level frame.
 
-        Without it, the highest head in the image counts; where there is none, everything is looked at.
+        The default crown is the highest head in the image; without a head the whole cloud is used.
         """
         step = self._step
         depth = sighting.depth[::step, ::step]
@@ -104,9 +104,10 @@ class UpperViewer:
         return UpperSighting(cloud, unobserved, points, self._settings)
 
     def _beyond(self, points: np.ndarray, crown: float) -> np.ndarray:
-        """Which of `points` (N, 3), level frame, are no part of an upper body: bool (N,).
+        """Return which of `points` (N, 3), level frame, are not part of an upper body: bool (N,).
 
-        They lie too far below its crown, or low and before its trunk: a lap, knees, a desk that stayed in the cut-out.
+        These are points too far below the crown, and low points in front of the trunk: a lap, knees, a desk in the
+        mask.
         """
         depths = crown - points[:, 1]
         beyond = depths > self._limits.reach
@@ -117,7 +118,7 @@ class UpperViewer:
         return beyond
 
     def _crown(self, depth: np.ndarray) -> float | None:
-        """How high the highest head in a depth image (h, w) reaches, metres, level frame."""
+        """Return the height of the highest head in a depth image (h, w), metres, level frame."""
         seen = depth > 0
         view = self._lens.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
         heads = find_heads(view, self._lens, cut_out=True)

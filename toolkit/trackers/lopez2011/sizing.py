@@ -1,4 +1,4 @@
-"""The size of a person seen from the waist up, read off silhouettes and geodesic paths (Lopez-Mendez 2011, 3)."""
+"""Body size of a person from the waist up, from silhouettes and geodesic paths (Lopez-Mendez 2011, 3)."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011.upper import arm_of
 
 BREADTH_NOISE, ARM_NOISE = 0.04, 0.09
-"""Metres: standard deviations of the two measurements of a person's size, as their medians over a take."""
+"""Standard deviations of the two measurements (medians over a recording), metres."""
 FLESH = 0.02
-"""Metres by which a silhouette is broader at the shoulders than the distance of their joints."""
+"""Difference between the silhouette's width at the shoulders and the distance of the joints, metres."""
 HIDDEN = 0.10
-"""Metres of an arm before the point at which its path bends, below the shoulder."""
+"""Length of an arm above the bend of its path, metres."""
 BIN = 0.01
-"""Metres of height of a row in which widths are counted."""
+"""Height of a row for the widths, metres."""
 SMOOTH = 5
-"""Rows that are averaged."""
+"""Number of averaged rows."""
 HEAD = 0.16
-"""Metres below the crown from which on shoulders are looked for: the crown itself widens faster."""
+"""Minimum distance of the shoulders below the crown, metres; the head itself widens faster."""
 LOWEST = 0.45
-"""Metres below the crown down to which they are."""
+"""Maximum distance of the shoulders below the crown, metres."""
 STEEPEST = 1.0
-"""Metres of width per metre of height from which on a maximum is prominent."""
+"""Minimum width gain per height of a prominent maximum."""
 SHOULDER_ROWS = 0.06
-"""Metres below the maximum over which the outermost points are taken."""
+"""Distance below the maximum in which the outermost points are taken, metres."""
 BREADTHS = (0.25, 0.60)
-"""Metres: breadths of the silhouette that are possible; with arms raised it is broader."""
+"""Range of valid silhouette widths, metres; raised arms exceed it."""
 STEP = 0.02
-"""Metres between the points of a path at which its curvature is taken."""
+"""Distance of path points for the curvature, metres."""
 BEND = (0.25, 0.50)
-"""Shares of a path's length between which it bends round the shoulder."""
+"""Range of the shoulder bend as fractions of the path length."""
 ARMS = (0.45, 0.85)
-"""Metres: lengths of an arm that are possible."""
+"""Range of valid arm lengths, metres."""
 
 
 def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
-    """The likeliest body of the shape space for measured shoulder breadths and arm lengths, metres; None without any.
+    """Return the most probable body for measured shoulder widths and arm lengths, metres; None without any.
 
-    Both are linear in the coefficients to good approximation, and the coefficients are Gaussian: given the medians of
-    the measurements, without outliers, the body is their conditional mean.
+    Both are nearly linear in the Gaussian shape coefficients. The body is the conditional mean given the medians of the
+    measurements without outliers.
     """
     space = ShapeSpace.load()
     measured = [
@@ -66,7 +66,7 @@ def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
 
 
 def _settled(values: Sequence[float]) -> float:
-    """Mean of the values within one standard deviation of their median (Lopez-Mendez 2011, 3)."""
+    """Return the mean of the values within one standard deviation of their median (Lopez-Mendez 2011, 3)."""
     array = np.array(values)
     near = np.abs(array - np.median(array)) <= array.std() + 1e-9
     return float(array[near].mean())
@@ -83,9 +83,9 @@ def _arm(body: Body) -> float:
 
 
 def shoulder_breadth(cloud: Cloud) -> float | None:
-    """Breadth of the silhouette at the shoulders, metres, of an upright person with the arms down; None without one.
+    """Return the silhouette width at the shoulders, metres, of an upright person with lowered arms, or None.
 
-    The shoulders are where the width over the rows first grows fastest below the head.
+    The shoulders are the first maximum of the growth of the width below the head.
     """
     if len(cloud) == 0:
         return None
@@ -110,10 +110,9 @@ def shoulder_breadth(cloud: Cloud) -> float | None:
 
 
 def arm_length(path: np.ndarray) -> float | None:
-    """Length of an arm, metres, from the path (k, 3) that leads from the trunk to its hand; None where it has no bend.
+    """Return the length of an arm, metres, from the path (k, 3) from trunk to hand; None for a path without a bend.
 
-    Beyond the point of largest curvature between a quarter and a half of the path, as seen in the image, the path runs
-    along the arm.
+    The arm begins at the largest image curvature between a quarter and a half of the path.
     """
     steps = np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1))
     along = np.concatenate([[0.0], np.cumsum(steps)])

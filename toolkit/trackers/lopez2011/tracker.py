@@ -1,4 +1,4 @@
-"""The tracker of Lopez-Mendez 2011: people seen from the waist up, by a hierarchical particle filter."""
+"""Tracker of Lopez-Mendez 2011: people from the waist up, by a hierarchical particle filter."""
 
 from __future__ import annotations
 
@@ -41,30 +41,28 @@ PARTICLES, DETECTED = "particles", "detected"
 LEG_ENTRIES: np.ndarray = np.array(
     [i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in skeleton.LEGS]
 )
-"""Where the angles of the legs stand in a pose."""
+"""Pose entries of the legs."""
 
 
 @dataclass(frozen=True)
 class ParticleTrackerSettings:
-    """Settings of the particle filter's tracker.
+    """Settings of the particle filter tracker.
 
     Attributes
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
-    refined : whether the filtered pose and the one before, both refined by local optimisation, compete; the paper
-        has no such step
-    reach : metres below the crown beyond which nothing is looked at: laps and what people sit on are not drawn, and
-        pull trunk and arms down. People cut off at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
-    lap : metres below the crown beyond which nothing is looked at that lies before the trunk: thighs and knees of
-        a person who sits, higher than their hips, and desks. Elbows hang 0.6 m down; 0 = no such limit
-    measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
+    refined : refine the filtered and the previous pose by local optimisation and keep the better one; not in the paper
+    reach : maximum distance below the crown, metres; laps and chairs below it would attract trunk and arms. People
+        truncated at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
+    lap : maximum distance below the crown for points in front of the trunk, metres: thighs, knees and desks. Elbows
+        hang 0.6 m down; 0 = no limit
+    measured_seconds : duration of the size measurement at the beginning, seconds ("a short period of time"); 0 = an
         average body
-    smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
-    lost_cost : of an estimate above which a frame counts as lost, of 60 for a body that explains nothing; a right one
-        whose size is wrong costs 20 to 30. A first pose is taken whose log-probability by Eq. 7 is above its negative
-    patience : seconds of lost frames in a row after which a first pose is looked for again: some frames of bad luck are
-        not a loss
+    smallest_person : minimum number of measured points; frames with fewer are empty. A person at 8 m in a 176x144 image
+    lost_cost : cost of an estimate above which a frame is lost; a body that explains nothing costs 60, a correct one of
+        the wrong size 20 to 30. A first pose is accepted if its log-probability by Eq. 7 exceeds the negative value
+    patience : seconds of consecutive lost frames before a first pose is searched again
     """
 
     tracker: Literal["particles"] = "particles"
@@ -84,24 +82,24 @@ class ParticleTrackerSettings:
 
     @property
     def limits(self) -> Limits:
-        """Beyond which nothing is looked at."""
+        """Return the limits of the upper body."""
         return Limits(self.reach, self.lap)
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
         for name in ("reach", "lap", "measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
-                raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")
+                raise SettingsError(f"{name} is {getattr(self, name)}; give 0 or more")
         if not self.patience > 0 or not self.lost_cost > 0:
             raise SettingsError(f"patience and lost_cost are {self.patience} and {self.lost_cost}; give more than 0")
 
 
 class ParticleFollower(FollowedPerson):
-    """Follows one person's upper body; see `PersonFollower`.
+    """Tracker of one person's upper body; see `PersonFollower`.
 
     Attributes
     ----------
-    state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
+    state : all inputs of the next step besides the sighting; replaced by each `step`
     filtering : the three layers
     """
 
@@ -151,7 +149,7 @@ class ParticleFollower(FollowedPerson):
         return replace(row, stage_ms=clock.milliseconds)
 
     def _crown(self) -> float | None:
-        """How high the head of who is followed reaches, metres, level frame."""
+        """Return the height of the tracked head, metres, level frame."""
         if self.state.previous is None:
             return None
         tips = self.state.body.end_effector_positions(self.state.previous.pose)
@@ -160,8 +158,8 @@ class ParticleFollower(FollowedPerson):
     def _first(
         self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """Pose, particles and cost by the fork, if there is one or need not be, and Eq. 7 accepts them: its threshold
-        is that of a pose that is lost, from whose cost it takes what crown and hands are missed by.
+        """Return pose, particles and cost of a first pose if Eq. 7 accepts it, else None. The threshold is the cost of
+        a lost pose minus the distances of crown and hands.
         """
         fork = find_fork(effectors, self.settings.effectors)
         upper = self._bodies.of(self.state.body)
@@ -173,7 +171,7 @@ class ParticleFollower(FollowedPerson):
     def _next(
         self, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """Pose, particles and cost by the three layers; arms take turns in coming first."""
+        """Return pose, particles and cost by the three layers; the order of the arms alternates."""
         state, upper = self.state, self._bodies.of(self.state.body)
         assert state.previous is not None and state.timestamp is not None
         dt, before = timestamp - state.timestamp, state.previous.pose
@@ -185,7 +183,7 @@ class ParticleFollower(FollowedPerson):
         return filtered.estimate, filtered.particles, filtered.cost
 
     def _refined(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
-        """Of the filtered pose and the one before, both refined, the one that leaves less of the frame unexplained."""
+        """Return the better of the filtered and the previous pose, both refined."""
         body, previous = self.state.body, self.state.previous
         best, least = pose, np.inf
         for start in (pose,) if previous is None else (previous.pose, pose):
@@ -203,7 +201,7 @@ class ParticleFollower(FollowedPerson):
     def _commit(
         self, pose: np.ndarray, particles: np.ndarray, cost: float, compared: Comparison, source: str, timestamp: float
     ) -> FrameResult:
-        """Remember the pose and report it."""
+        """Store the pose in the state and return its result."""
         state, settings = self.state, self.settings
         tracked = cost < settings.lost_cost
         lost = 0.0 if tracked else state.lost + state.elapsed(timestamp)
@@ -247,12 +245,12 @@ class MeasuredBody:
             self._seen.append(seen)
 
     def predicted(self) -> PredictedBody:
-        """No person is followed meanwhile."""
-        raise NotImplementedError("a body that is only measured is nowhere")
+        """Return None, because no person is tracked during the measurement."""
+        raise NotImplementedError("a body measurement has no position")
 
     @property
     def body(self) -> Body | None:
-        """See `BodyLearner.body`: by shoulder breadth and arm length, wherever the fork is seen."""
+        """See `BodyLearner.body`: from shoulder width and arm length in frames with a fork."""
         settings, workspace = self._settings.effectors, Workspace()
         breadths: list[float] = []
         arms: list[float] = []
@@ -268,14 +266,15 @@ class MeasuredBody:
 
 
 class ParticleTracker:
-    """Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see `Tracker`.
+    """Tracker of Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see
+    `Tracker`.
 
-    Legs are not looked for: they hang straight down, with confidence 0.
+    Legs are not tracked: they hang straight down with confidence 0.
 
     Parameters
     ----------
     settings : see `ParticleTrackerSettings`
-    body : the person's own body, if it is known; otherwise its size is measured
+    body : the person's own body if known; default: measured
     """
 
     stage_names = ("prepare", "detect", "trunk", "arms", "refine")

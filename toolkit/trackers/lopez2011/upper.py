@@ -1,4 +1,4 @@
-"""The upper body of a person as the particle filter draws it and moves it: trunk, head and two arms, no legs."""
+"""Upper body model of the particle filter: trunk, head and two arms, no legs."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from toolkit.kernels.fit.particles import Rig
 from toolkit.kernels.fit.swivel import ArmBones
 
 TRUNK = ("root", "lumbar", "thorax", "cervical", "left_clavicle", "right_clavicle")
-"""Joints whose skin is trunk and head."""
+"""Joints of trunk and head."""
 HAND = 0.85
-"""Share of the way from the wrist to the fingertip at which an extremum of the cloud lies: at tip or knuckles."""
+"""Position of an extremum as a fraction of the way from wrist to fingertip."""
 UNSEEN: np.ndarray = np.array(
     [i for i, name in enumerate(skeleton.REPORTED) if any(part in name for part in ("hip", "knee", "ankle", "foot"))]
 )
-"""Rows of the reported joints that belong to the legs."""
+"""Indices of the reported joints of the legs."""
 
 
 @dataclass(frozen=True, eq=False)
 class UpperBody:
-    """One body without its legs, before cameras that share a level frame.
+    """One body without legs, for cameras with a common level frame.
 
     Attributes
     ----------
     body : whose
-    whole, trunk : what is drawn: with arms, and without
+    whole, trunk : drawn meshes with and without arms
     arms : left and right
-    of_arm : for each arm, rows of the rig's balls
+    of_arm : indices of the rig's balls for each arm
     apart : pairs of balls (K, 2) that a pose can bring together
     """
 
@@ -48,7 +48,7 @@ class UpperBody:
 
 
 class UpperBodies:
-    """Upper bodies before one camera, each made once.
+    """Cache of upper bodies for one camera.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class UpperBodies:
         self.of = lru_cache(maxsize=8)(self._of)
 
     def _of(self, body: Body) -> UpperBody:
-        """The upper body of `body`."""
+        """Return the upper body of `body`."""
         legs = {skeleton.JOINT_NAMES.index(name) for name in skeleton.LEGS}
         trunk = {skeleton.JOINT_NAMES.index(name) for name in TRUNK}
         upper = set(range(len(skeleton.JOINT_NAMES))) - legs
@@ -83,7 +83,7 @@ class UpperBodies:
 
 
 def _rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
-    """The drawn part of a body, skinned mostly to `joints`; the balls are those of the whole upper body."""
+    """Return the drawn part of a body with most skinning weight on `joints`, and the balls of the upper body."""
     drawn = np.isin(body.part, sorted(joints))
     faces = body.faces[drawn[body.faces].all(axis=1)]
     used, compact = np.unique(faces, return_inverse=True)
@@ -106,7 +106,7 @@ def _rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
 
 
 def arm_of(side: str, body: Body) -> ArmRig:
-    """One arm of a body as inverse kinematics needs it."""
+    """Return one arm of a body for inverse kinematics."""
     _, clavicle, shoulder, elbow, wrist = joints_of(side)
     shoulder_entry = skeleton.POSE_NAMES.index(f"{side}_shoulder_rx")
     elbow_entry = skeleton.POSE_NAMES.index(f"{side}_elbow_ry")
@@ -135,16 +135,16 @@ def arm_of(side: str, body: Body) -> ArmRig:
 
 @lru_cache(maxsize=4)
 def upper_bodies(placer: Placer) -> UpperBodies:
-    """The upper bodies before the camera of a placer, the same for all who ask."""
+    """Return the shared upper bodies of a placer's camera."""
     return UpperBodies(placer.from_level.T)
 
 
 def aimed_all_round(
     pose: np.ndarray, arm: ArmRig, targets: np.ndarray, swivels: int, aim: Aim
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One arm of a pose (P,) at each of `targets` (n, 3) with so many swivels all round, as far as its joints allow.
+    """Place one arm of a pose (P,) at each of `targets` (n, 3) with evenly spaced swivels within the joint limits.
 
-    Returns float64 (N, P) and int64 (N,): the poses, and the row of the target that each reaches.
+    Returns float64 (N, P) and int64 (N,): the poses, and the target index of each.
     """
     rows = np.repeat(np.arange(len(targets)), swivels)
     around = np.tile(np.linspace(-np.pi, np.pi, swivels, endpoint=False), len(targets))

@@ -1,4 +1,4 @@
-"""What separates many poses of a body from one frame: its depth image, and joints seen in it (Qammaz, 2.3)."""
+"""Cost of many poses for one frame: depth image and image joints (Qammaz, 2.3)."""
 
 from __future__ import annotations
 
@@ -18,31 +18,30 @@ from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import swarm as kernel
 
 WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
-"""Of joints that detectors find badly or well (Qammaz, 2.3.2); 1 for the others."""
+"""Weights of joints that detectors find less or more reliably (Qammaz, 2.3.2); 1 for the others."""
 JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
 FIGURES = ("balls", "mesh")
 MARGIN = 1.25
-"""Size of the small image's box against that of the silhouette: an arm that is not where it is thought to be has to
-cost something."""
+"""Size of the small image's box relative to the silhouette, so that misplaced arms are inside it and have a cost."""
 
 
 @dataclass(frozen=True)
 class DiscrepancySettings:
-    """Constants of the objective (Qammaz, 2.3).
+    """Settings of the objective (Qammaz, 2.3).
 
     Attributes
     ----------
-    figure : what is drawn: 40 "balls", or the body's "mesh". Balls cost a fifth of the mesh, and the local optimisation
-        has the mesh
-    width, height : pixels of the small image that is compared: a limb has two across
-    clamp : metres, the most that a pixel costs, T of Eq. 3: the paper's
+    figure : drawn model: 40 "balls", or the body's "mesh". Balls cost a fifth of the mesh, which the local optimisation
+        uses
+    width, height : size of the small image, pixels; a limb is two pixels wide
+    clamp : maximum cost of a pixel, metres (T of Eq. 3, from the paper)
     depth : weight of the mean distance of pixels. All is in metres, so that a mean pixel counts as a mean joint
-    joints_2d : weight of the mean distance of joints in the image, at the person's distance; detectors are 2 to 3 cm
-        off where the pose is right
-    joints_3d : weight of the mean distance of joints in space; hidden ones are lifted to what hides them
-    published : Eq. 3 to 6 as they are printed: joints count by w_i alone, not by the detector's confidence; in space
-        they lie on the skin, not half a limb behind it; and N_P is what is near the previous solution, however little
-    fewest : joints that have to be seen, otherwise none counts: fewer say less than they can spoil
+    joints_2d : weight of the mean distance of image joints, at the person's distance; detectors are 2 to 3 cm off for
+        correct poses
+    joints_3d : weight of the mean distance of joints in space; occluded ones are lifted to the occluding surface
+    published : Eq. 3 to 6 as printed: joints are weighted by w_i alone, without the detector's confidence, and lie on
+        the skin instead of half a limb behind it; N_P has no lower bound
+    fewest : minimum number of detected joints; with fewer, no joint is used
     """
 
     figure: str = "balls"
@@ -67,19 +66,19 @@ class DiscrepancySettings:
             raise SettingsError(f"discrepancy.clamp is {self.clamp}; give the most that a pixel costs, in metres")
         if min(self.depth, self.joints_2d, self.joints_3d) < 0.0 or not self.depth + self.joints_2d + self.joints_3d:
             raise SettingsError(
-                f"the weights depth {self.depth}, joints_2d {self.joints_2d} and joints_3d {self.joints_3d} are at "
-                "least 0, and not all of them"
+                f"the weights depth {self.depth}, joints_2d {self.joints_2d} and joints_3d {self.joints_3d} must be at "
+                "least 0, and one of them positive"
             )
 
 
 class SeenJoints(NamedTuple):
-    """The reported joints as they were seen in a frame.
+    """Detected joints of a frame, in the order of the reported joints.
 
     Attributes
     ----------
-    slopes : float64 (20, 2), x/z and y/z of the rays through them
+    slopes : float64 (20, 2), x/z and y/z of their rays
     points : float64 (20, 3), camera frame, metres, NaN where nothing is known of the distance
-    confidence : float64 (20,), in [0, 1]; 0 where a joint was not seen
+    confidence : float64 (20,), in [0, 1]; 0 for a joint without detection
     """
 
     slopes: np.ndarray
@@ -88,13 +87,13 @@ class SeenJoints(NamedTuple):
 
 
 class SmallImage(NamedTuple):
-    """A person's depth and what is around them, in few pixels.
+    """Small depth image of a person and the surroundings.
 
     Attributes
     ----------
-    depth : float64 (h, w), metres; 0 where something farther or nothing is, NaN where nothing is known
+    depth : float64 (h, w), metres; 0 for background, NaN for unobserved pixels
     intrinsics : float64 (4,), of its pixels, which need not be square
-    distance : metres, the median of the person's depth
+    distance : median depth of the person, metres
     """
 
     depth: np.ndarray
@@ -103,17 +102,17 @@ class SmallImage(NamedTuple):
 
     @property
     def person(self) -> int:
-        """How many pixels the person has."""
+        """Return the number of pixels of the person."""
         return int(np.count_nonzero(self.depth > 0.0))
 
 
 def small_image(
     depth: np.ndarray, unobserved: np.ndarray | None, intrinsics: np.ndarray, shape: tuple[int, int]
 ) -> SmallImage:
-    """The box around a person's `depth` (H, W), metres, 0 elsewhere, widened by `MARGIN`, in `shape` pixels (h, w).
+    """Resample the box around a person's `depth` (H, W), metres, 0 elsewhere, widened by `MARGIN`, to `shape` pixels
+    (h, w).
 
-    Each pixel takes the value of the nearest one of the image, so that no depth is mixed with another's; what is
-    `unobserved` (H, W) or outside the image is not known.
+    Nearest-neighbour sampling avoids mixed depths; `unobserved` (H, W) pixels and pixels outside the image are NaN.
     """
     person = depth > 0.0
     axes, intrinsics = [], np.array(intrinsics, dtype=np.float64)
@@ -123,7 +122,7 @@ def small_image(
         step = MARGIN * (high - low) / count
         start = 0.5 * (low + high) - 0.5 * MARGIN * (high - low) + 0.5 * step
         axes.append(np.rint(start + step * np.arange(count)).astype(np.int64))
-        row = 1 - axis  # of the focal length; u is the second axis of the image
+        row = 1 - axis  # index of the focal length; u is the second axis of the image
         intrinsics[row] /= step
         intrinsics[2 + row] = (intrinsics[2 + row] - start) / step
     rows, columns = axes
@@ -136,7 +135,7 @@ def small_image(
 
 @lru_cache(maxsize=32)
 def figure_of(body: Body, kind: str) -> kernel.Figure:
-    """The body as it is drawn, `kind` out of `FIGURES`."""
+    """Return the drawn model of the body, `kind` out of `FIGURES`."""
     balls = balls_of(body)
     drawn = slice(None) if kind == "balls" else slice(0)
     faces = body.faces.astype(np.int64) if kind == "mesh" else np.empty((0, 3), dtype=np.int64)
@@ -148,7 +147,7 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
 
 
 def _targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:
-    """The joints of a body that were seen, with their weights; none where fewer were seen than are needed."""
+    """Return the detected joints of a body with their weights; none if fewer than required."""
     carriers = np.array([carrier for carrier, _ in CARRIERS])
     confidence = np.zeros(len(carriers)) if seen is None else np.where(carriers >= 0, seen.confidence, 0.0)
     rows = np.flatnonzero(confidence > 0.0)
@@ -172,9 +171,9 @@ def _targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: 
 
 
 class Discrepancy:
-    """E of Qammaz, Eq. 2, for one body and one frame: what many positions cost.
+    """Objective E (Qammaz, Eq. 2) of many positions for one body and one frame.
 
-    A position is a pose whose root is turned relative to that of `around` (`kernels/fit/swarm.py`).
+    A position is a pose with a root rotation relative to that of `around` (`kernels/fit/swarm.py`).
 
     Parameters
     ----------
@@ -183,7 +182,7 @@ class Discrepancy:
     seen : the joints seen in it, or None
     level_rotation : R_level_camera, float64 (3, 3)
     around : float64 (P,), pose in the level frame whose root orientation is the reference
-    previous : whether `around` is the previous solution, from which N_P is counted
+    previous : whether `around` is the previous solution, which defines N_P
     settings : weights and what is drawn
     """
 
@@ -210,44 +209,45 @@ class Discrepancy:
         )
         self._buffers = kernel.buffers_for(self._figure, image.depth.shape)
         if previous:
-            # At least half of the person, so that a lost solution does not drown the joints; the paper has no floor.
+            # At least half of the person, so that a lost solution does not outweigh the joints; the paper has no lower
+            # bound.
             floor = 1.0 if settings.published else max(0.5 * image.person, 1.0)
             near = max(self._explained(self.position_of(around)), floor)
             self._view = self._view._replace(weight=settings.depth / near)
 
     @property
     def guided(self) -> bool:
-        """Whether enough joints were seen to count."""
+        """Return whether enough joints were detected."""
         return len(self._targets.joint) > 0
 
     def position_of(self, poses: np.ndarray) -> np.ndarray:
-        """Poses (..., P) as positions: their roots turned relative to the reference."""
+        """Convert poses (..., P) to positions, with root rotations relative to the reference."""
         positions = np.array(poses, dtype=np.float64)
         turn = quat.multiply(quat.conjugate(self._root), quat.exponential(positions[..., skeleton.ROOT_ROTATION]))
         positions[..., skeleton.ROOT_ROTATION] = quat.logarithm(turn)
         return positions
 
     def pose_of(self, position: np.ndarray) -> np.ndarray:
-        """A position (P,) as a pose, level frame."""
+        """Convert a position (P,) to a pose, level frame."""
         pose = np.array(position, dtype=np.float64)
         turn = quat.multiply(self._root, quat.exponential(pose[skeleton.ROOT_ROTATION]))
         pose[skeleton.ROOT_ROTATION] = quat.logarithm(turn)
         return pose
 
     def joints_alone(self) -> Discrepancy:
-        """The same without the image."""
+        """Return the same objective without the image."""
         alone = copy(self)
         alone._view = self._view._replace(weight=0.0)
         return alone
 
     def __call__(self, positions: np.ndarray) -> np.ndarray:
-        """What `positions` (N, P) cost, metres: float64 (N,)."""
+        """Return the costs of `positions` (N, P), metres: float64 (N,)."""
         out = np.empty(len(positions))
         kernel.discrepancies(positions, self._figure, self._view, self._targets, self._buffers, out)
         return out
 
     def _explained(self, position: np.ndarray) -> int:
-        """N_P: the person's pixels within the clamp of the figure in `position` (Qammaz, 2.3.1)."""
+        """Return N_P: the number of the person's pixels within the clamp of the model in `position` (Qammaz, 2.3.1)."""
         buffers = self._buffers
         kernel.place(position, self._figure, self._view, buffers)
         kernel.draw(self._figure, self._view, buffers)

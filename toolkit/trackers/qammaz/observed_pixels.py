@@ -1,4 +1,4 @@
-"""Joints in the image as a search needs them: with rays and places, their sides the right way round."""
+"""Image joints as input of a search: rays, 3-D positions, and sides."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from toolkit.trackers.qammaz.discrepancy import JOINT_WEIGHTS, SeenJoints
 from toolkit.tracking.observation import Observation
 
 SWAPPED = (0.08, 0.6)
-"""Metres that the previous joints are away from the seen ones, and the share of it from the seen ones with left and
-right exchanged: then a detector has taken one side for the other."""
+"""Minimum distance in metres of the previous joints from the detected ones, and maximum ratio after an exchange of left
+and right, for exchanged sides of the detector."""
 SIDEWAYS = 0.12
-"""Metres between left and right, across the view, below which it is not known which of them is in front."""
+"""Minimum depth order between left and right that counts, metres across the view."""
 TRUNK = [skeleton.REPORTED.index(f"{side}_{name}") for name in ("shoulder", "hip") for side in ("left", "right")]
 NEAR = 0.05
-"""Metres before the camera."""
+"""Minimum distance from the camera, metres."""
 
 
 def seen_joints(observation: Observation, *, on_skin: bool = False) -> SeenJoints | None:
-    """The joints of the image, those that count as found, in space half a limb behind the skin or `on_skin` itself.
+    """Return the detected joints with positions half a limb behind the skin, or `on_skin`.
 
     None without any.
     """
@@ -42,12 +42,12 @@ def seen_joints(observation: Observation, *, on_skin: bool = False) -> SeenJoint
 
 
 def exchanged(seen: SeenJoints) -> SeenJoints:
-    """The same joints, left and right the other way round."""
+    """Return the same joints with left and right exchanged."""
     return SeenJoints(*(part[list(skeleton.OTHER_SIDE)] for part in seen))
 
 
 def looks_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
-    """Whether a detector has taken one side for the other: `previous` joints (20, 3), camera frame, metres, say so."""
+    """Return whether the detector exchanged left and right, by `previous` joints (20, 3), camera frame, metres."""
     weights = np.where(CARRIED, JOINT_WEIGHTS * seen.confidence, 0.0)
     if not weights.any():
         return False
@@ -61,7 +61,7 @@ def looks_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
 
 
 def gap(seen: SeenJoints | None, joints: np.ndarray) -> float:
-    """Weighted mean distance of joints (20, 3), camera frame, from where they were seen in space, metres."""
+    """Return the weighted mean distance of joints (20, 3), camera frame, from their detected positions, metres."""
     if seen is None:
         return 0.0
     weights = np.where(np.isfinite(seen.points[:, 0]) & CARRIED, JOINT_WEIGHTS * seen.confidence, 0.0)
@@ -71,15 +71,15 @@ def gap(seen: SeenJoints | None, joints: np.ndarray) -> float:
 
 
 def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Length of each of `vectors` (N, 2), 0 for unknown ones."""
+    """Return the length of each of `vectors` (N, 2), 0 for NaN."""
     return np.nan_to_num(np.sqrt((vectors**2).sum(axis=1)))
 
 
 def first_poses(observation: Observation, seen: SeenJoints | None) -> list[np.ndarray]:
-    """Standing poses (P,), level frame, placed and turned as shoulders and hips are.
+    """Return standing poses (P,), level frame, with position and orientation of shoulders and hips.
 
-    Where these are not all seen: upright at the person's centre, and facing as their surface does, or away from it.
-    From the side the far shoulder lies on the near one: then either of them may be in front.
+    Without all four, the person is upright at the centre and faces as the surface does, or the opposite way. In a side
+    view the far shoulder projects onto the near one, so both orders are returned.
     """
     trunk = None if seen is None else np.where(seen.confidence[:, None] > 0.0, seen.points, np.nan)[list(TRUNK)]
     if trunk is None or not np.isfinite(trunk).all():
@@ -89,14 +89,14 @@ def first_poses(observation: Observation, seen: SeenJoints | None) -> list[np.nd
     place = 0.5 * (left_hip + right_hip)
     up = _unit(left_shoulder + right_shoulder - left_hip - right_hip)
     left = 0.5 * (left_shoulder - right_shoulder + left_hip - right_hip)
-    ahead = _unit(place - linear.dot(place, up) * up)  # away from the camera, which is at the origin
+    ahead = _unit(place - linear.dot(place, up) * up)  # away from the camera at the origin
     if abs(linear.dot(left, np.cross(up, ahead))) < SIDEWAYS:
         return [_standing(place, ahead, up), _standing(place, -ahead, up)]
     return [_standing(place, left, up)]
 
 
 def _standing(place: np.ndarray, left: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The pose (P,) of a person upright along `up`, whose left side points as nearly as possible along `left`."""
+    """Return the pose (P,) of a person upright along `up`, with the left side as nearly as possible along `left`."""
     left = _unit(left - linear.dot(left, up) * up)
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[skeleton.ROOT_POSITION] = place

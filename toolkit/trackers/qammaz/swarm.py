@@ -1,6 +1,6 @@
-"""Particle swarm optimisation: many positions move towards the best that they and the others have seen (Qammaz, 2.4).
+"""Particle swarm optimisation: positions move towards the best ones that they and the swarm have visited (Qammaz, 2.4).
 
-It asks nothing of what it minimises but its value, and so finds minima that a local optimisation walks past.
+The method uses only values of the objective, and finds minima beyond the reach of a local optimisation.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from toolkit.io.typed_values import constant
 from toolkit.kernels.fit import swarm as kernel
 
 Costs = Callable[[np.ndarray], np.ndarray]
-"""`costs(positions)` of (N, D): float64 (N,), to be minimised."""
+"""Objective `costs(positions)` of (N, D): float64 (N,), minimised."""
 
 
 @dataclass(frozen=True)
 class SwarmSettings:
-    """Constants of a swarm (Qammaz, 2.4).
+    """Settings of a swarm (Qammaz, 2.4).
 
     Attributes
     ----------
-    particles, generations : the paper's 64 in 64 generations cost four times as much and gain nothing once the local
-        optimisation follows
-    own, shared : c1 and c2 of Eq. 7, pull of the best position of a particle's own, and of the best of all: the
-        paper's; the constriction w is 0.7298
-    perturbed_every : generations from one perturbation to the next, 0 for none; the paper does not say
+    particles, generations : 64 in 64 generations as in the paper cost four times as much and gain nothing before a
+        local optimisation
+    own, shared : c1 and c2 of Eq. 7, weights of a particle's own best position and of the swarm's (from the paper); the
+        constriction w is 0.7298
+    perturbed_every : number of generations between two perturbations, 0 for none; not given in the paper
     perturbed_share : of the particles, in [0, 1], that get one random angle of their window each time
     """
 
@@ -43,34 +43,35 @@ class SwarmSettings:
     def __post_init__(self) -> None:
         if self.particles < 1 or self.generations < 1:
             raise SettingsError(
-                f"a swarm of {self.particles} particles in {self.generations} generations finds nothing; give at least "
+                f"a swarm of {self.particles} particles in {self.generations} generations is empty; give at least "
                 "1 of each"
             )
         if min(self.own, self.shared) < 0.0 or self.own + self.shared <= 4.0:
             raise SettingsError(
-                f"own and shared are {self.own} and {self.shared}; they are at least 0 and come to more than 4, so "
+                f"own and shared are {self.own} and {self.shared}; they must be at least 0 with a sum above 4, so "
                 "that the swarm contracts"
             )
         if self.perturbed_every < 0 or not 0.0 <= self.perturbed_share <= 1.0:
             raise SettingsError(
-                f"perturbed_every is {self.perturbed_every} and perturbed_share {self.perturbed_share}; the first is "
-                "at least 0, the second a share in [0, 1]"
+                f"perturbed_every is {self.perturbed_every} and perturbed_share {self.perturbed_share}; the first must "
+                "be at least 0, the second in [0, 1]"
             )
 
     @property
     def constriction(self) -> float:
-        """The w of Eq. 7. It multiplies the whole sum, as in the paper's reference [6], where alone it contracts."""
+        """Return the constriction w of Eq. 7. It multiplies the whole sum, as in the paper's reference [6], where only
+        this form contracts."""
         psi = self.own + self.shared
         return 2.0 / abs(2.0 - psi - math.sqrt(psi * psi - 4.0 * psi))
 
 
 @dataclass(frozen=True, eq=False)
 class SwarmResult:
-    """What a swarm found.
+    """Result of a swarm.
 
     Attributes
     ----------
-    position : float64 (D,), the best that any particle has visited; cost : its value
+    position : float64 (D,), best visited position; cost : its value
     history : float64 (G + 1,), the best cost at the start and after each generation, never rising
     """
 
@@ -88,17 +89,17 @@ def minimise(
     *,
     perturbed: np.ndarray | None = None,
 ) -> SwarmResult:
-    """The best position that a swarm visits on its way (Qammaz, Eq. 7 and 8).
+    """Minimise an objective with a swarm (Qammaz, Eq. 7 and 8).
 
     Parameters
     ----------
     costs : what is minimised, of many positions at once
-    starts : float64 (N, D), where some particles begin, the likeliest first; at most `settings.particles` are taken,
-        and the others begin anywhere within the limits
-    limits : float64 (D, 2), finite; no particle leaves them: a velocity that would is cut short
-    perturbed : int64 (K,), entries that a perturbation may set to anything within the limits; all of them if None
+    starts : float64 (N, D), initial positions, most probable first; at most `settings.particles` are used, and the
+        other particles start at random within the limits
+    limits : float64 (D, 2), finite; a velocity that would leave them is reduced
+    perturbed : int64 (K,), entries that a perturbation may set to any value within the limits; None = all
 
-    Every random number is drawn before a generation is evaluated; of equal costs the first particle's wins.
+    All random numbers are drawn before a generation is evaluated; of equal costs the first particle wins.
     """
     count, size = settings.particles, len(limits)
     low, high = limits[:, 0], limits[:, 1]
@@ -126,7 +127,7 @@ def minimise(
 def _perturb(
     positions: np.ndarray, limits: np.ndarray, entries: np.ndarray, share: float, rng: np.random.Generator
 ) -> None:
-    """Set one random entry each of a random `share` of the particles to a random value within its limits."""
+    """Set one random entry of a random fraction `share` of the particles to a random value within its limits."""
     chosen = rng.permutation(len(positions))[: round(share * len(positions))]
     entry = entries[rng.integers(len(entries), size=len(chosen))]
     positions[chosen, entry] = rng.uniform(limits[entry, 0], limits[entry, 1])

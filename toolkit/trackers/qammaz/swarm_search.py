@@ -1,4 +1,4 @@
-"""The swarm's hypothesis: what explains depth image and joints best around the previous pose, or anywhere (Qammaz)."""
+"""Swarm search: best fit to depth image and joints around the previous pose, or within all limits (Qammaz)."""
 
 from __future__ import annotations
 
@@ -21,46 +21,47 @@ from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposa
 from toolkit.tracking.state import PersonState
 
 ANGLES = np.arange(6, skeleton.POSE_SIZE)
-"""Entries of a pose that perturbations change."""
+"""Pose entries that perturbations change."""
 BELIEVED = 0.35
-"""Seconds of exchanged sides after which a fresh start lets the frame decide."""
+"""Duration of exchanged sides after which a global search decides, seconds."""
 REST = 0.3
-"""Seconds after a fresh start that found nothing better in which none is tried: what misleads it lasts longer."""
+"""Minimum time between two unsuccessful global searches, seconds; their cause usually lasts longer."""
 
 TILT = 0.8
-"""Radians, how far the root may be turned about each axis where there is no previous pose: shoulders and hips say how
-the trunk stands, as well as they are lifted."""
+"""Range of the root rotation about each axis without a previous pose, radians; shoulders and hips give the orientation
+of the trunk."""
 COPIES, SPREAD = 7, 0.05
-"""Of the best of a swarm on the joints alone so many begin the next one, so many radians and metres apart."""
+"""Number of best results of the joint-only swarm that start the next swarm, and their minimum distance in radians and
+metres."""
 PULL, PULL_SIGMA = 20.0, 0.1
-"""Weight of a sure joint against one correspondence: as much as the vertices around it; and metres at which a joint
-loses its pull, so that one that is hidden, and lifted to what hides it, pulls nothing."""
+"""Weight of a confident joint relative to one correspondence, and distance in metres beyond which a joint has no
+weight, because occluded joints are lifted to the occluder."""
 TRUST = 0.5
-"""Metres that a metre from the joints counts where a pose is judged: the frame counts twice as much."""
+"""Weight of the mean joint distance in the score of a pose, relative to the distance from the frame."""
 
 
 @dataclass(frozen=True)
 class SwarmSearchSettings:
-    """The search window of a swarm, and the refinement of its result.
+    """Search window of a swarm, and refinement of its result.
 
     Attributes
     ----------
-    window : radians, how far each angle, and the root's orientation about each axis, may be from the previous pose:
-        more than any joint turns in a 30th of a second
+    window : half range of each angle and of the root's rotation about each axis around the previous pose, radians; more
+        than any joint turns in 1/30 s
     reach : metres, how far the root may be from its previous place in each direction
-    tries : times that the person is looked for afresh each way round, before a last swarm around the best: a third
-        more first frames are right than after one
-    history : previous poses that are particles too; the paper's
+    tries : number of global searches for each facing before a last swarm around the best; one third more first frames
+        are correct than with one
+    history : number of previous poses that are particles too (from the paper)
     joints_first : a swarm on the joints alone, which costs a fifth, shows the swarm on everything where to begin
-    frozen : joints of `skeleton.JOINT_NAMES` that stay as in the T-pose; none, for people move them all
-    limits : other limits of single angles, by `skeleton.POSE_NAMES`, radians; None keeps those of the skeleton
-    pulled, refined : iterations of the local optimisation with and without the pull of the joints, 0 and 0 for none:
-        joints are coarse, and the depth has the last word
-    disagreement : metres, mean distance from the joints above which everything is looked for afresh, 0 for never:
-        twice what lifted joints are off where the pose is right
-    sides : metres by which a body has to be nearer that is looked for with left and right of the joints exchanged:
-        detectors that see no faces take a twentieth of the backs for fronts. None takes the joints as they are given,
-        and E of Eq. 2 alone chooses, as in the paper
+    frozen : joints of `skeleton.JOINT_NAMES` that stay in the T-pose; none, because people move all of them
+    limits : limits of single angles by `skeleton.POSE_NAMES`, radians; None = those of the skeleton
+    pulled, refined : iterations of the local optimisation with and without joint terms, 0 and 0 for none; depth is more
+        accurate than joints
+    disagreement : mean distance from the joints that triggers a global search, metres, 0 = never; twice the error of
+        lifted joints for correct poses
+    sides : minimum improvement in metres for a body with exchanged left and right; detectors without faces confuse
+        front and back in a twentieth of the backs. None uses the joints as given and selects by E of Eq. 2, as in the
+        paper
     """
 
     window: float = 0.7
@@ -77,11 +78,13 @@ class SwarmSearchSettings:
 
     def __post_init__(self) -> None:
         if min(self.window, self.reach) <= 0.0:
-            raise SettingsError(f"window {self.window} and reach {self.reach} are what is searched; give more than 0")
+            raise SettingsError(
+                f"window {self.window} and reach {self.reach} define the search range; give more than 0"
+            )
         if min(self.history, self.pulled, self.refined, self.disagreement) < 0:
-            raise SettingsError("history, pulled, refined and disagreement are at least 0")
+            raise SettingsError("history, pulled, refined and disagreement must be at least 0")
         if self.tries < 1:
-            raise SettingsError(f"tries is {self.tries}; without a previous pose, look for the person at least once")
+            raise SettingsError(f"tries is {self.tries}; give at least 1")
         if unknown := [name for name in self.frozen if name not in skeleton.JOINT_NAMES[1:]]:
             raise SettingsError(f"frozen {unknown} are no joints; there are: {', '.join(skeleton.JOINT_NAMES[1:])}")
         for name, (low, high) in (self.limits or {}).items():
@@ -92,7 +95,7 @@ class SwarmSearchSettings:
                 )
 
     def pose_limits(self) -> np.ndarray:
-        """Lowest and highest value of every entry, float64 (P, 2), those of the root infinite."""
+        """Return lower and upper limit of each entry, float64 (P, 2); those of the root are infinite."""
         limits = skeleton.POSE_LIMITS.copy()
         for name, (low, high) in (self.limits or {}).items():
             limits[skeleton.POSE_NAMES.index(name)] = low, high
@@ -102,7 +105,7 @@ class SwarmSearchSettings:
 
 
 class SwarmSearch:
-    """Looks for the pose with a swarm, around the previous one or, without one, from where the joints say.
+    """Search with a swarm, around the previous pose or, without one, around poses from the joints.
 
     Parameters
     ----------
@@ -153,7 +156,7 @@ class SwarmSearch:
         return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), memory)
 
     def _frame(self, observation: Observation, state: PersonState) -> tuple[_Frame, float]:
-        """The frame, and for how many seconds sides have been seen the wrong way round."""
+        """State of the search: the frame, and the duration of exchanged sides in seconds."""
         s, cloud, doubts = self._discrepancy, observation.cloud, 0.0
         seen = seen_joints(observation, on_skin=s.published)
         if seen is not None and state.previous is not None and self._settings.sides is not None:
@@ -166,7 +169,7 @@ class SwarmSearch:
         return _Frame(observation, seen, image), doubts
 
     def _history(self, state: PersonState) -> np.ndarray:
-        """The previous pose and those before it, (1 + K, P), the last first."""
+        """Return the previous pose and earlier ones, (1 + K, P), the last one first."""
         assert state.previous is not None
         before = state.memory.get(self.name, {}).get("poses", np.empty((0, skeleton.POSE_SIZE)))
         return np.concatenate([state.previous.pose[None], before])[: 1 + self._settings.history]
@@ -174,7 +177,7 @@ class SwarmSearch:
     def _follow(
         self, frame: _Frame, body: Body, poses: np.ndarray, rivals: list[_Found], rng: np.random.Generator
     ) -> _Found:
-        """The best pose in the window around the first of `poses` (K, P); rivals are particles too."""
+        """Return the best pose in the window around the first of `poses` (K, P); rivals are particles too."""
         s = self._settings
         costs = frame.discrepancy(body, poses[0], self._discrepancy, previous=True)
         starts = costs.position_of(np.concatenate([poses[:1], *(rival.pose[None] for rival in rivals), poses[1:]]))
@@ -184,10 +187,10 @@ class SwarmSearch:
         return self._finished(frame, body, costs, self._searched(costs, starts, limits, rng))
 
     def afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
-        """The best pose within all limits, whichever way the person may face, and how it is judged, metres.
+        """Return the best pose within all limits and facings, and its score, metres.
 
-        A detector may have taken left for right. Turned round, a body lies farther from the frame, and that decides,
-        unless joints are taken as they are given.
+        The detector may have exchanged left and right. The wrong facing is farther from the frame, which decides,
+        unless joints are used as given.
         """
         best = self._anywhere(frame, body, rng)
         least, other = self._judged(frame, body, best), frame.exchanged()
@@ -199,7 +202,7 @@ class SwarmSearch:
         return best, least
 
     def _anywhere(self, frame: _Frame, body: Body, rng: np.random.Generator) -> _Found:
-        """The best pose within all limits for joints whose sides are known; then the best around that."""
+        """Return the best pose within all limits for joints with known sides, refined by a last swarm around it."""
         found = []
         s = self._settings
         half = np.full(skeleton.POSE_SIZE, np.inf)
@@ -215,7 +218,7 @@ class SwarmSearch:
         return min([best, again], key=lambda rival: self._judged(frame, body, rival))
 
     def _window(self, position: np.ndarray, half: np.ndarray) -> np.ndarray:
-        """Limits (P, 2) of the positions within `half` of one, and within those of the joints."""
+        """Return limits (P, 2) of the positions within `half` of one and within the joint limits."""
         low, high = self._limits.T
         middle = np.clip(position, low, high)
         return np.stack([np.maximum(middle - half, low), np.minimum(middle + half, high)], axis=1)
@@ -223,7 +226,7 @@ class SwarmSearch:
     def _searched(
         self, costs: Discrepancy, starts: np.ndarray, limits: np.ndarray, rng: np.random.Generator
     ) -> np.ndarray:
-        """The best position (P,) that the swarm finds from `starts` (K, P) on."""
+        """Return the best position (P,) of a swarm with the initial positions `starts` (K, P)."""
         s = self._settings
         if s.joints_first and costs.guided:
             alone = minimise(costs.joints_alone(), starts, limits, self._swarm, rng, perturbed=ANGLES).position
@@ -232,7 +235,7 @@ class SwarmSearch:
         return minimise(costs, starts, limits, self._swarm, rng, perturbed=ANGLES).position
 
     def _finished(self, frame: _Frame, body: Body, costs: Discrepancy, position: np.ndarray) -> _Found:
-        """A position as a pose, refined and compared with the frame."""
+        """Return a position as a refined and scored pose."""
         s, scene, pose = self._settings, frame.observation.scene, costs.pose_of(position)
         if s.pulled and frame.seen is not None and costs.guided:
             weights = np.where(np.isfinite(frame.seen.points[:, 0]), PULL * frame.seen.confidence, 0.0)
@@ -247,7 +250,7 @@ class SwarmSearch:
         return limit > 0.0 and frame.gap(body, found.pose) > limit
 
     def _judged(self, frame: _Frame, body: Body, found: _Found) -> float:
-        """How far a pose is from the frame, its joints included, metres; E of Eq. 2 where joints are taken as given."""
+        """Return the score of a pose with its joints, metres; E of Eq. 2 if joints are used as given."""
         if self._settings.sides is None:
             costs = frame.discrepancy(body, found.pose, self._discrepancy)
             return float(costs(costs.position_of(found.pose[None]))[0])
@@ -256,7 +259,7 @@ class SwarmSearch:
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """A pose (P,), level frame, and how far it is from the frame."""
+    """A pose (P,), level frame, and its score."""
 
     pose: np.ndarray
     comparison: Comparison
@@ -264,30 +267,30 @@ class _Found:
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A frame as the swarm sees it."""
+    """A frame as input of the swarm."""
 
     observation: Observation
     seen: SeenJoints | None
     image: SmallImage
 
     def exchanged(self) -> _Frame | None:
-        """The same with left and right of the joints the other way round; None without joints."""
+        """Return the same frame with left and right of the joints exchanged; None without joints."""
         return None if self.seen is None else replace(self, seen=exchanged(self.seen))
 
     def discrepancy(
         self, body: Body, around: np.ndarray, settings: DiscrepancySettings, *, previous: bool = False
     ) -> Discrepancy:
-        """What poses around one (P,) cost."""
+        """Return the objective for poses around one (P,)."""
         rotation = self.observation.cloud.rotation
         return Discrepancy(body, self.image, self.seen, rotation, around, settings, previous=previous)
 
     def gap(self, body: Body, pose: np.ndarray) -> float:
-        """Weighted mean distance of the body's joints in a pose from where they were seen in space, metres."""
+        """Return the weighted mean distance of the body's joints in a pose from their detected positions, metres."""
         return gap(self.seen, linear.rotated(body.joint_positions(pose), self.observation.cloud.rotation))
 
 
 def _memory(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
-    """What is remembered: poses (K, P); seconds of exchanged sides, and until a fresh start is tried again."""
+    """Memory between frames: poses (K, P), duration of exchanged sides, and time until the next global search."""
     return {"poses": poses, "doubts": np.array([doubts]), "rest": np.array([rest])}
 
 

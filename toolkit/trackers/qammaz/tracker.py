@@ -1,4 +1,4 @@
-"""The swarm tracker: no motion capture, no regressor; joints in the image and the depth are all it is told (Qammaz)."""
+"""Swarm tracker: image joints and depth, without motion capture or regressor (Qammaz)."""
 
 from __future__ import annotations
 
@@ -31,24 +31,23 @@ HYPOTHESES = ("local", "swarm")
 
 @dataclass(frozen=True)
 class SwarmTrackerSettings:
-    """Settings of the swarm tracker, one section per room that owns them.
+    """Settings of the swarm tracker, one section per package.
 
     Attributes
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
-    hypotheses : which compete: "swarm" and "local", the previous pose refined, which is as good where nothing moves
-        fast, and costs a tenth
-    extrema : geodesic extrema per frame; the local optimisation draws the body to them
+    hypotheses : competing hypotheses: "swarm" and optionally "local" (the refined previous pose), which is as good for
+        slow motion at a tenth of the time
+    extrema : number of geodesic extrema per frame, correspondences of the local optimisation
     momentum : share of the last speed at which the pose is expected to move on, in [0, 1], as of the hybrid tracker
     sizes : standard deviations of height, tall to small: bodies of 1.84, 1.71, 1.58, 1.44, 1.28, 1.07 and 0.85 m are
         tried on the first frame
-    smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
-    lost_distance : metres of the sparse distance of the winner above which a frame counts as lost: over twice the
-        largest of a correct pose on the tuning suite
-    patience : seconds of lost frames in a row after which the next one is treated as a first frame: some frames of bad
-        luck are not a loss
-    smoothing : seconds by which the reported poses are smoothed and lag; users of still pictures want none
+    smallest_person : minimum number of measured points; frames with fewer are empty. A person at 8 m in a 176x144 image
+    lost_distance : maximum sparse distance of the winner, metres; frames above it are lost. Over twice the largest
+        value of a correct pose on the tuning suite
+    patience : seconds of consecutive lost frames before the next one is treated as a first frame
+    smoothing : time constant and lag of the smoothing of reported poses, seconds; 0 for still pictures
     """
 
     tracker: Literal["swarm"] = "swarm"
@@ -82,17 +81,17 @@ class SwarmTrackerSettings:
             raise SettingsError("extrema is at least 5, and the number of sizes at least 1")
         if self.fitting.prior_weight:
             raise SettingsError(
-                f"fitting.prior_weight is {self.fitting.prior_weight}; without a database there is no prior: set 0"
+                f"fitting.prior_weight is {self.fitting.prior_weight}; set 0, because the prior needs a database"
             )
 
 
 class SwarmTracker(SearchingTracker):
-    """Qammaz, with the local optimisation after the swarm and beside it; see `Tracker`.
+    """Tracker of Qammaz, with local optimisation after the swarm and beside it; see `Tracker`.
 
     Parameters
     ----------
     settings : see `SwarmTrackerSettings`
-    body : the person's own body, if it is known; otherwise it is learnt from the recording
+    body : the person's own body if known; default: estimated from the recording
     """
 
     stage_names = ("prepare", "landmarks", "local", "swarm", "select")
