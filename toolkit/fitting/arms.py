@@ -1,8 +1,8 @@
-"""Other places for one arm of a tracked pose, from the arms of the database's poses.
+"""Search for alternative arm poses in the database.
 
-A retrieved pose as a whole seldom beats the local optimum (Baak 2013, 5.4.3), although one arm of some pose often
-would. So the database is also asked for one arm at a time: its arms, as chains of balls, are held against what the rest
-of the body leaves unexplained of the frame, and the cheapest are fitted to it.
+A retrieved whole pose rarely beats the local optimum (Baak 2013, 5.4.3), although one of its arms often would. The arms
+of the database, as chains of balls, are therefore compared with the part of the frame that the rest of the body leaves
+unexplained, and the best are fitted to it.
 """
 
 from __future__ import annotations
@@ -25,35 +25,33 @@ CARRIER = "thorax"
 JOINTS = ("clavicle", "shoulder", "elbow", "wrist")
 SIDES = ("left", "right")
 DAMPING = 5e-4
-"""Square metres per square radian: a third of what ten samples at a forearm's length from the joint weigh."""
+"""Damping of the fit, m^2 / rad^2: a third of the weight of ten samples at a forearm's length from the joint."""
 COARSE = 3
-"""Every third sample will do to find the cheapest arms."""
+"""Step between the samples of the first comparison."""
 DIFFERENT = 0.2
-"""Radians: arms that differ by less in every angle are one candidate."""
+"""Maximum difference of all angles between arms that count as one candidate, radians."""
 
 
 @dataclass(frozen=True)
 class ArmSettings:
-    """Constants of the search for arms. Lengths in metres.
+    """Settings of the arm search. Lengths in metres.
 
     Attributes
     ----------
-    count : different arms of the database that are held against a frame: a quarter of a millisecond
-    fitted : the cheapest of them that are fitted, as chains of balls; the right one is seldom the cheapest before the
-        fit
-    iterations : of that fit; the refinement with the whole body does the rest
-    refined : the cheapest of those that are refined with the whole body, of both arms together in one frame; each costs
-        as much as the local hypothesis, and with 1 the error on the tuning split is 1.0 mm larger
-    explained : metres; a sample nearer to the body than this, and not at the arm itself, needs no arm: what the local
-        hypothesis leaves where it is right
+    count : number of different arms of the database that are compared with a frame (0.25 ms)
+    fitted : number of the best that are fitted as chains of balls; before the fit the correct arm is rarely the best
+    iterations : iterations of that fit, which the refinement of the whole body completes
+    refined : number of the best that are refined with the whole body, over both arms of a frame; each costs as much as
+        the local hypothesis. With 1 the error on the tuning split is 1.0 mm larger
+    explained : maximum distance of a sample from the body that needs no arm, unless it is at the arm itself; typical of
+        correct local hypotheses
     tolerance : metres that a sample may be off from an arm made of balls
     cap : metres that a sample, or a ball in free space, counts at most
-    free_space : weight of the mean intrusion of the balls against the mean over the samples: the share of an arm in
-        the surface that a camera sees
-    margin : metres by which an arm must leave less unexplained than the one it replaces: one sample of 400 that lies
-        20 cm off; with 0, noise moves hidden arms
-    prior : metres per unit of the pose prior's energy that an unlikely pose counts: of two arms that explain as much,
-        the likelier one
+    free_space : weight of the mean intrusion of balls into free space relative to the mean over samples: the share of
+        an arm in the visible surface
+    margin : minimum reduction of the unexplained distance, metres: one of 400 samples that is 20 cm off; with 0, noise
+        moves occluded arms
+    prior : cost in metres per unit of the pose prior's energy, which decides between arms with equal fit
     """
 
     count: int = 128
@@ -76,7 +74,7 @@ class ArmSettings:
 
 
 class ArmPoses:
-    """The arms of the database, as different from each other as can be.
+    """Arms of the database, selected to differ as much as possible.
 
     Parameters
     ----------
@@ -94,12 +92,12 @@ class ArmPoses:
         self.of = lru_cache(maxsize=4)(self._of)
 
     def _of(self, body: Body) -> tuple[Arm, ...]:
-        """Both arms of `body`, made once for each body."""
+        """Return both arms of `body`, cached for each body."""
         return tuple(Arm(side, body, self._angles[side]) for side in SIDES)
 
 
 class Arm:
-    """One arm of one body, and the arms of the database that could take its place.
+    """One arm of one body, and its candidates from the database.
 
     Attributes
     ----------
@@ -118,9 +116,9 @@ class Arm:
     def propose(
         self, pose: np.ndarray, compared: Comparison, scene: Scene, settings: ArmSettings, sigma: float, most: int
     ) -> list[np.ndarray]:
-        """`pose` (P,), as it `compared` with the frame, with other arms that leave less unexplained; the best first.
+        """Return versions of `pose` (P,), `compared` with the frame, with arms that leave less unexplained, best first.
 
-        There are at `most` so many. `sigma` metres off a sample pulls a quarter, see `FittingSettings`.
+        At most `most` are returned. `sigma` is the scale of the sample weights in metres, see `FittingSettings`.
         """
         placed = compared.placed
         samples = scene.samples[: scene.plain_samples]
@@ -149,7 +147,8 @@ class Arm:
     def measured(
         self, placed: PlacedBody, compared: Comparison, scene: Scene, settings: ArmSettings
     ) -> kernel.Measured:
-        """The frame as an arm's chain needs it: what the rest of the body leaves unexplained, and the depth image."""
+        """Return the input of an arm's chain: the samples that the rest of the body leaves unexplained, and the depth
+        image."""
         samples = scene.samples[: scene.plain_samples]
         at_arm = (compared.drawn >= 0) & self._of_vertex[compared.drawn]
         free = samples[at_arm | (compared.sample_gaps > settings.explained)]
@@ -168,17 +167,17 @@ class Arm:
 
 
 def joints_of(side: str) -> list[int]:
-    """The joint that carries an arm, and the arm's own, from the clavicle to the wrist."""
+    """Return the parent joint of an arm, and the arm's joints from clavicle to wrist."""
     return [skeleton.JOINT_NAMES.index(name) for name in (CARRIER, *(f"{side}_{n}" for n in JOINTS))]
 
 
 def entries_of(side: str) -> np.ndarray:
-    """Where the angles of an arm stand in a pose vector, int64 (D,)."""
+    """Return the pose entries of an arm's angles, int64 (D,)."""
     return 3 + np.flatnonzero(np.isin(skeleton.DOF_JOINT, joints_of(side)[1:]))
 
 
 def _chain_of(side: str, body: Body) -> kernel.Chain:
-    """The arm of a body as a chain of balls."""
+    """Return the arm of a body as a chain of balls."""
     own, entries, balls = joints_of(side), entries_of(side), balls_of(body)
     mine = np.isin(balls.joint, own[1:])
     joints = body.joints[own]
@@ -195,7 +194,7 @@ def _chain_of(side: str, body: Body) -> kernel.Chain:
 
 
 def _placed_balls(angles: np.ndarray, chain: kernel.Chain) -> np.ndarray:
-    """Balls (C, B, 3) of the arms `angles` (C, D)."""
+    """Return the balls (C, B, 3) of the arms `angles` (C, D)."""
     balls = np.empty((len(angles), len(chain.radii), 3))
     kernel.place_balls(angles, chain, balls)
     return balls

@@ -1,4 +1,4 @@
-"""The body as balls along its bones: coarse, but quick to hold against a depth image and against itself."""
+"""Ball model of the body along its bones, for fast comparison with a depth image and with itself."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _ALONG: dict[str, tuple[float, ...]] = {
     "shoulder": (0.0, 0.35, 0.7), "elbow": (0.0, 0.35, 0.7), "wrist": (0.0, 0.6, 1.1),
     "hip": (0.1, 0.4, 0.7), "knee": (0.0, 0.35, 0.7), "ankle": (0.0, 0.5),
 }  # fmt: skip
-"""Where the balls of each joint lie along the bone below it; 1.1 is the fingers."""
+"""Positions of each joint's balls along its bone; 1.1 is at the fingers."""
 
 
 def _end(joint: int) -> tuple[bool, int] | None:
-    """Whether the bone below a joint ends at a site, and which site or joint it is; None where there is no bone."""
+    """Return whether the bone of a joint ends at a site, and the index of that site or joint; None without a bone."""
     sites = np.flatnonzero(skeleton.SITE_PARENTS == joint)
     if len(sites):
         return True, int(sites[0])
@@ -34,7 +34,7 @@ _BONES = [
     for joint, name in enumerate(skeleton.JOINT_NAMES)
     if (end := _end(joint)) and (along := _ALONG.get(name.split("_")[-1]))
 ]
-"""Joint, whether its bone ends at a site, which site or joint that is, and where the bone's balls lie."""
+"""Joint, whether its bone ends at a site, index of that site or joint, and positions of the balls."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Balls:
     ----------
     joint : int64 (B,), which joint carries each
     offset : float64 (B, 3), from that joint, metres
-    radius : float64 (B,), metres: the median distance of the joint's skin from the bone
+    radius : float64 (B,), metres: median distance of the joint's skin from the bone
     """
 
     joint: np.ndarray
@@ -55,7 +55,7 @@ class Balls:
 
     @classmethod
     def of_body(cls, body: Body) -> Balls:
-        """Balls for every joint that has a bone."""
+        """Return the balls of all joints with a bone."""
         joint, offset, radius = [], [], []
         for j, to_site, end, along in _BONES:
             bone = (body.sites if to_site else body.joints)[end] - body.joints[j]
@@ -71,7 +71,7 @@ class Balls:
 
     @cached_property
     def apart(self) -> np.ndarray:
-        """Pairs of balls that a pose can bring together, int64 (K, 2): apart at rest, not of neighbouring joints."""
+        """Return the pairs of balls that can touch, int64 (K, 2): apart at rest, not of neighbouring joints."""
         centres = self._rest + self.offset
         first, second = np.triu_indices(len(self.joint), 1)
         gap = linear.lengths(centres[first] - centres[second]) - self.radius[first] - self.radius[second]

@@ -10,27 +10,27 @@ from toolkit.io.errors import SettingsError
 
 @dataclass(frozen=True)
 class FittingSettings:
-    """Constants of the local optimisation and of the comparison of poses. Lengths in metres, angles in radians.
+    """Settings of the local optimisation and of the comparison of poses. Lengths in metres, angles in radians.
 
     Attributes
     ----------
     iterations : linearisations, at most
-    neighbours : l, measured points whose median a vertex is drawn to: few, because hands are small and the 3x3 median
-        has taken the noise away; the paper gives no number
-    reach : metres from a vertex to its measured point, at most: the largest jump between frames, mu of Eq. 5.4
-    unexplained : metres that a point costs at most in the comparison of poses; more only takes longer to find
-    sigma : metres; a correspondence that is wrong by a limb's width pulls a quarter
-    vertices : which of the chosen vertices have counterparts and are compared: those that are "seen", or a fixed set
-        at the "front" of the body, whatever the camera sees of them, as in the paper (Baak 2013, Fig. 5.6a)
-    facing : cosine between a vertex's normal and the direction to the camera; at a grazing angle there is no reliable
-        counterpart
-    surface_plane, surface_point : weights of the two parts of a pair from mesh to cloud: point to plane converges,
-        the point part keeps limbs from sliding
-    cloud_samples : measured points that are drawn to the mesh and compared with it; 0 = only the mesh is drawn to the
-        points, and the geodesic extrema are compared with it, as in the paper
-    prior_weight : of the Gaussian pose prior of the database; 0 = none
-    contact_weight : of two overlapping parts of the body against one vertex: no self-penetration; 5 and 20 are no
-        better
+    neighbours : number l of measured points in the median of a vertex; few, because hands are small and the 3x3 median
+        already removed noise; not given in the paper
+    reach : maximum distance from a vertex to its measured point: the largest jump between frames, mu of Eq. 5.4
+    unexplained : maximum cost of a point in the comparison of poses, metres; larger values only take more time
+    sigma : scale of the Geman-McClure weight of correspondences: an error of a limb's width has a quarter of the weight
+    vertices : chosen vertices with correspondences: the visible ones ("seen"), or a fixed set at the "front" of the
+        body, independent of visibility, as in the paper (Baak 2013, Fig. 5.6a)
+    facing : minimum cosine between a vertex's normal and the direction to the camera; grazing angles give no reliable
+        correspondence
+    surface_plane, surface_point : weights of the two parts of a mesh-to-cloud pair: point-to-plane converges,
+        point-to-point keeps limbs from sliding
+    cloud_samples : number of measured points with correspondences on the mesh, also used in the comparison; 0 =
+        mesh-to-cloud pairs only, and the geodesic extrema in the comparison, as in the paper
+    prior_weight : weight of the Gaussian pose prior of the database; 0 = none
+    contact_weight : weight of two overlapping body parts relative to one vertex, against self-penetration; 5 and 20 are
+        no better
     """
 
     iterations: int = 5

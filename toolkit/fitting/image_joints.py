@@ -1,4 +1,4 @@
-"""Joints that a detector saw in the image as evidence: colour shows an arm before a trunk that depth does not."""
+"""Evidence from image joints: colour shows an arm in front of the trunk where depth does not."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D
 
 WITHIN = 0.05
-"""Metres beside the ray of its pixel within which a joint is where it was seen: what detectors are off."""
+"""Distance from the ray of its pixel within which a joint has no cost, metres: the error of detectors."""
 CAP = 0.2
-"""Metres farther that a joint counts at most: what `FittingSettings.unexplained` is for a point."""
+"""Maximum cost of a joint, metres, as `FittingSettings.unexplained` for a point."""
 SIGMA = 0.2
-"""Metres farther at which the pull has fallen to a quarter."""
+"""Scale of the Geman-McClure weight of a joint, metres."""
 PULL = 20.0
-"""Weight of a joint that is seen with confidence 1 against one correspondence: as much as the vertices around it."""
+"""Weight of a joint with confidence 1 relative to one correspondence, equal to that of the vertices around it."""
 
 SIDES = (np.arange(len(skeleton.REPORTED)), np.array(skeleton.OTHER_SIDE))
-"""Whose pixel is whose, int64 (20,) each: as the detector calls them, and with left and right exchanged."""
+"""Joint index of each pixel, int64 (20,) each: as detected, and with left and right exchanged."""
 
 
 class SightedJoints:
-    """Joints lie on the rays of the pixels in which they were seen.
+    """Evidence that joints lie on the rays of their pixels.
 
-    Which side is which is not believed: detectors take backs for fronts, and depth knows better.
+    Both assignments of left and right are tried, because detectors confuse back and front, and depth separates them.
 
     Parameters
     ----------
@@ -41,19 +41,19 @@ class SightedJoints:
         self._rays = rays / linear.lengths(rays)[:, None]
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
-        """See `FrameEvidence.attract`: joints are drawn to within 5 cm of their rays, and no nearer."""
+        """See `FrameEvidence.attract`: joints are attracted to within 5 cm of their rays."""
         points = _joints(placed)
         weights, beyond = min((self._beyond(points, side) for side in SIDES), key=_mean)
         for row in np.flatnonzero((weights > 0.0) & beyond.any(axis=1)):
             pull(system, CARRIERS[row][0], points[row], beyond[row], PULL * float(weights[row]), SIGMA)
 
     def cost(self, placed: PlacedBody) -> float:
-        """See `FrameEvidence.cost`: how much too far the joints are from their rays, in the weighted mean."""
+        """See `FrameEvidence.cost`: weighted mean excess distance of the joints from their rays."""
         points = _joints(placed)
         return min(_mean(self._beyond(points, side)) for side in SIDES)
 
     def _beyond(self, points: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weights (20,) of joints at `points` (20, 3), and by how much they are too far from their rays (20, 3)."""
+        """Return weights (20,) of joints at `points` (20, 3), and their excess vectors from their rays (20, 3)."""
         rays = self._rays[side]
         away = points - linear.dots(points, rays)[:, None] * rays
         lengths = linear.lengths(away)
@@ -61,7 +61,7 @@ class SightedJoints:
 
 
 def _joints(placed: PlacedBody) -> np.ndarray:
-    """The joints that the body carries, float64 (20, 3), camera frame, metres; the others are 0."""
+    """Return the joints carried by the body, float64 (20, 3), camera frame, metres; the others are 0."""
     return np.array([carried(placed, *place) if place[0] >= 0 else np.zeros(3) for place in CARRIERS])
 
 

@@ -1,4 +1,4 @@
-"""How far poses are from a frame: the sparse symmetric distance (Baak 2013, 5.4.4), and what a joint can be trusted."""
+"""Objective of the selection: sparse symmetric distance (Baak 2013, 5.4.4), and confidence of joints."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from toolkit.fitting.terms import nearest_drawn, visible_chosen
 from toolkit.kernels.fit import pairs
 
 SUPPORT = 0.04
-"""Metres from a measured point at which a vertex no longer supports its joint."""
+"""Distance from a measured point at which a vertex no longer supports its joint, metres."""
 WITHIN = 0.05
-"""Metres: the confidence of a joint is the probability of an error below it."""
+"""Error for which the confidence of a joint is defined, metres: confidence = P(error below it)."""
 ODDS: tuple[float, float, float, float] = (-0.43, 2.61, 0.98, -3.44)
-"""Log odds of a joint to be within 5 cm: constant of an unobserved one; per root of its support; for being
-observed; per natural logarithm of the surface's distance in units of `USUAL`. A logistic regression over the tuning
-splits of `bench scenes` and `bench accuracy`."""
+"""Coefficients of the log odds of an error below 5 cm: intercept for unobserved joints; per root of the support; for
+observation; per natural logarithm of the surface distance in units of `USUAL`. Logistic regression on the tuning splits
+of `bench scenes` and `bench accuracy`."""
 USUAL = 0.025
-"""Metres: distance of the surface of a good pose from its frame."""
+"""Surface distance of a good pose, metres."""
 NEAREST, FARTHEST = 0.0185, 0.185
-"""Metres: distances beyond which a pose is taken to be no better and no worse."""
+"""Range of surface distances in the regression, metres; values outside are clipped."""
 OBSERVED = 0.4
-"""Share of the vertices around a joint that has to be observed for the joint to count as wholly so."""
+"""Minimum fraction of observed vertices around a joint that counts as fully observed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """How far a pose is from a frame.
+    """Distance of a pose from a frame.
 
     Attributes
     ----------
     distance : metres, infinite for one that was given up
-    surface : metres, how far the body and what was measured of it lie apart: the distance without `Scene.evidence`
-    gaps : float64 (C,), metres, from each chosen vertex that the camera sees to the nearest measured point; NaN for
-        those that it does not see or that have none
+    surface : distance between the body and the measured depth, metres, without `Scene.evidence`
+    gaps : float64 (C,), metres, from each visible chosen vertex to the nearest measured point; NaN for invisible ones
+        and those without a point
     sample_gaps : float64 (M,), metres, from each sample of the frame to the drawn body, capped
-    drawn : int64 (M,), the mesh vertex there; -1 where the body is too far
+    drawn : int64 (M,), nearest mesh vertex of each sample; -1 beyond the reach
     energy : of the pose terms, 0 for the likeliest pose
     placed, scene : the body in that pose and the frame, None for one that was given up
     """
@@ -60,7 +60,7 @@ class Comparison:
 
     @cached_property
     def observed(self) -> np.ndarray:
-        """Which chosen vertices lie where something was observed: float64 (C,), 1 or 0; none for one given up."""
+        """Return which chosen vertices lie at observed pixels: float64 (C,), 1 or 0; none for an aborted comparison."""
         if self.placed is None or self.scene is None:
             return np.empty(0)
         out = np.empty(len(self.placed.chosen_points))
@@ -69,11 +69,11 @@ class Comparison:
 
 
 WORSE = Comparison(np.inf, np.inf, np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.inf, None, None)
-"""A pose whose comparison stopped beyond the bound."""
+"""Result of a comparison that stopped beyond the bound."""
 
 
 class Objective:
-    """Compares poses of bodies with frames of one camera.
+    """Comparison of poses with frames of one camera.
 
     Parameters
     ----------
@@ -87,9 +87,10 @@ class Objective:
         self.pose_terms = tuple(pose_terms)
 
     def costs(self, body: Body, poses: np.ndarray, scene: Scene) -> np.ndarray:
-        """Distances (N,), metres, of `poses` (N, P), level frame; infinite where one is farther than one before it.
+        """Return the distances (N,), metres, of `poses` (N, P), level frame; infinite for one that is farther than an
+        earlier one.
 
-        Only the nearest is asked for.
+        Only the nearest pose is needed.
         """
         costs, bound = np.full(len(poses), np.inf), np.inf
         for k, pose in enumerate(poses):
@@ -98,14 +99,14 @@ class Objective:
         return costs
 
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
-        """A pose (P,), level frame, against a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
+        """Compare a pose (P,), level frame, with a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
 
-        The mean distance of the visible chosen vertices to the measured points (Eq. 5.7), plus the mean distance of the
-        frame's samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it
-        unexplained. A frame without samples is compared by its geodesic extrema in their place (Eq. 5.8), as in the
-        paper. Samples decide where there are any, for in a furnished room most extrema may lie on what a person touches
-        or carries, and few samples do. Each distance counts `unexplained` at most. What else is known of the frame adds
-        its disagreement. As soon as the sum is known to exceed `bound`, the pose is `WORSE`.
+        The distance is the mean over the visible chosen vertices of their distance to the measured points (Eq. 5.7),
+        plus the mean over the frame's samples of their distance to the drawn body, which penalises occluded limbs with
+        visible measurements. A frame without samples uses its geodesic extrema instead (Eq. 5.8), as in the paper;
+        samples are more reliable in furnished rooms, where extrema lie on touched or carried objects. Each distance is
+        capped at `unexplained`. The cost of other evidence is added. The comparison stops with `WORSE` once the sum
+        exceeds `bound`.
         """
         s = self.settings
         placed = self.placer.place(body, pose)
@@ -131,11 +132,11 @@ class Objective:
         return Comparison(distance, surface, gaps, sample_gaps, drawn, energy, placed, scene)
 
     def confidence(self, comparison: Comparison) -> np.ndarray:
-        """Probability that each reported joint of a compared pose is within 5 cm: float64 (20,), in [0, 1].
+        """Return the probability that each reported joint of a compared pose is within 5 cm: float64 (20,), in [0, 1].
 
-        Its odds rise with the support of the joint (of the chosen vertices around it, the share that the camera sees
-        times how near measured points are) and with the share of these vertices that lie where something was observed.
-        They fall with the distance of the surface: where the whole is off, no part can be trusted.
+        The odds rise with the support of the joint (visible fraction of the chosen vertices around it, weighted by
+        their distance to measured points) and with the observed fraction of these vertices. They fall with the surface
+        distance of the whole pose.
         """
         distance = math.log(min(max(comparison.surface, NEAREST), FARTHEST) / USUAL)
         none, supported, seen, far = ODDS

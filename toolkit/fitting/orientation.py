@@ -1,4 +1,4 @@
-"""A measured orientation of a joint as evidence beside the depth: inertial sensors see what no camera sees."""
+"""Evidence from measured joint orientations (inertial sensors)."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from toolkit.fitting.placed import NormalSystem, PlacedBody
 
 
 class FrameEvidence(Protocol):
-    """What is known of a frame besides its depth; called between `system.reset` and `system.assemble`."""
+    """Evidence of a frame besides its depth; called between `system.reset` and `system.assemble`."""
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
-        """Add this evidence's quadratic for the body as it is placed now."""
+        """Add the quadratic of this evidence for the placed body."""
 
     def cost(self, placed: PlacedBody) -> float:
-        """Metres that a placed body's disagreement adds to its distance from the frame, at least 0."""
+        """Return the cost of a placed body's disagreement in metres, at least 0."""
 
 
 @dataclass(frozen=True)
 class OrientationSettings:
-    """How measured orientations pull.
+    """Settings of the orientation evidence.
 
     Attributes
     ----------
-    weight : metres squared per radian squared: what the lever of a limb's own correspondences comes to. A tenth as
-        much again in the wrong direction does more harm than ten times as much helps
-    sigma : radians, scale of the Geman-McClure weight: an orientation that is farther off is mistrusted
+    weight : metres squared per radian squared, equal to the leverage of a limb's own correspondences; a tenth more with
+        wrong sensors does more harm than ten times as much helps
+    sigma : scale of the Geman-McClure weight, radians
     disagreement : metres that a pose which contradicts all sensors is farther from the frame than it looks
     """
 
@@ -44,11 +44,11 @@ class OrientationTerm:
 
     Attributes
     ----------
-    joint : row of `skeleton.JOINTS`
+    joint : index in `skeleton.JOINTS`
     rotation : float64 (3, 3), rest frame to camera frame, as the sensor has it
-    axis : 0, 1 or 2, the axis of the bone whose direction alone counts; -1 for all three. A tracked forearm cannot turn
-        about itself
-    weight, sigma, disagreement : see `OrientationSettings`; the last is this sensor's share
+    axis : 0, 1 or 2, the bone axis whose direction is compared; -1 for the whole orientation. Depth does not determine
+        the twist of a forearm
+    weight, sigma, disagreement : see `OrientationSettings`; the last is the share of this sensor
     """
 
     joint: int
@@ -71,15 +71,16 @@ class OrientationTerm:
                 hessian[a, b] += weight * (float(a == b) - bone[a] * bone[b])
 
     def cost(self, placed: PlacedBody) -> float:
-        """See `FrameEvidence.cost`: the Geman-McClure cost of the disagreement."""
+        """See `FrameEvidence.cost`: Geman-McClure cost of the disagreement."""
         turn = self.turn(placed)
         square = (turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2) / self.sigma**2
         return self.disagreement * square / (1.0 + square)
 
     def turn(self, placed: PlacedBody) -> np.ndarray:
-        """From the measured to the placed orientation: rotation vector (3,), camera frame; of the bone alone its swing.
+        """Return the rotation vector (3,) from the measured to the placed orientation, camera frame; for a bone axis
+        its swing.
 
-        As a derivative it points the way in which the placed joint has to turn back.
+        Its negative is the rotation that corrects the placed joint.
         """
         placed_rotation = placed.rotations[self.joint]
         if self.axis >= 0:
@@ -93,12 +94,12 @@ class OrientationTerm:
             )
             cosine = float((ours * theirs).sum())
         else:
-            # R_placed R_measured', entry by entry: a sum in a fixed order
+            # R_placed R_measured', element by element: a sum in a fixed order
             turn = (placed_rotation[:, None, :] * self.rotation[None, :, :]).sum(axis=2)
             across = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
             cosine = 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
         sine = math.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
         angle = math.atan2(sine, cosine)
-        if sine < 1e-9:  # the same, or opposite: then any axis is as good as another
+        if sine < 1e-9:  # equal or opposite: any axis is valid
             return np.array([angle, 0.0, 0.0])
         return across * (angle / sine)

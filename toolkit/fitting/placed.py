@@ -1,4 +1,4 @@
-"""A body placed before the camera: skinned, drawn into a small z-buffer when first asked, ready for correspondences."""
+"""A body placed in front of the camera: skinned, drawn into a small z-buffer on demand, with its correspondences."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ QUOTAS: dict[str, int] = {
     "clavicle": 8, "shoulder": 20, "elbow": 20, "wrist": 14,
     "hip": 26, "knee": 24, "ankle": 14,
 }  # fmt: skip
-"""Chosen vertices per body part: limbs get more than their share of the surface (Baak 2013, 5.4.1)."""
+"""Number of chosen vertices per body part: limbs get more than their share of the surface (Baak 2013, 5.4.1)."""
 AROUND_JOINT = 16
-"""Chosen vertices that tell where a joint is explained."""
+"""Number of chosen vertices that define the support of a joint."""
 
 
 def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
-    """Rows of `points` (N, D) that lie as far apart as can be: farthest first, from the one farthest from the mean.
+    """Select rows of `points` (N, D) by farthest-first traversal from the one farthest from the mean.
 
-    Returns int64 (min(count, N),), in the order of choice.
+    Returns int64 (min(count, N),), in the order of selection.
     """
     chosen = np.empty(min(count, len(points)), dtype=np.int64)
     if len(points):
@@ -36,13 +36,13 @@ def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def choose_vertices(body: Body) -> np.ndarray:
-    """The subset `C_chi` of mesh vertices, spread over every body part by farthest-first choice (Baak 2013, Fig. 5.6a).
+    """Select the subset `C_chi` of mesh vertices by farthest-first traversal of each body part (Baak 2013, Fig. 5.6a).
 
-    They are chosen once for each body.
+    The result is cached for each body.
 
     Returns
     -------
-    int64 (C,), ascending vertex indices; the end-effector vertices are always among them.
+    int64 (C,), ascending vertex indices; the end-effector vertices are always included.
     """
     chosen = set(int(v) for v in body.end_effectors)
     for joint, name in enumerate(skeleton.JOINT_NAMES):
@@ -53,7 +53,7 @@ def choose_vertices(body: Body) -> np.ndarray:
 
 
 def _chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
-    """Weights (20, C) that average over the chosen vertices nearest to each reported joint in the rest pose."""
+    """Return weights (20, C) that average over the chosen vertices nearest to each reported joint in the rest pose."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
     distances = np.linalg.norm(joints[:, None] - body.vertices[chosen][None], axis=2)
     rows = np.argsort(distances, axis=1, kind="stable")[:, :AROUND_JOINT]
@@ -63,12 +63,12 @@ def _chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
 
 
 class Drawn(NamedTuple):
-    """The part of the small image that holds a placed body.
+    """Part of the small image that contains a placed body.
 
     Attributes
     ----------
     depth : float64 (h, w), metres, 0 where nothing is
-    triangle : int32 (h, w), -1 there
+    triangle : int32 (h, w), -1 in the background
     intrinsics : float64 (4,) of that part
     """
 
@@ -79,16 +79,16 @@ class Drawn(NamedTuple):
 
 @lru_cache(maxsize=16)
 def balls_of(body: Body) -> Balls:
-    """The body as balls, made once for each body."""
+    """Return the balls of the body, cached for each body."""
     return Balls.of_body(body)
 
 
 class Placer:
-    """Places bodies of one topology before one camera.
+    """Placer of bodies of one topology in front of one camera.
 
     Parameters
     ----------
-    body : any body of that topology; its chosen vertices are those of all that are placed
+    body : any body of that topology; its chosen vertices are used for all
     camera : of the small image that bodies are drawn into
     level_rotation : R_level_camera, float64 (3, 3)
 
@@ -109,15 +109,15 @@ class Placer:
         self.around_joints = _chosen_around_joints(body, self.chosen)
 
     def place(self, body: Body, pose: np.ndarray, normals: np.ndarray | None = None) -> PlacedBody:
-        """`body` in `pose` (P,), level frame.
+        """Place `body` in `pose` (P,), level frame.
 
-        `normals` (V, 3) are those of its rest mesh, worked out unless they are given, which takes longer than the rest.
+        `normals` (V, 3) are those of its rest mesh; computing them takes longer than the rest.
         """
         return PlacedBody(self, body, pose, body.normals if normals is None else normals)
 
 
 class PlacedBody:
-    """One body in one pose, camera frame, metres; nothing in it changes.
+    """One body in one pose, camera frame, metres; immutable.
 
     Attributes
     ----------
@@ -139,17 +139,17 @@ class PlacedBody:
 
     @cached_property
     def drawn(self) -> Drawn:
-        """The body as the camera would see it alone."""
+        """Return the depth image of the body alone."""
         placer = self.placer
         return Drawn(*placing.draw(self.vertices, placer.faces, placer.intrinsics, *placer.camera.shape))
 
     @cached_property
     def chosen_points(self) -> np.ndarray:
-        """The chosen vertices: float64 (C, 3)."""
+        """Return the chosen vertices: float64 (C, 3)."""
         return self.vertices.take(self.placer.chosen, axis=0)
 
     def visible(self, facing: float, tolerance: float, seen: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
-        """Which chosen vertices would be measured, bool (C,), where `seen` is that of a `Scene`.
+        """Return which chosen vertices would be measured, bool (C,), given the `seen` image of a `Scene`.
 
         See `pairs.visible_vertices`.
         """
@@ -162,7 +162,7 @@ class PlacedBody:
 
 
 class NormalSystem:
-    """The normal equations `matrix` (P, P), `vector` (P,) of one linearisation."""
+    """Normal equations `matrix` (P, P), `vector` (P,) of one linearisation."""
 
     def __init__(self) -> None:
         joints, size = len(skeleton.JOINTS), skeleton.POSE_SIZE
@@ -173,13 +173,13 @@ class NormalSystem:
         self.reference = np.empty(3)
 
     def reset(self, reference: np.ndarray) -> None:
-        """Forget all pairs; twists are taken about `reference` (3,), near the body for the conditioning."""
+        """Remove all pairs; twists are taken about `reference` (3,), near the body for good conditioning."""
         self.hessian[:] = 0.0
         self.gradient[:] = 0.0
         self.reference[:] = reference
 
     def assemble(self, placed: PlacedBody) -> None:
-        """Turn the gathered pairs into `matrix` and `vector`."""
+        """Assemble the pairs into `matrix` and `vector`."""
         twists.assemble(
             self.hessian, self.gradient, skeleton.PARENTS, skeleton.DOF_JOINT, placed.axes, placed.origins,
             self.reference, placed.placer.from_level, BELOW, self.matrix, self.vector,

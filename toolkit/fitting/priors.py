@@ -1,4 +1,4 @@
-"""Priors on the pose itself: what is likely before a frame is looked at, as quadratics in the pose vector."""
+"""Pose priors as quadratics in the pose vector."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from toolkit.kernels.fit import twists
 
 
 class PoseTerm(Protocol):
-    """A term in the pose vector itself; called after `system.assemble`."""
+    """A term of the pose vector; called after `system.assemble`."""
 
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:
-        """Add this term's quadratic in the pose."""
+        """Add the quadratic of this term."""
 
     def energy(self, pose: np.ndarray) -> float:
-        """What the term costs at `pose` (P,), at least 0."""
+        """Return the cost of `pose` (P,), at least 0."""
 
 
 SPREAD = 0.1
-"""Radians: spread that the pose prior adds to every angle."""
+"""Additional spread of each angle in the pose prior, radians."""
 STEP = 1e-5
-"""Radians: step of finite differences."""
+"""Step of finite differences, radians."""
 
 
 @dataclass(frozen=True)
 class GaussianPrior:
-    """Joint angles near a mean: `1/2 weight (pose - mean)' precision (pose - mean)` over the entries after the root's.
+    """Gaussian prior on joint angles: `1/2 weight (pose - mean)' precision (pose - mean)` over the entries after the
+    root's.
 
     mean : float64 (P,), radians; precision : float64 (P - 6, P - 6)
     """
@@ -42,7 +43,7 @@ class GaussianPrior:
 
     @classmethod
     def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
-        """The prior of a sample of poses (N, P); `SPREAD` keeps angles that it never moves from being frozen."""
+        """Return the prior of a sample of poses (N, P); `SPREAD` keeps constant angles from having zero variance."""
         angles = np.asarray(poses, dtype=np.float64)[:, 6:]
         mean, covariance = linear.moments(angles)
         precision = linear.inverse(covariance + SPREAD**2 * np.eye(angles.shape[1]))
@@ -60,9 +61,9 @@ class GaussianPrior:
 
 @dataclass(frozen=True, eq=False)
 class LimbPrior:
-    """Some angles near a mean, each by its own: `1/2 weight sum (angle - mean)^2 / variance` (after thesis 6.4.3).
+    """Independent Gaussian priors on some angles: `1/2 weight sum (angle - mean)^2 / variance` (after thesis 6.4.3).
 
-    entries : int64 (A,), where the angles stand in a pose; mean, variance : float64 (A,), radians and their square
+    entries : int64 (A,), pose entries of the angles; mean, variance : float64 (A,), radians and their square
     """
 
     weight: float
@@ -83,11 +84,11 @@ class LimbPrior:
 
 @dataclass(frozen=True, eq=False)
 class ResidualTerm:
-    """Residuals of the pose, each robust by itself: `1/2 weight sigma^2 sum r^2 / (sigma^2 + r^2)` (Geman-McClure).
+    """Robust residuals of the pose: `1/2 weight sigma^2 sum r^2 / (sigma^2 + r^2)` (Geman-McClure).
 
-    Linearised by finite differences over the entries that may give way; all others stay as they are.
+    They are linearised by finite differences over `entries`; the other entries are constant.
 
-    weight : of a residual against one correspondence; sigma : metres; entries : int64 (A,)
+    weight : weight of a residual relative to one correspondence; sigma : metres; entries : int64 (A,)
     residuals : from a pose (P,) to float64 (R,), metres
     """
 
@@ -97,7 +98,7 @@ class ResidualTerm:
     residuals: Callable[[np.ndarray], np.ndarray]
 
     def violation(self, pose: np.ndarray) -> float:
-        """Robust sum of the residuals of `pose` (P,): 0 to their number."""
+        """Return the robust sum of the residuals of `pose` (P,), between 0 and their number."""
         square = (self.residuals(pose) / self.sigma) ** 2
         return float((square / (1.0 + square)).sum())
 

@@ -1,4 +1,4 @@
-"""Local optimisation: a pose refined against one frame by damped, bounded least squares (Baak 2013, 5.4.1)."""
+"""Local optimisation of a pose for one frame by damped, bounded least squares (Baak 2013, 5.4.1)."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, SurfaceTerm
 from toolkit.kernels.fit import twists
 
 Solve = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
-"""`solve(matrix, vector, pose, limits, damping, step)` fills the damped step within the limits."""
+"""Solver `solve(matrix, vector, pose, limits, damping, step)` of the damped step within the limits."""
 ANGLE_DAMPING, ROOT_DAMPING = 1.0, 0.1
-"""Of the angles, and of the root, which has to follow the whole body at once."""
+"""Damping of the angles, and of the root, which moves the whole body."""
 CONVERGED = 0.01
-"""Radians and metres: when no entry of a step is larger, what is left is below 2 mm. With 0.002 no frame is better and
-most are slower."""
+"""Maximum step entry at convergence, radians and metres; the remaining motion is below 2 mm. With 0.002 no frame is
+better and most are slower."""
 
 
 def mesh_terms(settings: FittingSettings) -> tuple[SurfaceTerm, CloudTerm]:
-    """The terms between mesh and measured points: mesh to cloud, cloud to mesh."""
+    """Return the terms between mesh and measured points: mesh to cloud, cloud to mesh."""
     s = settings
     return (
         SurfaceTerm(s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.vertices),
@@ -34,20 +34,20 @@ def mesh_terms(settings: FittingSettings) -> tuple[SurfaceTerm, CloudTerm]:
 
 
 def pair_terms(settings: FittingSettings) -> tuple[PairTerm, ...]:
-    """The terms that the settings ask for: those of the mesh, and no self-penetration."""
+    """Return the terms of the settings: mesh terms and self-penetration."""
     surface, cloud = mesh_terms(settings)
     terms: list[PairTerm] = [surface, cloud] if settings.cloud_samples else [surface]
     return (*terms, ContactTerm(settings.contact_weight)) if settings.contact_weight > 0.0 else tuple(terms)
 
 
 class Refiner:
-    """Refines poses of bodies before one camera.
+    """Refiner of poses in front of one camera.
 
     Parameters
     ----------
     placer : places bodies before that camera
     settings : of terms and iterations
-    terms : made of point pairs; those of the settings if None
+    terms : terms of point pairs; None = those of the settings
     pose_terms : in the pose vector itself
     system, solve : how the normal equations are put together and solved
     """
@@ -78,7 +78,7 @@ class Refiner:
         terms: Sequence[PairTerm] = (),
         iterations: int | None = None,
     ) -> np.ndarray:
-        """Refine `pose` (P,), level frame, against the frame, with further terms if given; returns a new pose (P,)."""
+        """Refine `pose` (P,), level frame, for the frame, with optional further terms; return a new pose (P,)."""
         pose, system = pose.copy(), self._system
         step = np.empty_like(pose)
         for _ in range(iterations or self.settings.iterations):

@@ -1,4 +1,4 @@
-"""Joints of the regressor as evidence: before the body is learnt, a fit may settle in a wrong size."""
+"""Evidence from regressed joints, which prevents a fit with a wrong body size before the body is estimated."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from toolkit.kernels import linear
 from toolkit.landmarks.regressor import JointEstimate
 
 SURE = 0.8
-"""Reliability from which on a voted joint is evidence."""
+"""Minimum reliability of a vote that is used as evidence."""
 WITHIN = 0.1
-"""Metres: the reliability of a vote is the probability of an error below it; a pose within it costs nothing."""
+"""Error for which the reliability of a vote is defined, metres; a pose within it has no cost."""
 CAP = 0.2
-"""Metres that a joint is too far, at most: what `FittingSettings.unexplained` is for a point."""
+"""Maximum excess distance of a joint, metres, as `FittingSettings.unexplained` for a point."""
 OUT_OF_VIEW = 0.2
-"""Probability of a joint to be in view below which it is taken to be out of it."""
+"""Probability of being in view below which a joint counts as out of view."""
 SIGMA = 0.3
-"""Metres too far at which a vote's pull has fallen to a quarter."""
+"""Scale of the Geman-McClure weight of the excess distance, metres."""
 
 
 class VotedJoints:
-    """Joints that are surely within 10 cm of where the pixels vote for them.
+    """Evidence that reliable joints lie within 10 cm of their votes.
 
     Parameters
     ----------
@@ -43,20 +43,20 @@ class VotedJoints:
         self._weight = weight
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
-        """See `Evidence.attract`: joints are drawn to within 10 cm of their votes, and no nearer."""
+        """See `FrameEvidence.attract`: joints are attracted to within 10 cm of their votes."""
         for row in self._rows:
             point, beyond = self._beyond(placed, row)
             if beyond.any():
                 pull(system, CARRIERS[row][0], point, beyond, self._weight, SIGMA)
 
     def cost(self, placed: PlacedBody) -> float:
-        """See `Evidence.cost`: by how much the sure joints are too far, on average."""
+        """See `FrameEvidence.cost`: mean excess distance of the reliable joints."""
         if not self._rows:
             return 0.0
         return sum(min(math.hypot(*self._beyond(placed, row)[1]), CAP) for row in self._rows) / len(self._rows)
 
     def _beyond(self, placed: PlacedBody, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """A reported joint (3,), and by how much it is too far from its vote (3,), camera frame, metres."""
+        """Return a reported joint (3,) and its excess vector from its vote (3,), camera frame, metres."""
         point = carried(placed, *CARRIERS[row])
         away = point - self._targets[row]
         length = math.hypot(*away)
@@ -64,14 +64,15 @@ class VotedJoints:
 
 
 def links_out_of_view(in_view: np.ndarray) -> np.ndarray:
-    """Bool (18,): joints whose links and all that hangs below them end out of view, by the `in_view` (20,) of votes."""
+    """Return joints whose links and all their descendants end out of view, bool (18,), by the `in_view` (20,) of
+    votes."""
     return np.asarray(((in_view < OUT_OF_VIEW) | ~_ENDS).all(axis=1))
 
 
 def _end_of(carrier: int, site: int) -> int:
-    """The joint whose link ends in a reported joint that stands in `CARRIERS` as this; -1 for derived ones."""
+    """Return the joint whose link ends at a reported joint with this entry in `CARRIERS`; -1 for derived joints."""
     return carrier if site >= 0 or carrier < 0 else int(skeleton.PARENTS[carrier])
 
 
 _ENDS: np.ndarray = np.stack([BELOW[:, end] & (end >= 0) for end in (_end_of(*place) for place in CARRIERS)], axis=1)
-"""Bool (18, 20): where the link of a joint, or one below it, ends in a reported joint; each has one."""
+"""Return bool (18, 20): whether the link of a joint, or a descendant, ends at a reported joint; each joint has one."""

@@ -1,7 +1,7 @@
-"""A person's own body from views of them in a T-pose: coefficients of the shape space, then offsets (Qammaz, 2.1).
+"""Body of a person from T-pose views: coefficients of the shape space, then vertex offsets (Qammaz, 2.1).
 
-The paper registers a mesh that is made by hand to one scan of four turned views. Here pose and shape are fitted to all
-views at once, and what the shape space does not know is left to offsets of the vertices along their normals.
+The paper registers a manually made mesh to one scan of four views. Here pose and shape are fitted to all views at once,
+and offsets of the vertices along their normals represent the remaining shape.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
 WIDE = 200
-"""Pixels of width above which the body is drawn at half the resolution of the image."""
+"""Image width above which the body is drawn at half resolution, pixels."""
 BEHIND = 0.1
-"""Metres from the surface to the middle of the body."""
+"""Distance from the surface to the middle of the body, metres."""
 ROUNDS = 60
-"""Times that poses and coefficients are fitted in turn; a limb and the pose of its joint part slowly."""
+"""Number of alternating fits of poses and coefficients; limb length and pose are coupled and converge slowly."""
 FIRST_ITERATIONS, ITERATIONS = 20, 4
-"""Of each pose, in the first round and after it."""
+"""Iterations of each pose in the first round and in later rounds."""
 PRIOR = 3.0
-"""See `ShapeSettings.prior`; every view has far more equations than that."""
+"""Weight of the shape prior, see `ShapeSettings.prior`; each view has many more equations."""
 REACH = 0.04
-"""Metres: a measured point farther along the normal is not the vertex's own."""
+"""Maximum distance of a measured point along the normal of its vertex, metres."""
 FACING = 0.5
-"""Cosine between normal and ray from which on a vertex is measured well enough."""
+"""Minimum cosine between normal and ray of a well measured vertex."""
 MOST = 0.03
-"""Metres, the largest offset."""
+"""Maximum offset, metres."""
 STIFFNESS = 1.0
-"""Pull of a vertex's neighbours against that of one measurement."""
+"""Smoothing weight of a vertex's neighbours relative to one measurement."""
 SWEEPS = 100
-"""Over all vertices, by which the offsets are spread evenly."""
+"""Number of smoothing passes over all vertices."""
 NARROW = 0.7
-"""Share of the stature that the span of the arms reaches in some view, at least."""
+"""Minimum arm span in some view as a fraction of the stature."""
 UNLIKE = 0.08
-"""Relative difference of statures above which the views show different people."""
+"""Maximum relative difference of statures between views of one person."""
 
 
 class ScanView(NamedTuple):
@@ -54,8 +54,8 @@ class ScanView(NamedTuple):
 
     Attributes
     ----------
-    cloud : the person's points, level frame
-    yaw : radians by which they are turned to their left, roughly; 0 faces the camera
+    cloud : points of the person, level frame
+    yaw : approximate angle by which the person is turned to their left, radians; 0 faces the camera
     """
 
     cloud: Cloud
@@ -63,11 +63,11 @@ class ScanView(NamedTuple):
 
 
 class Scan(NamedTuple):
-    """What was found.
+    """Result of a scan.
 
     Attributes
     ----------
-    body : the person's own
+    body : estimated body of the person
     poses : float64 (N, P), of each view, level frame
     seen : bool (V,), vertices that were measured
     residual : metres, median distance along the normals of what was measured from the body
@@ -80,12 +80,12 @@ class Scan(NamedTuple):
 
 
 def fit_scan(views: Sequence[ScanView]) -> Scan:
-    """The body of the person in at least two views.
+    """Estimate the body of the person in at least two views.
 
     Raises
     ------
     BodyError
-        There are fewer than two views, they show no person, different people, or no person who holds their arms out.
+        There are fewer than two views, or they contain no person, different people, or a person without spread arms.
     """
     fitting, stature = FittingSettings(), _checked_stature(views)
     space = ShapeSpace.load()
@@ -110,7 +110,7 @@ def fit_scan(views: Sequence[ScanView]) -> Scan:
 
 
 def _checked_stature(views: Sequence[ScanView]) -> float:
-    """Stature in metres, after a look at what the views show."""
+    """Return the stature in metres after checks of the views."""
     if len(views) < 2:
         raise BodyError(f"a body cannot be scanned from {len(views)} view; give two or more, of a person who turns")
     if empty := [i + 1 for i, view in enumerate(views) if len(view.cloud) < 300]:
@@ -119,8 +119,8 @@ def _checked_stature(views: Sequence[ScanView]) -> float:
     statures = extents[:, 1]
     if np.ptp(statures) > UNLIKE * statures.max():
         raise BodyError(
-            f"the views show people of {statures.min():.2f} and {statures.max():.2f} m, or one who is cut off; "
-            "record the whole of one person"
+            f"the views show people of {statures.min():.2f} and {statures.max():.2f} m, or a truncated person; "
+            "record one whole person"
         )
     stature = float(np.median(statures))
     if extents[:, 0].max() < NARROW * stature:
@@ -132,12 +132,12 @@ def _checked_stature(views: Sequence[ScanView]) -> float:
 
 
 def _small(cloud: Cloud) -> Camera:
-    """The camera of the image that the body is drawn into."""
+    """Return the camera of the image into which the body is drawn."""
     return cloud.camera.subsampled(2) if cloud.camera.width > WIDE else cloud.camera
 
 
 def _t_pose(body: Body, view: ScanView) -> np.ndarray:
-    """The rest pose where the cloud is: the top of the head at its top, the middle of the body behind its surface."""
+    """Return the rest pose at the cloud: equal top of the head, middle of the body behind the surface."""
     points, pose = view.cloud.points, np.zeros(skeleton.POSE_SIZE)
     top, middle = np.percentile(points[:, 1], 99.8), np.median(points, axis=0)
     pose[skeleton.ROOT_POSITION] = middle[0], top - body.vertices[:, 1].max(), middle[2] - BEHIND
@@ -146,7 +146,8 @@ def _t_pose(body: Body, view: ScanView) -> np.ndarray:
 
 
 def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
-    """How far the measured surface lies outside each vertex, metres (V,), and the weight of that, 0 = not seen."""
+    """Return the signed distance of the measured surface from each vertex, metres (V,), and its weight, 0 = not
+    measured."""
     total, weight = (np.zeros(len(placed[0].vertices)) for _ in range(2))
     for one, cloud in zip(placed, clouds, strict=True):
         vertices, normals = one.vertices, one.normals
@@ -165,7 +166,7 @@ def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.
 
 
 def _spread(measured: np.ndarray, weight: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Smooth offsets (V,) near the measured ones, 0 where nothing was seen, at most `MOST`."""
+    """Return smooth offsets (V,) close to the measured ones, 0 in unmeasured regions, at most `MOST`."""
     ends = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
     count = np.bincount(ends.ravel(), minlength=len(measured))
     smooth = np.where(weight > 0, measured, 0.0)

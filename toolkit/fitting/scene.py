@@ -1,4 +1,4 @@
-"""What one frame offers to a fit: the measured depth, samples of its points, and its points nearest to others."""
+"""Input of a fit from one frame: measured depth, samples of its points, and nearest-point queries."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from toolkit.kernels.fit import pairs
 from toolkit.sensing.cloud import Cloud, cropped, marked
 
 EXTREMUM_WEIGHT = 3.0
-"""Of a geodesic extremum against another sample: extrema are on the limbs, which the torso outnumbers."""
+"""Weight of a geodesic extremum relative to other samples, which are mostly on the torso."""
 
 
 class Scene:
-    """One cleaned frame as the fitter needs it.
+    """One cleaned frame as input of the fit.
 
     Attributes
     ----------
     depth : float32 (H, W), metres, 0 where no person was measured
     intrinsics : float64 (4,) of that image
-    seen : float32 (H, W): the same depth, 0 where no person is and NaN in pixels that say nothing about the person
+    seen : float32 (H, W): the same depth, 0 in the background and NaN in unobserved pixels
     samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
     plain_samples : how many of the samples come before the extrema
-    extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
-    cut : bool (E,), extrema that lie where the border or an occluder cuts the person: no limbs
-    evidence, priors : what is known of the frame besides its depth: of the placed body, and of the pose
-    withheld : bool (18,), joints whose links are known to be out of view: no measured point is theirs; None for none
+    extrema : float64 (E, 3), camera frame: geodesic extrema (`E_I^20`)
+    cut : bool (E,), extrema at cuts by the image border or an occluder, which are no limbs
+    evidence, priors : evidence on the placed body, and priors on the pose, besides depth
+    withheld : bool (18,), joints whose links are out of view and have no measured points; None for none
     """
 
     def __init__(
@@ -61,12 +61,13 @@ class Scene:
     def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
         """Fill `out` (C, 3) with the median of the `count` measured points nearest to each of `points` (C, 3).
 
-        Camera frame, metres. Rows that are not `wanted` (C,) or have nothing within `reach` become NaN in column 0. The
-        search is exact and runs on the pixel grid: no tree is built (`toolkit.kernels.image.pixel_search`).
+        Camera frame, metres. Rows that are not `wanted` (C,) or have no point within `reach` become NaN in column 0.
+        The search on the pixel grid is exact (`toolkit.kernels.image.pixel_search`).
         """
         pairs.nearest_medians(points, wanted, *self._person, reach, count, out)
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """How much each sample counts, float64 (N,): `EXTREMUM_WEIGHT` for an extremum that may be a limb, else 1."""
+        """Return the weight of each sample, float64 (N,): `EXTREMUM_WEIGHT` for an extremum that may be a limb, else
+        1."""
         return np.concatenate([np.ones(self.plain_samples), np.where(self.cut, 1.0, EXTREMUM_WEIGHT)])

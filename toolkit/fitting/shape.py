@@ -1,7 +1,7 @@
-"""Personal shape: coefficients of the shape space estimated from the recording itself, frame by frame.
+"""Estimation of the personal shape from the recording, frame by frame.
 
-The mesh is linear in the coefficients for a fixed pose, so each frame gives linear equations in them; they are summed
-with a slow forgetting, because the pose that a frame was linearised at was itself fitted with an earlier shape.
+For a fixed pose the mesh is linear in the shape coefficients, so each frame gives linear equations. They are summed
+with slow forgetting, because the pose of an early frame was fitted with an earlier shape.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from toolkit.kernels import linear
 
 @dataclass(frozen=True)
 class ShapeSettings:
-    """Constants of the shape estimate.
+    """Settings of the shape estimation.
 
     Attributes
     ----------
-    seconds : how long what is seen of a person first takes part, and the first rows wait; 0 keeps the first body
-    rate : frames per second of it that take part, at most: more say the same again
-    prior : weight of the population's mean against one correspondence of one frame at 1 cm
-    forgetting : factor on the equations of earlier frames, per frame: the first were fitted with a wrong shape
+    seconds : duration of the estimation, for which the first rows wait; 0 keeps the initial body
+    rate : maximum number of frames per second in the estimation
+    prior : weight of the population mean relative to one correspondence of one frame at 1 cm
+    forgetting : factor on the equations of earlier frames per frame, because the first were fitted with a wrong shape
     limit : standard deviations that a coefficient may reach
     """
 
@@ -42,20 +42,20 @@ class ShapeSettings:
 
 
 STEP = 0.25
-"""Standard deviations: the finite difference of the mesh in each coefficient, in which it is linear."""
+"""Finite difference of the mesh in each coefficient, standard deviations; the mesh is linear in it."""
 NOISE = 0.01
-"""Metres: the residual that counts as one standard deviation."""
+"""Residual of one standard deviation, metres."""
 
 
 class ShapeEstimator:
-    """Sums the equations of tracked frames and solves them for the body's coefficients.
+    """Accumulator of the equations of tracked frames, solved for the body's coefficients.
 
     Parameters
     ----------
     body : before the first frame
     settings : see `ShapeSettings`
     placer, terms : place bodies before the camera, and tie their surface to a frame
-    statures : metres, the least and the largest: of the bodies between them the likeliest is solved for
+    statures : minimum and maximum stature, metres; the most probable body between them is returned
     """
 
     def __init__(
@@ -76,9 +76,9 @@ class ShapeEstimator:
         self._vector = np.zeros(size)
 
     def observe(self, pose: np.ndarray, scene: Scene, placer: Placer | None = None) -> Body:
-        """Take in a frame in which the present body was found in `pose` (P,); returns the new body.
+        """Add a frame in which the current body was found in `pose` (P,); return the new body.
 
-        A frame of another camera brings its own `placer`.
+        A frame of another camera needs its own `placer`.
         """
         placer = placer or self._placer
         placed = placer.place(self.body, pose)
@@ -100,7 +100,7 @@ class ShapeEstimator:
         self._matrix = forget * self._matrix + linear.gram(columns, weight)
         self._vector = forget * self._vector + linear.combined(weight * wanted, columns)
         matrix = self._matrix + self._settings.prior * np.eye(len(self.coefficients))
-        # Toddlers are no small adults: the mean that they are drawn to, and may deviate from, is that of their size.
+        # Toddlers have their own mean and variance of the shape coefficients.
         mean = self._space.childhood(self.coefficients[0])
         away = self._vector - linear.times(self._matrix, mean)
         change = linear.solved(matrix, away)

@@ -1,4 +1,4 @@
-"""Residual terms of the local optimisation; each adds its quadratic to the normal equations and knows no loop."""
+"""Residual terms of the local optimisation; each adds its quadratic to the normal equations."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs, twists
 
 HIDDEN = 0.03
-"""Metres behind the drawn body from which a vertex is hidden: below the thickness of a hand, above the facets of the
-mesh."""
+"""Distance behind the drawn body at which a vertex is hidden, metres: below the thickness of a hand, above the mesh
+facets."""
 CLOUD_PLANE, CLOUD_POINT = 1.0, 0.3
-"""Weights of the two parts of a pair from cloud to mesh."""
+"""Plane and point weights of a cloud-to-mesh pair."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,24 +30,24 @@ class Pairs:
 
 
 class PairTerm(Protocol):
-    """A term made of point pairs; called between `system.reset` and `system.assemble`."""
+    """A term of point pairs; called between `system.reset` and `system.assemble`."""
 
     def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
-        """Add this term's pairs for the body as it is placed now."""
+        """Add the pairs of this term for the placed body."""
 
 
 class MeshTerm(PairTerm, Protocol):
-    """A term between the mesh and the measured points, which can say its pairs."""
+    """A term between the mesh and the measured points that exposes its pairs."""
 
     def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
-        """The correspondences themselves."""
+        """Return the correspondences."""
 
 
 @dataclass(frozen=True)
 class SurfaceTerm:
-    """Visible chosen vertices to the median of their nearest measured points (Baak 2013, 5.4.1).
+    """Pairs from visible chosen vertices to the median of their nearest measured points (Baak 2013, 5.4.1).
 
-    Which vertices have one, `FittingSettings.vertices` says.
+    `FittingSettings.vertices` selects the vertices.
     """
 
     reach: float
@@ -59,7 +59,7 @@ class SurfaceTerm:
     vertices: str = "seen"
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
-        """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
+        """Return the measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 without one."""
         visible = visible_chosen(placed, scene, self.facing, self.vertices)
         points = placed.chosen_points
         targets = np.empty_like(points)
@@ -67,7 +67,7 @@ class SurfaceTerm:
         return targets
 
     def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
-        """The correspondences themselves."""
+        """Return the correspondences."""
         targets = self.targets(placed, scene)
         found = ~np.isnan(targets[:, 0])
         vertex = placed.placer.chosen[found]
@@ -86,17 +86,18 @@ class SurfaceTerm:
 
 @dataclass(frozen=True)
 class CloudTerm:
-    """Measured samples to the nearest visible point of the drawn body; extrema count `scene.EXTREMUM_WEIGHT` times."""
+    """Pairs from measured samples to the nearest visible point of the drawn body; extrema have weight
+    `scene.EXTREMUM_WEIGHT`."""
 
     reach: float
     sigma: float
 
     def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-        """Nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of every sample."""
+        """Return the nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of each sample."""
         return nearest_drawn(placed, scene, scene.samples, self.reach)
 
     def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
-        """The correspondences themselves."""
+        """Return the correspondences."""
         points, vertex_of = self.nearest(placed, scene)
         found = vertex_of >= 0
         residual = points[found] - scene.samples[found]
@@ -113,9 +114,9 @@ class CloudTerm:
 
 
 def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, vertices: str = "seen") -> np.ndarray:
-    """Which chosen vertices would be measured, bool (C,); none of a link that is out of view (`Scene.withheld`).
+    """Return which chosen vertices would be measured, bool (C,); none of a link out of view (`Scene.withheld`).
 
-    With `vertices` "front" a fixed set is taken for measured (Baak 2013, Fig. 5.6a).
+    With `vertices` "front" a fixed set is used (Baak 2013, Fig. 5.6a).
     """
     if vertices == "front":
         return placed.placer.front
@@ -126,10 +127,10 @@ def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, vertices: st
 
 
 def nearest_drawn(placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of the surface that the camera sees, the point nearest to each of `samples` (N, 3), camera frame, metres.
+    """Return the point of the visible surface nearest to each of `samples` (N, 3), camera frame, metres.
 
-    Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 where there is nothing within `reach`, or only
-    a link that is out of view (`Scene.withheld`).
+    Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 without a point within `reach`, or for a link
+    out of view (`Scene.withheld`).
     """
     points = np.empty_like(samples)
     vertex_of = np.empty(len(points), dtype=np.int64)
@@ -151,7 +152,7 @@ def nearest_drawn(placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: 
 
 @dataclass(frozen=True)
 class JointTerm:
-    """Joint centres and sites to given points, as the joint regressor finds them.
+    """Pairs from joint centres and sites to given points, for regressed joints.
 
     targets : float64 (20, 3), camera frame, metres; weights : float64 (20,); derived joints are left out
     """
@@ -170,7 +171,7 @@ class JointTerm:
 
 
 def pull(system: NormalSystem, carrier: int, point: np.ndarray, away: np.ndarray, weight: float, sigma: float) -> None:
-    """Draw a point (3,) of joint `carrier` back by `away` (3,), metres, with a weight that falls as Geman-McClure's."""
+    """Attract a point (3,) of joint `carrier` by `away` (3,), metres, with a Geman-McClure weight."""
     p, robust = point - system.reference, weight / (1.0 + linear.dot(away, away) / sigma**2) ** 2
     twists.add_pair(
         system.hessian, system.gradient, carrier, p[0], p[1], p[2], 0.0, 0.0, 0.0, away[0], away[1], away[2],
@@ -179,7 +180,7 @@ def pull(system: NormalSystem, carrier: int, point: np.ndarray, away: np.ndarray
 
 
 def carried(placed: PlacedBody, carrier: int, site: int) -> np.ndarray:
-    """Where a reported joint is that stands in `CARRIERS` as this: float64 (3,), camera frame, metres."""
+    """Return the position of a reported joint with this entry in `CARRIERS`: float64 (3,), camera frame, metres."""
     point = np.asarray(placed.origins[carrier])
     if site < 0:
         return point
@@ -189,7 +190,7 @@ def carried(placed: PlacedBody, carrier: int, site: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ContactTerm:
-    """No self-penetration: balls of the body that overlap push each other apart."""
+    """Self-penetration term: overlapping balls of the body repel each other."""
 
     weight: float
 
@@ -216,15 +217,15 @@ def _carriers() -> list[tuple[int, int]]:
 
 
 CARRIERS: tuple[tuple[int, int], ...] = tuple(_carriers())
-"""Of each reported joint, the articulated joint that carries it and its site, -1 for none; -1, -1 if it is derived."""
+"""Return the articulated joint and the site (-1 for none) of each reported joint; -1, -1 for a derived one."""
 CARRIED: np.ndarray = np.array([carrier >= 0 for carrier, _ in CARRIERS])
-"""Bool (20,): reported joints that the body carries; the others are derived from these."""
+"""Reported joints that the body carries, bool (20,); the others are derived from them."""
 
 
 def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:
-    """Geman-McClure weights (N,) of residuals (N, 3)."""
+    """Return Geman-McClure weights (N,) of residuals (N, 3)."""
     return (1.0 + linear.dots(residual, residual) / sigma**2) ** -2
 
 
 SOFT = 0.8
-"""Share of the sum of two balls' radii within which they penetrate: flesh gives way, and trunks are no balls."""
+"""Distance of two balls relative to the sum of their radii at which they penetrate; below 1, because flesh is soft."""

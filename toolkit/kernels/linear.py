@@ -1,8 +1,8 @@
 """Small linear algebra with a fixed order of summation, compiled.
 
-What decides between hypotheses must not depend on how an array lies in memory or on which processor a library finds
-itself, for a last bit can turn a close choice and with it a whole track. The sums of BLAS and LAPACK do depend on that;
-these add up from the first to the last element, one by one.
+Decisions between hypotheses must not depend on the memory layout of an array or on the processor, because the last bit
+can decide a close choice and change a whole track. The sums of BLAS and LAPACK depend on both; these sums run from the
+first to the last element.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Component tree (max-tree) of a function on the nodes of a graph, and what its branches are worth, compiled.
+"""Component tree (max-tree) of a function on the nodes of a graph with dynamics and areas, compiled.
 
 A component of the nodes at or above a level is a branch; branches join as the level falls. Where two meet, the one with
-the lower summit ends: what its summit stands above that level is its *dynamics*, its nodes there are its *area*. On a
+the lower summit ends: the height of its summit above that level is its *dynamics*, its number of nodes its *area*. On a
 geodesic map the summits are the extremities of a body (Lopez-Mendez 2011, 2.2).
 """
 

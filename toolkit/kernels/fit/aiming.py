@@ -1,4 +1,4 @@
-"""Arms of many particles brought to where hands may be, compiled (Lopez-Mendez 2011, Eq. 4)."""
+"""Arms of many particles moved to hand candidates by inverse kinematics, compiled (Lopez-Mendez 2011, Eq. 4)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class ArmRig(NamedTuple):
 
     parents, rest, dof_joint, dof_axis : of the whole chain, as in `kinematics.forward_kinematics`
     clavicle, shoulder, elbow, wrist : joints
-    shoulder_entry, elbow_entry : where the shoulder's rotation vector and the elbow's angle stand in a pose
+    shoulder_entry, elbow_entry : pose entries of the shoulder's rotation vector and of the elbow's angle
     bones : the arm as inverse kinematics needs it
-    fore : float64 (3,), wrist from elbow in the rest pose; hand : float64 (3,), the hand's place from the wrist
+    fore : float64 (3,), wrist from elbow in the rest pose; hand : float64 (3,), hand from wrist
     """
 
     parents: np.ndarray
@@ -37,7 +37,8 @@ class ArmRig(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """What a hand's place is worth (Eq. 4): spread in metres (`Sigma_e`), `lambda`, and the least log-probability."""
+    """Parameters of the score of a hand (Eq. 4): spread in metres (`Sigma_e`), `lambda`, and minimum
+    log-probability."""
 
     spread: float
     smoothness: float
@@ -46,7 +47,7 @@ class Aim(NamedTuple):
 
 @njit(cache=True)
 def place_hands(poses: np.ndarray, arm: ArmRig, hands: np.ndarray) -> None:
-    """Where every pose (N, P) has its hand (`F(x)`): fills `hands` (N, 3), metres, frame of the poses."""
+    """Compute the hand of each pose (N, P) (`F(x)`): fills `hands` (N, 3), metres, frame of the poses."""
     joints = arm.parents.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     for n in range(poses.shape[0]):
@@ -67,11 +68,11 @@ def aim_arms(
     aim: Aim,
     scores: np.ndarray,
 ) -> None:
-    """Bring the arms of the `wanted` (N,) among `poses` (N, P) to their `targets` (N, 3), frame of the poses, in place.
+    """Move the arms of the `wanted` (N,) among `poses` (N, P) to their `targets` (N, 3), frame of the poses, in place.
 
-    `swivels` (N,) are radians from the swivel that is nearest to the pose before. `scores` (N,) receives the
-    log-probability of each answer (Eq. 4); an answer below `aim.least` is refused, its score is minus infinity and its
-    pose stays, as it does where none is wanted.
+    `swivels` (N,) are radians from the swivel nearest to the previous pose. `scores` (N,) receives the log-probability
+    of each result (Eq. 4); below `aim.least` the result is rejected: its score is minus infinity and the pose is
+    unchanged, as for poses that are not wanted.
     """
     joints = arm.parents.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))

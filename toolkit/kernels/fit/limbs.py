@@ -1,8 +1,8 @@
-"""Limbs as chains of balls against a depth image: what a limb would cost there, and its small fit, compiled.
+"""Limbs as chains of balls against a depth image: cost of a limb, and its fit, compiled.
 
-Everything but the image is in the frame of the joint that carries the limb. A limb costs what it leaves unexplained of
-the measured samples, plus what its balls reach into free space: a ball before a measured point, or where nothing was
-measured, cannot be there.
+All quantities but the image are in the frame of the joint that carries the limb. The cost of a limb is the unexplained
+distance of the measured samples plus the intrusion of its balls into free space, which is the space in front of
+measured points and the rays without a measurement.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from toolkit.kernels.kinematics import carry, forward_kinematics, world_axes
 
 
 class Chain(NamedTuple):
-    """One limb of one body; its first joint is the one that carries it.
+    """One limb of one body; its first joint carries it.
 
     parents : int64 (J,), -1 for the first; rest : float64 (J, 3), relative to the first, metres
     dof_joint, dof_axis : int64 (3 + D,), the first three belong to the first joint and stay 0
@@ -37,10 +37,10 @@ class Chain(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """What was measured, and what counts.
+    """Measurements and weights of the comparison.
 
     rotation : float64 (3, 3) and origin : float64 (3,), from the carrying joint's frame to the camera's
-    evidence : float32 (H, W), metres, 0 in the background, NaN where nothing was observed; intrinsics : float64 (4,)
+    evidence : float32 (H, W), metres, 0 in the background, NaN in unobserved pixels; intrinsics : float64 (4,)
     samples : float64 (M, 3), points that the limb may explain, in the carrying joint's frame
     share : weight of a sample; free_space : weight of the mean intrusion of the balls
     tolerance : metres by which a sample may be off and still is explained
@@ -60,7 +60,7 @@ class Measured(NamedTuple):
 
 @njit(cache=True)
 def _intrusion(ball: np.ndarray, radius: float, measured: Measured) -> float:
-    """How far a ball reaches into free space, metres, at most the cap; 0 where nothing was observed."""
+    """Return the intrusion of a ball into free space, metres, at most the cap; 0 in unobserved pixels."""
     r, o, intrinsics, depth = measured.rotation, measured.origin, measured.intrinsics, measured.evidence
     z = r[2, 0] * ball[0] + r[2, 1] * ball[1] + r[2, 2] * ball[2] + o[2]
     if z <= 0.05:
@@ -80,7 +80,7 @@ def _intrusion(ball: np.ndarray, radius: float, measured: Measured) -> float:
 
 @njit(cache=True)
 def _nearest_ball(point: np.ndarray, balls: np.ndarray, radii: np.ndarray, cap: float) -> tuple[int, float]:
-    """The ball whose surface is nearest to a point and the signed distance to it; (-1, cap) if that is the cap."""
+    """Return the ball whose surface is nearest to a point and the signed distance to it; (-1, cap) beyond the cap."""
     best, nearest = -1, cap
     for b in range(radii.shape[0]):
         reach = nearest + radii[b]
@@ -93,7 +93,7 @@ def _nearest_ball(point: np.ndarray, balls: np.ndarray, radii: np.ndarray, cap: 
 
 @njit(cache=True)
 def _cost(balls: np.ndarray, radii: np.ndarray, measured: Measured) -> float:
-    """Cost of one limb, metres."""
+    """Return the cost of one limb, metres."""
     unexplained = intrusion = 0.0
     for n in range(measured.samples.shape[0]):
         gap = _nearest_ball(measured.samples[n], balls, radii, measured.cap)[1]
@@ -112,14 +112,14 @@ def _place(
     origins: np.ndarray,
     balls: np.ndarray,
 ) -> None:
-    """Joints and balls (B, 3) of `pose` (6 + D,), whose first six entries are 0."""
+    """Compute joints and balls (B, 3) of `pose` (6 + D,), whose first six entries are 0."""
     forward_kinematics(pose, chain.parents, chain.rest, chain.dof_joint, chain.dof_axis, vectors, rotations, origins)
     carry(chain.ball_joint, chain.ball_offset, rotations, origins, balls)
 
 
 @njit(cache=True)
 def place_balls(angles: np.ndarray, chain: Chain, balls: np.ndarray) -> None:
-    """Balls of each limb of `angles` (C, D): fills `balls` (C, B, 3)."""
+    """Compute the balls of each limb of `angles` (C, D): fills `balls` (C, B, 3)."""
     joints = chain.parents.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     pose = np.zeros(6 + angles.shape[1])
@@ -131,7 +131,7 @@ def place_balls(angles: np.ndarray, chain: Chain, balls: np.ndarray) -> None:
 
 @njit(cache=True)
 def limb_costs(balls: np.ndarray, radii: np.ndarray, measured: Measured, costs: np.ndarray) -> None:
-    """Cost of each limb of `balls` (C, B, 3), metres: fills `costs` (C,)."""
+    """Compute the cost of each limb of `balls` (C, B, 3), metres: fills `costs` (C,)."""
     for c in range(balls.shape[0]):
         costs[c] = _cost(balls[c], radii, measured)
 
@@ -146,10 +146,10 @@ def fit_limbs(
     iterations: int,
     costs: np.ndarray,
 ) -> None:
-    """Fit each limb of `angles` (C, D), in place and within its limits; fills `costs` (C,) with what it costs then.
+    """Fit each limb of `angles` (C, D), in place and within its limits; fills `costs` (C,) with the final cost.
 
-    Damped Gauss-Newton on the signed distance of each sample to the nearest ball, with Geman-McClure weights of width
-    `sigma` (metres), and on how far each ball has to go back along its ray to where free space ends.
+    Damped Gauss-Newton on the signed distance of each sample to the nearest ball, with Geman-McClure weights of scale
+    `sigma` (metres), and on the intrusion of each ball along its ray.
     """
     joints, size, count = chain.parents.shape[0], angles.shape[1], chain.radii.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
@@ -183,7 +183,7 @@ def fit_limbs(
                 else:
                     b = n - observed
                     residual = -_intrusion(balls[b], chain.radii[b], measured)
-                    # A ball beside the silhouette has no way back along its ray.
+                    # A ball beside the silhouette intrudes at all depths and gives no gradient along its ray.
                     if residual == 0.0 or residual == -measured.cap:
                         continue
                     for a in range(3):

@@ -27,11 +27,12 @@ def visible_vertices(
     tolerance: float,
     out: np.ndarray,
 ) -> None:
-    """Which chosen vertices the camera would see: facing it, where something was observed, not behind the body itself.
+    """Compute which chosen vertices are visible: facing the camera, at an observed pixel, not hidden by the body
+    itself.
 
     A vertex faces the camera when the cosine between its normal and the direction to the camera exceeds `facing`; it is
-    hidden when the drawn body lies nearer by more than `tolerance` metres. Outside the image and where `evidence`
-    (H, W) is NaN nothing was observed. Fills `out` (C,) bool.
+    hidden when the drawn body is nearer by more than `tolerance` metres. Pixels outside the image and NaN pixels of
+    `evidence` (H, W) are unobserved. Fills `out` (C,) bool.
     """
     height, width = model_depth.shape
     for i in range(chosen.shape[0]):
@@ -55,7 +56,7 @@ def visible_vertices(
 
 @njit(cache=True)
 def is_observed(x: float, y: float, z: float, evidence: np.ndarray, intrinsics: np.ndarray) -> bool:
-    """Whether a point before the camera falls into the image, onto a pixel of `evidence` (H, W) that is not NaN."""
+    """Return whether a point in front of the camera projects onto a pixel of `evidence` (H, W) that is not NaN."""
     if z <= 0.05:
         return False
     u = int(np.rint(intrinsics[0] * x / z + intrinsics[2]))
@@ -74,7 +75,7 @@ def observed_points(points: np.ndarray, evidence: np.ndarray, intrinsics: np.nda
 def support_of_joints(
     around: np.ndarray, gaps: np.ndarray, observed: np.ndarray, width: float, support: np.ndarray, share: np.ndarray
 ) -> None:
-    """How near measured points are to the vertices around each joint, and how much of these was observed.
+    """Compute the support of each joint by the measured points near its vertices, and the observed fraction of these.
 
     `around` (J, C) holds weights of the C vertices around each joint; `gaps` (C,) metres, NaN for none: they count as a
     Gaussian of `width`; `observed` (C,) is 1 or 0. Fills `support` (J,), twice the mean, at most 1, and `share` (J,).
@@ -101,7 +102,8 @@ def nearest_medians(
     wanted: int,
     out: np.ndarray,
 ) -> None:
-    """Componentwise median of the nearest measured points of each wanted point; fills `out` (C, 3), NaN where none."""
+    """Compute the componentwise median of the nearest measured points of each wanted point; fills `out` (C, 3), NaN
+    without points."""
     width = depth.shape[1]
     ray = longest_ray(depth.shape[0], width, intrinsics)
     squared = np.empty(wanted)

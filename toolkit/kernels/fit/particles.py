@@ -1,8 +1,8 @@
-"""What a particle costs against a depth image, and which particles go on, compiled (Lopez-Mendez 2011, 2.1).
+"""Cost of particles for a depth image, and resampling, compiled (Lopez-Mendez 2011, 2.1).
 
-The paper draws the whole model for every particle. Here a trunk is drawn for every particle of the first layer; for an
-arm a few trunks are kept as *bases*, over which every particle lays its arms as balls: its cost is that of the base
-plus, over the pixels that its balls cover, what they change. The sum is that of the whole picture drawn anew.
+The paper draws the whole model for each particle. Here a trunk is drawn for each particle of the first layer. For an
+arm a few trunks are kept as *bases*, and each particle draws its arms over one of them as balls: its cost is that of
+the base plus the change in the pixels of its balls. The sum equals the cost of the whole picture.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from toolkit.kernels.fit.placing import draw as draw_mesh
 from toolkit.kernels.kinematics import carry, forward_kinematics, skin
 
 NEAREST = 0.05
-"""Metres before the camera from which on something is drawn."""
+"""Minimum distance from the camera of drawn surfaces, metres."""
 
 
 class Tile(NamedTuple):
-    """The part of a frame by which a layer is weighed, and how.
+    """Image window of a layer, and its weights.
 
     seen : float32 (H, W), metres, 0 where no person is, NaN where nothing was observed
     intrinsics : float64 (4,)
@@ -40,7 +40,7 @@ class Tile(NamedTuple):
 
 
 class Rig(NamedTuple):
-    """The part of a body that is drawn, and the balls that stand for it.
+    """Drawn part of a body, and its ball model.
 
     parents, rest, dof_joint, dof_axis : of the kinematic chain, as in `kinematics.forward_kinematics`
     vertices, skin_joints, skin_weights, faces : what is drawn of the mesh, int64 faces
@@ -64,10 +64,10 @@ class Rig(NamedTuple):
 
 @njit(cache=True)
 def pixel_cost(drawn: float, seen: float, tile: Tile) -> float:
-    """What one pixel costs: both terms of Eq. 3 (`c_d` and `c_f`), not yet per measured pixel.
+    """Return the cost of one pixel: both terms of Eq. 3 (`c_d` and `c_f`), not yet per measured pixel.
 
-    The difference of depths counts squared, at most 1 at the cap, and as much where a measured pixel is missed; the
-    silhouettes count where one is and the other is not. Where nothing was observed nothing costs.
+    The squared depth difference is at most 1, at the cap, and 1 for a measured pixel without model; the silhouette term
+    counts pixels in exactly one silhouette. Unobserved pixels have no cost.
     """
     if np.isnan(seen):
         return 0.0
@@ -81,7 +81,7 @@ def pixel_cost(drawn: float, seen: float, tile: Tile) -> float:
 
 @njit(cache=True)
 def picture_cost(drawn: np.ndarray, tile: Tile) -> float:
-    """Cost of a drawn picture (H, W), metres, 0 where nothing is, within the tile's window."""
+    """Return the cost of a drawn picture (H, W), metres, 0 in the background, within the tile's window."""
     total = 0.0
     for v in range(tile.window[0], tile.window[1]):
         for u in range(tile.window[2], tile.window[3]):
@@ -142,7 +142,7 @@ def draw_bases(poses: np.ndarray, rig: Rig, tile: Tile, bases: np.ndarray) -> No
 
 @njit(cache=True)
 def _slopes(across: float, along: float, radius: float) -> tuple[float, float]:
-    """Least and largest slope of the rays that meet a ball, seen along one axis of the image."""
+    """Return the minimum and maximum slope of the rays that meet a ball along one image axis."""
     square = along * along - radius * radius
     root = radius * np.sqrt(across * across + square)
     return (across * along - root) / square, (across * along + root) / square
@@ -200,10 +200,10 @@ def overlay_costs(
 
 @njit(cache=True)
 def overlap_costs(balls: np.ndarray, radii: np.ndarray, pairs: np.ndarray, soft: float, costs: np.ndarray) -> None:
-    """How far the balls (N, B, 3) of each particle reach into each other (`c_p`): fills `costs` (N,).
+    """Compute the overlap of the balls (N, B, 3) of each particle (`c_p`): fills `costs` (N,).
 
-    The sum over `pairs` (K, 2) of the squared overlap in units of the two radii's sum, of which the share above `soft`
-    is flesh that gives way.
+    It is the sum over `pairs` (K, 2) of the squared overlap in units of the sum of both radii; the fraction `soft` of
+    that sum is the distance at which balls start to overlap.
     """
     for n in range(balls.shape[0]):
         total = 0.0

@@ -1,4 +1,4 @@
-"""What many poses of a body would cost against one frame: placed, drawn, scored (Qammaz, Eq. 2 to 6), compiled.
+"""Cost of many poses of a body for one frame: placing, drawing, scoring (Qammaz, Eq. 2 to 6), compiled.
 
 A position is a pose whose root turns relative to a reference orientation: `R_root = reference exp(position[3:6])`. So
 the neighbourhood of any orientation is a box, and no rotation vector comes near its wrap at pi.
@@ -15,7 +15,7 @@ from toolkit.kernels.image.raster import front_faces, project
 from toolkit.kernels.kinematics import forward_kinematics, skin
 
 NEAR = 0.05
-"""Metres before the camera within which nothing is drawn, as in `raster.project`."""
+"""Minimum distance from the camera of drawn surfaces, metres, as in `raster.project`."""
 
 
 class Figure(NamedTuple):
@@ -40,13 +40,13 @@ class Figure(NamedTuple):
 
 
 class View(NamedTuple):
-    """The frame as a small image, and how positions are seen in it.
+    """The frame as a small image, and the transform of positions to it.
 
     from_level : R_camera_level, float64 (3, 3), of the root's place
     reference : R_camera_reference, float64 (3, 3), of the root's orientation
     intrinsics : float64 (4,), pixels; pixels need not be square
-    depth : float64 (h, w), metres; 0 where something farther or nothing is (free), NaN where nothing is known
-    clamp : T, metres, the most that a pixel costs; weight : w_D / N_P, 0 leaves the image out
+    depth : float64 (h, w), metres; 0 in free pixels (background), NaN in unobserved ones
+    clamp : T, metres, maximum cost of a pixel; weight : w_D / N_P, 0 ignores the image
     """
 
     from_level: np.ndarray
@@ -58,7 +58,7 @@ class View(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """Where joints were seen, camera frame.
+    """Detected joints, camera frame.
 
     joint : int64 (K,), which joint carries each; offset : float64 (K, 3), from it in the rest pose, metres
     slopes : float64 (K, 2), x/z and y/z of the ray through it; distance : metres at which slopes are compared
@@ -189,7 +189,7 @@ def _draw_triangles(figure: Figure, view: View, buffers: Buffers) -> None:
 
 @njit(cache=True)
 def draw(figure: Figure, view: View, buffers: Buffers) -> None:
-    """The placed figure as the camera sees it alone: `inverse` of the buffers becomes 1/z, 0 where nothing is."""
+    """Draw the placed figure: `inverse` of the buffers becomes 1/z, 0 in the background."""
     buffers.inverse[:] = 0.0
     _draw_balls(figure, view, buffers)
     if figure.faces.shape[0]:
@@ -198,7 +198,7 @@ def draw(figure: Figure, view: View, buffers: Buffers) -> None:
 
 @njit(cache=True, error_model="numpy")
 def depth_cost(depth: np.ndarray, inverse: np.ndarray, clamp: float, columns: np.ndarray) -> float:
-    """The sum of Qammaz, Eq. 3, metres: where only one of person and figure is, a pixel costs the clamp.
+    """Return the sum of Qammaz, Eq. 3, metres; a pixel of only the person or only the figure costs the clamp.
 
     `columns` (w,) is working memory: sums that do not wait for each other, in a fixed order.
     """
@@ -217,7 +217,7 @@ def depth_cost(depth: np.ndarray, inverse: np.ndarray, clamp: float, columns: np
 
 @njit(cache=True)
 def joint_cost(targets: Targets, buffers: Buffers) -> float:
-    """The weighted distances of the placed joints from where they were seen (Qammaz, Eq. 4 to 6), metres."""
+    """Return the weighted distances of the placed joints from the detected ones (Qammaz, Eq. 4 to 6), metres."""
     rotations, origins = buffers.rotations, buffers.origins
     total = 0.0
     for k in range(targets.joint.shape[0]):
@@ -245,7 +245,7 @@ def discrepancies(
     buffers: Buffers,
     out: np.ndarray,
 ) -> None:
-    """What each of `positions` (N, P) costs (Qammaz, Eq. 2): fills `out` (N,), metres."""
+    """Compute the costs of `positions` (N, P) (Qammaz, Eq. 2): fills `out` (N,), metres."""
     for n in range(positions.shape[0]):
         place(positions[n], figure, view, buffers)
         out[n] = joint_cost(targets, buffers)
@@ -264,7 +264,8 @@ def move(
     pulls: np.ndarray,
     limits: np.ndarray,
 ) -> None:
-    """One generation of a swarm, in place (Qammaz, Eq. 7 and 8); a velocity that would leave the limits is cut short.
+    """Advance a swarm by one generation, in place (Qammaz, Eq. 7 and 8); a velocity that would leave the limits is
+    reduced.
 
     Parameters
     ----------

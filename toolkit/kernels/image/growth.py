@@ -1,4 +1,4 @@
-"""Sharing out the pixels of a depth image among several people by geodesic distance, compiled."""
+"""Segmentation of a depth image into several people by geodesic distance, compiled."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 UNIT = 2.0**-16
-"""Metres per unit of length: sums of whole units are the same in whatever order they are added."""
+"""Metres per unit of length; integer sums do not depend on their order."""
 FAR = np.iinfo(np.int32).max
 
 
@@ -56,7 +56,7 @@ def grow(
     labels: np.ndarray,
     distances: np.ndarray,
 ) -> None:
-    """Give every pixel to the person from whose seeds the way over the surface is shortest (Dijkstra).
+    """Assign each pixel to the person with the shortest path over the surface from its seeds (Dijkstra).
 
     A step to one of 8 neighbours is as long as the points are apart, where the depth along z jumps by less than
     `steps[0] + steps[1] z^2`; up to a jump of `steps[2]` it counts `steps[3]` times as long; beyond it there is no
@@ -73,7 +73,7 @@ def grow(
     steps : float64 (5,), see above
     longest : metres of way after which nothing belongs to a person any more
     labels : int32 (H, W); becomes 1.., 0 = no person
-    distances : int32 (H, W); becomes the way in units, `FAR` where no person comes
+    distances : int32 (H, W); becomes the path length in units, `FAR` for unreached pixels
     """
     height, width = measured.shape
     # A pixel is entered at most once by each of its 8 neighbours and once as a seed.

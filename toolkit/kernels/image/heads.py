@@ -26,7 +26,7 @@ def head_scores(
     unmeasured: float,
     scores: np.ndarray,
 ) -> None:
-    """How much the surroundings of every candidate pixel look like those of a head's centre.
+    """Compute the similarity of each candidate pixel's surroundings to those of a head's centre.
 
     A place is given by metres to the right and upwards in the plane through the pixel's point that faces the camera,
     upwards being the vertical as far as it lies in that plane.
@@ -89,14 +89,15 @@ def _placed(depth: np.ndarray, u: int, v: int, intrinsics: np.ndarray, up: np.nd
     length = np.sqrt(x * x + y * y)
     if length < LEAST_UP:
         return _Place(False, u, v, z, 0.0, 0.0, 0.0, 0.0)
-    # The small slant of that plane against the image is left out.
+    # """Return the depth of the surface at a position behind the candidate, metres; NaN without a measurement."""
     x, y = x / length * fx / z, y / length * fy / z
     return _Place(True, u, v, z, -y / fy * fx, x / fx * fy, x, y)
 
 
 @njit(cache=True)
 def _behind(depth: np.ndarray, place: _Place, across: float, upwards: float) -> float:
-    """How far the surface at a place lies behind the candidate, metres; NaN where nothing was measured."""
+    """Return the roundness relative to a sphere, 0 to 1; negative if less than two thirds of the positions are on a
+    head."""
     u = int(np.rint(place.u + across * place.right_u + upwards * place.up_u))
     v = int(np.rint(place.v + across * place.right_v + upwards * place.up_v))
     if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0] or depth[v, u] == 0.0:

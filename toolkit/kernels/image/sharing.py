@@ -1,4 +1,4 @@
-"""Whose pixel it is, by the bodies that are expected: one z-buffer for all of them, compiled."""
+"""Assignment of pixels to people by their predicted bodies in one common z-buffer, compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mixtures of Gaussians of which some variables are known: what that says about the others, compiled.
+"""Gaussian mixtures with some known variables: distribution of the unknown ones, compiled.
 
 Sums run in a fixed order, so that the result does not depend on a linear algebra library.
 """
@@ -21,7 +21,7 @@ def condition(
     gains: np.ndarray,
     remaining: np.ndarray,
 ) -> None:
-    """What depends on which variables are known but not on their values, for K Gaussians of D variables.
+    """Quantities that depend on the set of known variables but not on their values, for K Gaussians of D variables.
 
     Parameters
     ----------

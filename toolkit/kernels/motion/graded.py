@@ -215,7 +215,7 @@ def nearest_example(
 def differences(
     examples: np.ndarray, example_starts: np.ndarray, weights: np.ndarray, columns: np.ndarray, hits: np.ndarray
 ) -> np.ndarray:
-    """How an example and what it was found in differ, feature by feature, along the best alignment: float32 (H, F).
+    """Compute the differences between an example and its hits by feature along the best alignment: float32 (H, F).
 
     Steps as in `graded_distances`; means over the example's columns of the absolute differences.
 
@@ -257,7 +257,8 @@ def differences(
 
 @njit(cache=True)
 def _reached(total: np.ndarray, cells: np.ndarray, i: int, j: int) -> tuple[float, int, int]:
-    """Cheapest way to a cell from those before it: cost, rows and columns back; none back from row 0."""
+    """Return the cost of the best path to a cell from its predecessors, in rows and columns back; none back from row
+    0."""
     if i == 0 or j == 0:
         return (cells[i, j] if i == 0 else np.inf), 0, 0
     cost, back, aside = total[i - 1, j - 1] + cells[i, j], 1, 1
