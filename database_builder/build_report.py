@@ -1,4 +1,4 @@
-"""What a pose database covers, as text."""
+"""Text description of a pose database."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ LISTED_SOURCES = 15
 
 
 def database_text(database: PoseDatabase) -> str:
-    """Facts about a database as lines: body, sampling, sources, extent of the end effectors, residual of the
-    offsets."""
+    """Return lines with body, sampling, sources, extent of the end effectors and residuals of the offsets."""
     notes = database.notes
     mirror = f", {int(database.mirrored.sum())} of them mirror images" if database.mirrored.any() else ""
     stop = f", at most {notes['max_poses']}" if notes.get("max_poses") else ""

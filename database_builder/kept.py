@@ -1,4 +1,5 @@
-"""Intermediate results of a build, kept beside its output until that is written, so that nothing is made twice."""
+"""Intermediate results of a build, stored beside its output until it is written, so that an interrupted build
+resumes."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ class KeptFile:
 
     Attributes
     ----------
-    path : where it lies; None = nothing is kept
+    path : file; None = nothing is stored
     key : names everything that its content depends on
     """
 
@@ -27,17 +28,17 @@ class KeptFile:
     key: str
 
     def load(self) -> dict[str, np.ndarray] | None:
-        """Its arrays; None where there is no such file, it is damaged, or was made of something else."""
+        """Return the arrays, or None if the file is missing, damaged, or has other inputs."""
         if self.path is None:
             return None
         try:
             arrays = load_archive(self.path, DatabaseError, "it is made again")
             return arrays if str(arrays.pop("key")) == self.key else None
-        except Exception:  # whatever is wrong with it, it is made again
+        except Exception:  # an invalid file is computed again
             return None
 
     def save(self, arrays: Mapping[str, Any]) -> bool:
-        """Keep arrays as far as there is room, and whether there was: a build goes on without."""
+        """Store arrays and return whether there was room; without room the build continues."""
         if self.path is not None:
             try:
                 save_archive(self.path, {**arrays, "key": self.key}, compressed=False)

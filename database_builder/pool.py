@@ -1,9 +1,9 @@
-"""The poses that the sampling chooses from, in bounded memory, however much mocap there is.
+"""Candidate poses of the sampling, in bounded memory for any amount of mocap.
 
-Poses come source by source. Up to `PART` of them are kept as they are, and the selection is plain farthest-first. More
-are thinned part by part as they come, each part by farthest-first too, and the selection chooses from what is left of
-all parts: a composable core-set (Malkomes et al. 2015). A pose is then within the cover of its part of a pose that is
-left, and that one within the cover of the selection of a selected one.
+Poses arrive source by source. Up to `PART` of them are kept unchanged, and the selection is plain farthest-first. More
+are thinned in parts by farthest-first too, and the selection uses the remaining poses of all parts: a composable
+core-set (Malkomes et al. 2015). A pose is then within the cover of its part of a remaining pose, which is within the
+cover of the selection of a selected one.
 """
 
 from __future__ import annotations
@@ -19,15 +19,13 @@ from toolkit.body import skeleton
 from toolkit.database.database import PoseOrigins
 
 PART = 500_000
-"""Poses that are thinned together: 200 MB of them."""
+"""Number of poses that are thinned together (200 MB)."""
 LEFT = 20
-"""One of so many poses of a part is left, or as many as are wanted in all: 20 MB for a million poses."""
+"""Fraction of a part that remains, unless more poses are requested in total; 20 MB for a million poses."""
 
 
 class Rows(NamedTuple):
-    """Poses to choose from: float32 (N, P) and their joints (N, 20, 3), metres; of each the number of its source, its
-    frame there (int32) and whether it is a mirror image.
-    """
+    """Candidate poses: float32 (N, P), joints (N, 20, 3), metres, source index, frame (int32) and mirror flag."""
 
     poses: np.ndarray
     joints: np.ndarray
@@ -37,7 +35,7 @@ class Rows(NamedTuple):
 
     @classmethod
     def empty(cls, count: int) -> Rows:
-        """So many rows that hold anything; memory is taken as they are filled."""
+        """Return rows of uninitialised memory, which the system allocates when they are filled."""
         return cls(
             np.empty((count, skeleton.POSE_SIZE), np.float32), np.empty((count, len(skeleton.REPORTED), 3), np.float32),
             np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.bool_),
@@ -45,25 +43,25 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, one: CanonicalPoses, number: int) -> Rows:
-        """All poses of source `number`."""
+        """Return all poses of source `number`."""
         place = np.arange(len(one.poses), dtype=np.int32)
         source = np.full(len(place), number, np.int32)
         return cls(one.poses, one.joints, source, place % max(one.frames, 1), place >= one.frames)
 
     def taken(self, rows: np.ndarray | slice) -> Rows:
-        """Some of the rows."""
+        """Return some of the rows."""
         return Rows(*(column[rows] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """What was selected, in the order of selection.
+    """Selected poses in the order of selection.
 
     Attributes
     ----------
     rows : the poses
-    thinned : how many poses were left to choose from and how far a pose can be from the nearest of them, metres in the
-        unit of Eq. 5.1; empty where all were there
+    thinned : number of remaining candidates, and maximum distance of a pose from the nearest of them, metres in the
+        unit of Eq. 5.1; empty without thinning
     """
 
     rows: Rows
@@ -71,7 +69,7 @@ class Selection:
 
 
 class PosePool:
-    """Collects poses and selects among them.
+    """Collector of poses with selection.
 
     Parameters
     ----------
@@ -87,7 +85,7 @@ class PosePool:
         self.poses_read = 0
 
     def add(self, one: CanonicalPoses) -> None:
-        """Take the poses of the next source."""
+        """Add the poses of the next source."""
         rows = Rows.of(one, len(self.names))
         self.names.append(one.name)
         self.digests.append(one.digest)
@@ -103,7 +101,7 @@ class PosePool:
             start += count
 
     def _thin(self) -> None:
-        """Keep the few poses of the open part from which all others are not far, in the order in which they came."""
+        """Thin the open part to poses near all others, in their original order."""
         part = self._open.taken(slice(self._filled))
         most = max(PART // LEFT, self._max_poses or 0)
         chosen = farthest_first(part.joints, 0.5 * self._threshold, most)
@@ -114,12 +112,12 @@ class PosePool:
         self._filled = 0
 
     def origins(self, selected: Selection) -> PoseOrigins:
-        """Where the selected poses come from."""
+        """Return the origins of the selected poses."""
         rows = selected.rows
         return PoseOrigins(self.names, self.digests, rows.source, rows.frame, rows.mirrored)
 
     def select(self) -> Selection:
-        """The selection; the pool is empty afterwards."""
+        """Select poses; the pool is empty afterwards."""
         if not self._left:
             left = self._open.taken(slice(self._filled))
         else:

@@ -1,4 +1,4 @@
-"""Learns the pose prior of a database from its own poses: a mixture of Gaussians for each situation."""
+"""Pose prior of a database, learned from its poses: a Gaussian mixture for each situation."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from toolkit.body.body import Body
 from toolkit.database.prior import SITUATIONS, SIZE, PosePrior, situations, variables
 
 COMPONENTS = 4
-"""Gaussians of a situation, at most."""
+"""Maximum number of Gaussians of a situation."""
 SMALLEST = 60
-"""Poses that a Gaussian is learnt from, at least; a situation with fewer is left out."""
+"""Minimum number of poses of a Gaussian; a situation with fewer is left out."""
 MOST = 4000
-"""Poses of a situation that take part, evenly chosen."""
+"""Maximum number of poses of a situation, evenly chosen."""
 DEVIATION = 0.15
-"""Radians added to every variable, so that no direction is ever certain."""
+"""Standard deviation added to each variable, radians, so that no variance is zero."""
 EVENNESS = 0.5
-"""Exponent of a situation's number of poses in its weight: 0 all alike, 1 as often as in the database."""
+"""Exponent of a situation's number of poses in its weight: 0 all equal, 1 as often as in the database."""
 DECIMALS = 6
-"""That are kept of the mixture: the others differ with the processor's linear algebra."""
+"""Significant digits of the mixture; the others depend on the processor's linear algebra."""
 
 
 def learn_prior(poses: np.ndarray, body: Body) -> PosePrior | None:
-    """The prior of canonical poses (N, P) of `body`; None where no situation has enough of them."""
+    """Return the prior of canonical poses (N, P) of `body`, or None without a situation with enough poses."""
     from sklearn.mixture import GaussianMixture
     from threadpoolctl import threadpool_limits
 
@@ -39,7 +39,7 @@ def learn_prior(poses: np.ndarray, body: Body) -> PosePrior | None:
             continue
         chosen = values[rows[np.linspace(0, len(rows) - 1, min(len(rows), MOST)).astype(np.int64)]]
         mixture = GaussianMixture(count, reg_covar=DEVIATION**2, random_state=0, max_iter=60, tol=1e-2)
-        with threadpool_limits(1):  # the products of BLAS differ in their last bits with the number of threads
+        with threadpool_limits(1):  # the last bits of BLAS products depend on the number of threads
             mixture.fit(chosen)
         weights.append(mixture.weights_ * len(rows) ** EVENNESS)
         means.append(mixture.means_)

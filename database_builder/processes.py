@@ -1,4 +1,4 @@
-"""Work of a build in several processes."""
+"""Process pool of a build."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from toolkit.io.errors import DatabaseError
 from toolkit.io.workers import Task
 
 WAITING = 8
-"""Results of each process that may wait to be taken."""
+"""Maximum number of unread results per process."""
 
 
 @contextmanager
 def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
 
-    They are joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster takes their place. No more than
-    `WAITING` results for each of them wait to be taken, so that memory does not grow with the number of items.
+    The pool is joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster replaces it. At most
+    `WAITING` results per process are buffered, so that memory does not grow with the number of items.
 
     Raises
     ------
@@ -46,5 +46,5 @@ def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
                 yield mapped
     except TerminatedWorkerError as error:
         raise DatabaseError(
-            "a process of the build was killed, by lack of memory perhaps; use fewer workers"
+            "a process of the build was killed, perhaps by lack of memory; use fewer workers"
         ) from error

@@ -1,4 +1,4 @@
-"""Mocap files to canonical poses of one body, in parallel processes, resumable file by file."""
+"""Mocap files to canonical poses of one body, in parallel processes, resumable by file."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 
 READING_VERSION = 2
-"""Raised whenever reading or retargeting changes what comes out, so that older intermediate files are not used."""
+"""Version of reading and retargeting; intermediate files of another version are ignored."""
 
 
 @dataclass(frozen=True)
 class MocapFile:
-    """A mocap file to read: its name in reports, its path and the intermediate file that keeps what was read."""
+    """A mocap file: its name in reports, its path and its intermediate file."""
 
     name: str
     path: Path
@@ -35,17 +35,17 @@ class MocapFile:
 
 @dataclass(frozen=True, eq=False)
 class CanonicalPoses:
-    """The poses of one source, as the sampling needs them.
+    """Poses of one source as input of the sampling.
 
     Attributes
     ----------
     name : of the source
     digest : SHA-256 of its file, or of the poses themselves
-    poses : float32 (N, P), canonical, rounded as they are stored, so that all that is made of them is the same on every
-        processor; with mirroring the second half are the mirror images of the first
+    poses : float32 (N, P), canonical, rounded as in the database, so that all results are equal on each processor; with
+        mirroring the second half are the mirror images of the first
     joints : float32 (N, 20, 3), metres, the reported joints of these poses
     frames : number of frames of the source (N, or N / 2 with mirroring)
-    error : why the source could not be used, then there are no poses; empty = it could
+    error : reason why the source cannot be used (no poses); empty = it can
     """
 
     name: str
@@ -57,7 +57,8 @@ class CanonicalPoses:
 
 
 def find_sources(paths: Iterable[Path], work: Path) -> list[MocapFile]:
-    """All motion files in the given files and folders, each once, sorted by path; names are relative to what was given.
+    """Return the motion files in the given files and folders, each once, sorted by path, with names relative to the
+    input.
 
     Raises
     ------
@@ -76,15 +77,15 @@ def find_sources(paths: Iterable[Path], work: Path) -> list[MocapFile]:
 
 
 def of_clip(clip: PoseClip, body: Body, mirror: bool) -> CanonicalPoses:
-    """Canonical poses of a clip that is already one of our body."""
+    """Return the canonical poses of a clip of our body."""
     result = _canonical(clip.name, "", clip.poses, body, mirror)
     return replace(result, digest=hashlib.sha256(result.poses.tobytes()).hexdigest())
 
 
 def read_source(source: MocapFile, body: Body, mirror: bool) -> CanonicalPoses:
-    """Canonical poses of a file: from the intermediate file if that fits, else read, retargeted and kept there.
+    """Return the canonical poses of a file: from its intermediate file, else read, retargeted and stored.
 
-    A file that cannot be used is reported in `error`, whatever is wrong with it, so that it cannot stop the others.
+    All failures of a file are reported in `error`, so that it does not stop the others.
     """
     try:
         digest = _digest(source.path)
@@ -110,7 +111,7 @@ def _canonical(name: str, digest: str, world_poses: np.ndarray, body: Body, mirr
 
 
 def _digest(path: Path) -> str:
-    """SHA-256 of a motion file; for AMC of the skeletons beside it too, because they give it its meaning."""
+    """Return the SHA-256 of a motion file; for AMC including the skeletons beside it."""
     digest = sha256_of(path)
     if path.suffix.lower() != ".amc":
         return digest
@@ -119,6 +120,6 @@ def _digest(path: Path) -> str:
 
 
 def _key(digest: str, body: Body, mirror: bool) -> str:
-    """Names everything that the canonical poses of a file depend on."""
+    """Return a key of all inputs of a file's canonical poses."""
     parts = (digest, READING_VERSION, skeleton.fingerprint(), mirror, body.joints.tobytes(), body.sites.tobytes())
     return hashlib.sha256(repr(parts).encode()).hexdigest()

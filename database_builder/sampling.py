@@ -1,4 +1,4 @@
-"""Truncated greedy sampling of poses (Baak 2013, 5.3.3), exactly the plain farthest-first selection, but fast."""
+"""Truncated greedy sampling of poses (Baak 2013, 5.3.3): the plain farthest-first selection with fast search."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ JOINT_COUNT = len(REPORTED)
 
 
 def pose_distance(joints: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """`d_P` of Eq. 5.1, `(1 / 20) ||P - P'||` of stacked joints (..., 20, 3), metres.
+    """Return `d_P` of Eq. 5.1, `(1 / 20) ||P - P'||` of stacked joints (..., 20, 3), metres.
 
     Two poses whose joints are all 0.08 m apart have `d_P` = 0.08 / sqrt(20) = 0.018 m.
     """
@@ -23,10 +23,10 @@ def pose_distance(joints: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def farthest_first(joints: np.ndarray, threshold: float = 0.0, max_count: int | None = None) -> np.ndarray:
-    """Select poses so that every two are farther apart than `threshold` and every pose is within it of a selected one.
+    """Select poses such that any two are farther apart than `threshold` and each pose is within it of a selected one.
 
-    Plain farthest-first: it starts with pose 0 and always adds the pose farthest from the selected ones, the lowest
-    index of equals, by float32 squared distances rounded as `numpy.sum((a - b) ** 2, axis=1)` rounds them.
+    Plain farthest-first: it starts with pose 0 and always adds the pose farthest from the selected ones, of equals the
+    lowest index, by float32 squared distances with the rounding of `numpy.sum((a - b) ** 2, axis=1)`.
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
-"""People in depth recordings as tracks, from Python: the names that one needs, of `toolkit` and `database_builder`.
+"""Motion tracking in depth recordings: the public Python interface of `toolkit` and `database_builder`.
 
 >>> import depthmocap
 >>> track = depthmocap.track("take.npz")  # doctest: +SKIP
 >>> track.joints.shape  # doctest: +SKIP
 (70, 20, 3)
 
-Everything is loaded when it is first asked for. `docs/library.md` tells what there is.
+Names are loaded on first use. `docs/library.md` describes them.
 """
 
 from __future__ import annotations

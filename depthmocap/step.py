@@ -1,4 +1,4 @@
-"""One person followed frame by frame, as the frames come."""
+"""Frame-by-frame tracking of one person."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from toolkit.tracks.runs import Person
 
 
 class Pose(NamedTuple):
-    """What is known of the person in one frame.
+    """Result for one frame.
 
     Attributes
     ----------
     frame : number of the frame, from 0
     timestamp : seconds
     state : "tracked", "lost" or "empty"
-    joints : float32 (20, 3), metres, camera frame; where the person is out of sight, their last ones
+    joints : float32 (20, 3), metres, camera frame; the last known ones while the person is out of sight
     confidence : float32 (20,), probability that the joint is within 5 cm
     observed : bool (20,), False for a joint that was guessed
     pose : float64 (P,), the pose of the body
@@ -50,7 +50,7 @@ class Pose(NamedTuple):
 
     @classmethod
     def of(cls, row: Row) -> Pose:
-        """The same of a row of a track."""
+        """Return the result of a track row."""
         found = row.result
         return cls(
             row.frame, row.timestamp, STATE_NAMES[found.state], found.joints, found.confidence, found.observed,
@@ -92,19 +92,19 @@ class Tracker:
         self._rows: list[Row] = []
 
     def step(self, depth: np.ndarray, timestamp: float) -> list[Pose]:
-        """Take in the next frame; the poses that are known now.
+        """Process the next frame and return the results that are available.
 
         Parameters
         ----------
-        depth : (H, W), whole numbers are millimetres, others metres, 0 or NaN = no measurement
+        depth : (H, W), integers are millimetres, floats metres, 0 or NaN = no measurement
         timestamp : seconds, greater than that of the frame before
 
         Raises
         ------
         RecordingError
-            The frame has another size or type, or comes out of order.
+            The frame has another size or type, or is out of order.
         SegmentationError
-            The person cannot be told from the scene.
+            The person cannot be segmented.
         """
         image = np.asarray(depth)
         if self._recording is None or self._crowd is None:
@@ -117,17 +117,17 @@ class Tracker:
         return self._known(self._crowd.step(frame))
 
     def finish(self) -> list[Pose]:
-        """No more frames: the poses of a person whose body was still being learnt."""
+        """End the sequence and return the results of a person whose body was still being estimated."""
         return [] if self._crowd is None else self._known(self._crowd.finish())
 
     @property
     def track(self) -> Track:
-        """The track so far.
+        """Return the track so far.
 
         Raises
         ------
         UsageError
-            No pose is known yet.
+            No pose is available yet.
         """
         if not self._rows or self._crowd is None:
             raise UsageError("no pose is known yet; give frames to step() for some seconds, or call finish()")
@@ -141,7 +141,7 @@ class Tracker:
 
 
 def track_of(rows: Sequence[Row], tracker: protocol.Tracker, body: Body, camera_height: float | None = None) -> Rows:
-    """The track of one person's rows, one for each frame in order."""
+    """Return the track of one person's rows, one per frame in order."""
     results = [row.result for row in rows]
     track = Rows(
         joints=np.array([r.joints for r in results], dtype=np.float32),

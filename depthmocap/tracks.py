@@ -1,4 +1,4 @@
-"""Tracks: of a file or of arrays in, as arrays, tables, plots, files and scores out."""
+"""Tracks of files or arrays, as arrays, tables, plots, files and scores."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Track:
 
     Attributes
     ----------
-    person : the track with its body, as the toolkit's own functions take it
+    person : the track with its body, as used by the functions of `toolkit`
     """
 
     joint_names: tuple[str, ...] = REPORTED
@@ -46,24 +46,24 @@ class Track:
 
     @classmethod
     def load(cls, run: str | Path) -> list[Track]:
-        """All people of a run folder of `depthmocap track`; raises as `load_persons`."""
+        """Load all people of a run folder of `depthmocap track`; raises as `load_persons`."""
         people = load_persons(run)
         opened = cache(RunInfo.load(person_runs(run)[0]).open_recording)
         return [cls(person, opened) for person in people]
 
     @property
     def recording(self) -> Recording:
-        """The recording that was tracked; of a run folder it is opened at the first use.
+        """Return the recording of the track; that of a run folder is opened on first use.
 
         Raises
         ------
         RecordingError
-            The recording of a run folder is gone or has changed.
+            The recording of a run folder is missing or has changed.
         UsageError
-            The track was made frame by frame, and no recording is kept.
+            The track was made frame by frame, without a recording.
         """
         if self._open_recording is None:
-            raise UsageError("a track made frame by frame keeps no recording; track it whole with depthmocap.track")
+            raise UsageError("a track made frame by frame has no recording; track it whole with depthmocap.track")
         return self._open_recording()
 
     def __len__(self) -> int:
@@ -74,37 +74,37 @@ class Track:
 
     @property
     def name(self) -> str:
-        """What the person is called in files."""
+        """Return the name of the person in files."""
         return self.person.name
 
     @property
     def joints(self) -> np.ndarray:
-        """float32 (T, 20, 3): x right, y down, z forward from the camera, metres; NaN where out of sight."""
+        """Joints, float32 (T, 20, 3): x right, y down, z forward from the camera, metres; NaN out of sight."""
         return np.where(self.person.there[:, None, None], self.person.track.joints, np.float32(np.nan))
 
     @property
     def confidence(self) -> np.ndarray:
-        """float32 (T, 20): probability that the joint is within 5 cm."""
+        """Confidence, float32 (T, 20): probability that the joint is within 5 cm."""
         return self.person.track.confidence
 
     @property
     def observed(self) -> np.ndarray:
-        """Bool (T, 20): False for a joint that was guessed, because nothing was measured where it has to be."""
+        """Observed joints, bool (T, 20): False for a joint inferred without measured depth around it."""
         return self.person.track.observed
 
     @property
     def state(self) -> np.ndarray:
-        """Text (T,): "tracked", "lost" (there, not explained) or "empty" (out of sight)."""
+        """State, text (T,): "tracked", "lost" (present, but not explained) or "empty" (out of sight)."""
         return np.array(STATE_NAMES)[self.person.track.state]
 
     @property
     def pose(self) -> np.ndarray:
-        """float64 (T, P): the pose of the body, y up; `person.track.pose_names` names its entries."""
+        """Pose of the body, float64 (T, P), y up; `person.track.pose_names` names its entries."""
         return self.person.track.pose
 
     @property
     def timestamps(self) -> np.ndarray:
-        """float64 (T,): seconds."""
+        """Timestamps, float64 (T,): seconds."""
         return self.person.track.timestamps
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -161,7 +161,7 @@ class Track:
         ----------
         path : the file; its suffix is the format
         rig : joint names of GLB and BVH: mixamo, cmu, classic, or a YAML file
-        origin : "floor" or "camera"; the format's own by default
+        origin : "floor" or "camera"; default: that of the format
 
         Raises
         ------
@@ -195,28 +195,28 @@ def track(
 ) -> Track | list[Track]:
     """Track the person, or the people, in depth, as `depthmocap track` does.
 
-    What is written on the way lies in a temporary folder. Ctrl-C raises KeyboardInterrupt after the current frame.
+    Intermediate files are in a temporary folder. Ctrl-C raises KeyboardInterrupt after the current frame.
 
     Parameters
     ----------
-    depth : a recording's path (any that `depthmocap track` reads), a recording that is open, or an array (T, H, W):
-        whole numbers are millimetres, others metres, 0 or NaN = no measurement. Or a PointCloud or RGBDImage of Open3D,
-        or a list of them, a frame each; see `toolkit.recordings.open3d_frames.recording_of_open3d`
+    depth : a recording's path (any that `depthmocap track` reads), an open recording, or an array (T, H, W): integers
+        are millimetres, floats metres, 0 or NaN = no measurement. Or a PointCloud or RGBDImage of Open3D, or a list of
+        them, one per frame; see `toolkit.recordings.open3d_frames.recording_of_open3d`
     intrinsics : fx, fy, cx, cy in pixels, the path of a JSON file, or for Open3D's types its PinholeCameraIntrinsic;
-        needed for an array and for RGBDImage
+        required for an array and for RGBDImage
     frame_rate : frames a second where there are no timestamps
-    people : 1 follows the one person; a number or "all" several, in a list in order of appearance
+    people : 1 tracks one person; a number or "all" several, returned as a list in order of appearance
     timestamps, background : of an array or of Open3D's types: seconds (T,), and the depth of the empty scene (H, W)
-    database : file of a pose database; the default one otherwise
+    database : file of a pose database; default: the packaged one
     config : name or file of settings: hybrid, baak2013, swarm, qammaz, particles, lopez2011
     settings : single settings by dotted names, such as {"sensing.segment": "person"}
     progress : called with the frames done and all frames, in each pass over the recording
-    options : how to read the recording, as the options of `depthmocap track`: depth_unit, up_camera, mirrored, ...
+    options : reader options of `depthmocap track`: depth_unit, up_camera, mirrored, ...
 
     Raises
     ------
     DepthMocapError
-        The recording cannot be read, a setting is wrong, or the person cannot be told from the scene.
+        The recording cannot be read, a setting is invalid, or the person cannot be segmented.
     """
     from toolkit.app.pipeline import track_recording
 
@@ -244,7 +244,7 @@ def _recording(
     background: np.ndarray | None,
     options: dict[str, Any],
 ) -> Recording:
-    """The recording that is meant."""
+    """Return the recording of the arguments."""
     from toolkit.recordings.open3d_frames import is_open3d, recording_of_open3d
     from toolkit.recordings.opening import open_upright, recording_of
 
@@ -253,16 +253,16 @@ def _recording(
     if isinstance(depth, np.ndarray):
         return recording_of(depth, timestamps=timestamps, background=background, **options)
     if timestamps is not None or background is not None:
-        raise UsageError("timestamps and background belong to an array; a recording brings its own")
+        raise UsageError("timestamps and background belong to an array; a recording contains its own")
     if isinstance(depth, (str, Path)):
         return open_upright(depth, **options)
     if options:
-        raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is open already")
+        raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is already open")
     return depth
 
 
 def tracker_of(database: str | Path | None, config: str | Path | None, settings: Mapping[str, Any] | None) -> Tracker:
-    """A tracker by its settings, with the default database where it needs one and none is named."""
+    """Return the recipe of a tracker, with the packaged database if it needs one and none is named."""
     from toolkit.app.pipeline.trackers import TrackerRecipe
     from toolkit.database.default import default_database_path
 
@@ -280,13 +280,13 @@ def evaluate(
     Parameters
     ----------
     tracks : of `depthmocap.track`, or the path of a run folder or of a folder of runs
-    truth : joints (T, 20, 3), or (N, T, 20, 3) of several people in any order: metres, camera frame, NaN = unknown. Of
-        run folders a file, or a folder matched by the recording's name; the recording's own truth by default
+    truth : joints (T, 20, 3), or (N, T, 20, 3) of several people in any order: metres, camera frame, NaN = unknown. For
+        run folders a file, or a folder matched by the recording's name; default: the true joints in the recording
 
     Raises
     ------
     UsageError
-        Tracks in memory come without a truth, or frames and joints do not fit.
+        Tracks in memory have no truth, or frames and joints do not match.
     DepthMocapError
         See `toolkit.evaluation.evaluate.evaluate_runs`.
     """
@@ -295,6 +295,6 @@ def evaluate(
     if isinstance(tracks, (str, Path)):
         return evaluate_runs([tracks], None if truth is None else [Path(str(truth))])
     if truth is None:
-        raise UsageError("tracks in memory know no truth; give truth=, joints (frames, 20, 3) in metres")
+        raise UsageError("tracks in memory have no truth; give truth=, joints (frames, 20, 3) in metres")
     several = [tracks] if isinstance(tracks, Track) else list(tracks)
     return evaluate_tracks([(each.name, each.person.track) for each in several], np.asarray(truth, dtype=np.float64))

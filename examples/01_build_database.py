@@ -15,21 +15,21 @@ OUTPUT = Path("output")
 
 
 def main() -> None:
-    # 1. Every pose is brought into the canonical frame: root at the origin, facing +z.
-    # 2. Farthest-first sampling keeps a pose only if no kept pose is nearer than the threshold (Baak 2013, Eq. 5.1).
-    # 3. Every kept pose is looked at once, so that its features are relative to the centre a camera would see.
+    # 1. Each pose is brought into the canonical frame: root at the origin, facing +z. 2. Farthest-first sampling keeps
+    # a pose only if no kept pose is nearer than the threshold (Baak 2013, Eq. 5.1). 3. Each kept pose is rendered once,
+    # so that its features are relative to the centre that a camera would see.
     report = build_database(
         sys.argv[1:] or None,
         OUTPUT / "poses.npz",
         Sampling(threshold=0.018, max_poses=2000),
-        parts=None,  # the joint regressor, which the command trains as well, takes minutes
+        parts=None,  # the joint regressor takes minutes to train; the command trains it too
         progress=lambda stage, done, total: print(f"\r{stage} {done}/{total}", end="", file=sys.stderr),
     )
     print(file=sys.stderr)
     print(report.text())
     print(database_text(report.database))
 
-    # A lookup: the poses whose five end effectors lie like those of pose 0.
+    # A lookup: the poses whose five end effectors lie as those of pose 0.
     distances, indices = report.database.query(report.database.features[:1], k=3)
     for distance, index in zip(distances[0], indices[0], strict=True):
         print(f"pose {index} at {1000 * distance:.0f} mm")

@@ -19,10 +19,10 @@ OUTPUT = Path("output")
 
 def main() -> None:
     recording = open_recording(sys.argv[1] if len(sys.argv) > 1 else OUTPUT / "take.npz")
-    # Settings: configs/hybrid.yaml (configs/baak2013.yaml is the plain paper); any can be set by its dotted name.
+    # Settings: configs/hybrid.yaml (configs/baak2013.yaml is the paper's variant); any can be set by its dotted name.
     tracker = TrackerRecipe("hybrid", {"sensing.half_resolution": False}, database=OUTPUT / "poses.npz").build()
 
-    # Nothing but depth goes in: no first pose, no body shape. Rows are on disk as soon as they are found.
+    # The only input is depth: no first pose, no body shape. Rows are on the disk as soon as they are computed.
     summary = track_recording(
         recording,
         tracker,

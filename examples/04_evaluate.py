@@ -1,4 +1,4 @@
-"""Compare a track with the truth that its recording holds.
+"""Compare a track with the true joints in its recording.
 
     python examples/04_evaluate.py [RUN...]
 
@@ -17,7 +17,7 @@ OUTPUT = Path("output")
 
 
 def main() -> None:
-    # One row per run; the mean weights every recording alike. Errors are capped at 1 m and take every frame.
+    # One row per run; the mean weights all recordings equally. Errors are capped at 1 m and include all frames.
     table = evaluate_runs(sys.argv[1:] or [OUTPUT / "run"])
     Console().print(table.to_rich())
 

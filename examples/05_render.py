@@ -20,11 +20,11 @@ OUTPUT = Path("output")
 def main() -> None:
     run = Path(sys.argv[1]) if len(sys.argv) > 1 else OUTPUT / "run"
 
-    # The suffix chooses what is drawn. The recording and the body are found through the run folder.
+    # The suffix selects the kind of output. The recording and the body are found through the run folder.
     print(render_run(run, OUTPUT / "film.webm"))
     print(render_run(run, OUTPUT / "contact_sheet.png"))
 
-    # The body can be drawn by hand as well: here the depth that the fitted body would show in the last frame.
+    # The body can also be drawn directly: here the depth of the fitted body in the last frame.
     info, track = RunInfo.load(run), Track.load(run)
     camera = info.open_recording().camera.undistorted()
     depth = render_depth(info.body(), track.pose[-1], camera, info.R_level_camera)

@@ -1,9 +1,9 @@
-"""A rafting game in text, steered by whole motions instead of poses: errors of single joints do not matter.
+"""A text-based rafting game with motions as input, which tolerate errors of single joints.
 
     python examples/06_gestures.py
 
-Three gestures are learnt from one example each. A player then performs them, pose by pose, as a tracker hands them on;
-every event steers the raft. `depthmocap track TAKE --classes classes.npz --events -` tells those of a recording.
+Three gestures are learned from one example each. A player then performs them pose by pose, as a tracker outputs them;
+each event steers the raft. `depthmocap track TAKE --classes classes.npz --events -` prints the events of a recording.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from toolkit.retrieval.features.relational import relational_features
 
 RATE = 30.0
 GESTURES = {"paddle": ("archery", 30, 90), "duck": ("half_squat_reach", 20, 80), "jump": ("knee_to_elbow", 20, 60)}
-"""Gesture -> bundled motion and the frames of it that are the gesture."""
+"""Gesture -> bundled motion and its frames with the gesture."""
 RAFT = {
     "paddle": "You pull hard: the raft swings round the rock.",
     "duck": "You bend down: the branch passes over your head.",
@@ -29,13 +29,13 @@ RAFT = {
 
 
 def gesture(name: str, body: Body) -> np.ndarray:
-    """Poses (T, P) of a gesture."""
+    """Return the poses (T, P) of a gesture."""
     motion, start, stop = GESTURES[name]
     return procedural_clips([motion], rate=RATE, body=body, seed=0)[0].poses[start:stop]
 
 
 def performance(order: list[str], body: Body) -> np.ndarray:
-    """Gestures in a row, with a third of a second between them."""
+    """Return gestures in a row, with a third of a second between them."""
     pieces = [gesture(order[0], body)]
     for name in order[1:]:
         following, share = gesture(name, body), np.linspace(0.0, 1.0, 12)[1:-1, None]

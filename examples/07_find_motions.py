@@ -1,9 +1,9 @@
-"""Find motions: label a folder of mocap from a few example clips, and search for "like this second of that clip".
+"""Find motions: label a folder of mocap from a few example clips, and search for motions similar to a part of a clip.
 
     python examples/07_find_motions.py [EXAMPLES MOTIONS]
 
-EXAMPLES is a folder of cut clips named by class, such as kick_01.bvh; MOTIONS a folder of motions to look through.
-Without them both are made from bundled motions. Writes output/motions.index, output/motions.npz and output/labels/.
+EXAMPLES is a folder of cut clips named by class, such as kick_01.bvh; MOTIONS a folder of motions to label. The
+defaults are made from bundled motions. Writes output/motions.index, output/motions.npz and output/labels/.
 """
 
 import sys
@@ -26,13 +26,13 @@ OUTPUT = Path("output")
 def main() -> None:
     examples, motions = map(Path, sys.argv[1:3]) if len(sys.argv) > 2 else make_mocap()
 
-    # "Like this second of that clip": the best stretches of everything that is indexed.
+    # Search by example: the most similar segments of all indexed motions.
     index = index_motions([motions], OUTPUT / "motions.index")
     clip = find_motions([examples])[0]
     for match in by_example(index, cut_example(clip, 0.0, 1.0), limit=5).matches:
         print(f"like {clip.stem}: {match.document} {match.start:.1f} to {match.end:.1f} s, cost {match.cost:.3f}")
 
-    # A model of all classes, then every motion cut into labelled segments with a page to look at.
+    # A model of all classes, then each motion segmented and labelled with a page.
     learned = learn_model(
         tags_of(find_motions([examples])), OUTPUT / "motions.npz", np.random.default_rng(0), check=False
     )
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def make_mocap() -> tuple[Path, Path]:
-    """Three example clips, and other performances of these motions to look through."""
+    """Return three example clips, and other performances of these motions."""
     names, body = ("squat", "jumping_jack", "kick_front"), load_body("neutral")
     folders = OUTPUT / "clips", OUTPUT / "mocap"
     for seed, folder in enumerate(folders, start=1):

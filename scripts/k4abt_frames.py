@@ -16,9 +16,9 @@ from toolkit.body.shape import load_body
 OUTPUT = Path(__file__).resolve().parents[1] / "docs" / "images" / "k4abt_frames.png"
 COLORS = ("#d62728", "#2ca02c", "#1f5fd6")
 LENGTH = 0.075
-"""Metres of a drawn axis."""
+"""Length of a drawn axis, metres."""
 OBLIQUE = np.array([[1.0, 0.0, -0.45], [0.0, 1.0, -0.35]])
-"""From left, up, front to the picture, as a camera before the person sees it, a little from the side and above."""
+"""Rotation from left, up, front to the picture, as seen by a camera in front, slightly from the side and above."""
 FACE = ("NOSE", "EYE_LEFT", "EYE_RIGHT", "EAR_LEFT", "EAR_RIGHT")
 TRUNK = {"PELVIS", "SPINE_NAVEL", "SPINE_CHEST", "NECK", "HEAD"}
 BELOW = {"HAND_LEFT", "HAND_RIGHT", "THUMB_LEFT", "THUMB_RIGHT", "ELBOW_LEFT", "ELBOW_RIGHT"}

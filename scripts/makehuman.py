@@ -1,6 +1,6 @@
-"""MakeHuman's CC0 data as the asset script needs it: base mesh, macro targets, joint cubes, weights, and the T-pose.
+"""MakeHuman's CC0 data for the asset script: base mesh, macro targets, joint cubes, weights, and the T-pose.
 
-Distances are metres; the base mesh is stored in decimetres: y up, facing +z, the subject's left at +x, arms and legs
+Lengths are in metres; the base mesh is stored in decimetres: y up, facing +z, the subject's left at +x, arms and legs
 spread (A-pose).
 """
 
@@ -19,7 +19,7 @@ from toolkit.body import skeleton
 
 METRES = 0.1
 SKIN_VERTICES = 13380
-"""The first vertices of the base mesh are the skin, a closed surface; the others are helpers and joint cubes."""
+"""Number of skin vertices, which come first in the base mesh; the others are helpers and joint cubes."""
 
 MACRO_ANCHORS: dict[str, dict[str, float]] = {
     "gender": {"female": 0.0, "male": 1.0},
@@ -29,7 +29,7 @@ MACRO_ANCHORS: dict[str, dict[str, float]] = {
     "height": {"minheight": 0.0, "": 0.5, "maxheight": 1.0},
     "proportions": {"uncommonproportions": 0.0, "": 0.5, "idealproportions": 1.0},
 }
-"""Values of each macro parameter at which MakeHuman has a modelled body; between them it interpolates linearly."""
+"""Parameter values with a modelled body for each macro parameter, between which MakeHuman interpolates linearly."""
 
 RACES = ("african", "asian", "caucasian")
 
@@ -46,7 +46,7 @@ class Macro:
     proportions: float = 0.5
 
     def blend(self, parameter: str) -> dict[str, float]:
-        """Weights of the anchors on both sides of the parameter's value."""
+        """Return the weights of the anchors on both sides of the parameter's value."""
         anchors = list(MACRO_ANCHORS[parameter].items())
         value = getattr(self, parameter)
         for (low_name, low), (high_name, high) in itertools.pairwise(anchors):
@@ -57,7 +57,8 @@ class Macro:
 
 
 def _fractions() -> dict[str, dict[str, float]]:
-    """Shares of each rig bone in the 18 joints; one between two of ours is split, so that the spine bends evenly."""
+    """Weights of each rig bone on the 18 joints; a bone between two of ours is split, so that the spine bends
+    evenly."""
     table: dict[str, dict[str, float]] = {
         "root": {"root": 1.0},
         "spine05": {"root": 1.0},
@@ -86,7 +87,7 @@ BONE_SHARES = _fractions()
 
 
 def joints_of_bone(bone: str) -> dict[str, float]:
-    """Shares of a rig bone in the 18 joints; bones of the face and the upper neck belong to `cervical`."""
+    """Return the weights of a rig bone on the 18 joints; bones of the face and the upper neck belong to `cervical`."""
     if bone in BONE_SHARES:
         return BONE_SHARES[bone]
     for pattern, shares in BONE_SHARES.items():
@@ -110,7 +111,7 @@ JOINT_CUBES: dict[str, tuple[str, ...]] = {
     "hand": tuple(f"finger-{k}-1" for k in (2, 3, 4, 5)),
     "foot": tuple(f"toe-{k}-1" for k in (1, 2, 3, 4, 5)),
 }
-"""MakeHuman's joint cubes whose centres are averaged to each joint or site; those of a limb carry `l-` or `r-`."""
+"""MakeHuman's joint cubes whose centres define each joint or site; those of a limb have the prefix `l-` or `r-`."""
 
 
 class MakeHuman:
@@ -122,13 +123,13 @@ class MakeHuman:
 
     @cached_property
     def base(self) -> np.ndarray:
-        """float64 (19158, 3): the base mesh with helpers and joint cubes, A-pose, metres."""
+        """Return the base mesh with helpers and joint cubes, float64 (19158, 3), A-pose, metres."""
         lines = (self.folder / "3dobjs/base.obj").read_text().splitlines()
         return METRES * np.array([line.split()[1:4] for line in lines if line.startswith("v ")], dtype=np.float64)
 
     @cached_property
     def faces(self) -> np.ndarray:
-        """int32 (F, 3): triangles of the skin, each quad cut along its first diagonal."""
+        """Return the triangles of the skin, int32 (F, 3), each quad cut along its first diagonal."""
         quads, group = [], ""
         for line in (self.folder / "3dobjs/base.obj").read_text().splitlines():
             if line.startswith("g "):
@@ -140,13 +141,14 @@ class MakeHuman:
 
     @cached_property
     def groups(self) -> dict[str, np.ndarray]:
-        """Vertex numbers of each named group."""
+        """Return the vertex indices of each named group."""
         table = json.loads((self.folder / "mesh_metadata/basemesh_vertex_groups.json").read_text())
         return {name: np.concatenate([np.arange(a, b + 1) for a, b in spans]) for name, spans in table.items()}
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """float64 (13380, 18): the finest rig's weights, its 163 bones merged into the 18 joints; rows sum to 1."""
+        """Return the weights of the finest rig, float64 (13380, 18), its 163 bones merged into the 18 joints; rows sum
+        to 1."""
         rig = json.loads((self.folder / "rigs/standard/weights.default.json").read_text())["weights"]
         weights = np.zeros((len(self.base), len(skeleton.JOINTS)))
         for bone, pairs in rig.items():
@@ -158,7 +160,7 @@ class MakeHuman:
 
     @cached_property
     def skull(self) -> np.ndarray:
-        """Vertices that the bones of head and face carry: their bounding box is the skull's."""
+        """Return the vertices of the head and face bones, whose bounding box is that of the skull."""
         rig = json.loads((self.folder / "rigs/standard/weights.default.json").read_text())["weights"]
         share = np.zeros(len(self.base))
         for bone, pairs in rig.items():
@@ -168,7 +170,7 @@ class MakeHuman:
         return np.flatnonzero(share[:SKIN_VERTICES] > 0.5)
 
     def target(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Vertex numbers and offsets (metres) of one morph target; one that does nothing has no file."""
+        """Return vertex indices and offsets (metres) of one morph target; a neutral one has no file."""
         if name not in self._targets:
             path = self.folder / "targets" / f"{name}.target.gz"
             rows = [line.split() for line in gzip.open(path, "rt") if line[0].isdigit()] if path.exists() else []
@@ -178,7 +180,7 @@ class MakeHuman:
         return self._targets[name]
 
     def person(self, macro: Macro, extra: dict[str, float] | None = None) -> np.ndarray:
-        """The A-pose base mesh of a person (19158, 3), with `extra` morph targets by name and amount on top."""
+        """Return the A-pose base mesh of a person (19158, 3), plus `extra` morph targets by name and amount."""
         mesh = self.base.copy()
         amounts: dict[str, float] = dict(extra or {})
         share = {name: macro.blend(name) for name in MACRO_ANCHORS}
@@ -201,7 +203,7 @@ class MakeHuman:
         return mesh
 
     def centre(self, mesh: np.ndarray, name: str) -> np.ndarray:
-        """Centre of a joint or of a hand or foot site in an A-pose mesh."""
+        """Return the centre of a joint or of a hand or foot site in an A-pose mesh."""
         side, _, joint = name.partition("_")
         prefix, key = ({"left": "l-", "right": "r-"}[side], joint) if joint else ("", name)
         return np.mean([mesh[self.groups[f"joint-{prefix}{cube}"]].mean(axis=0) for cube in JOINT_CUBES[key]], axis=0)

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 CELL = 0.006
-"""Metres: voxel size of the closed surface."""
+"""Voxel size of the closed surface, metres."""
 GAP = 0.022
-"""Metres: gaps narrower than twice this are closed, which makes a mitten of the hand and one piece of the toes."""
+"""Closing radius, metres: narrower gaps are closed, which merges fingers and toes."""
 FLESH = 0.012
-"""Metres: remeshing runs on a surface grown by this, because coarse triangles would wear thin hands and toes away."""
+"""Offset of the surface during remeshing, metres, because coarse triangles would shrink thin hands and toes."""
 NEAREST = 12
-"""Skin vertices that carry one vertex of the tracker's mesh."""
+"""Number of skin vertices per vertex of the tracker's mesh."""
 Surface = tuple[np.ndarray, np.ndarray]
 """Vertices (V, 3) and triangles (F, 3)."""
 REGIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
@@ -23,16 +23,16 @@ REGIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
     ("(x0<=0.42)", (0.029, 0.032, 0.034)),
     ("(x0<=0.32)&&(y0>=-0.58)", (0.037, 0.041, 0.045, 0.049, 0.049)),
 )
-"""Edge lengths (metres), coarser step by step: everything; all but the hand; all but hand, forearm, ankle and foot.
+"""Edge lengths (metres), in coarser steps: everything; all but the hand; all but hand, forearm, ankle and foot.
 
 Regions are in the A-pose of the average adult, in pymeshlab's syntax for the first corner of a face. Thin parts need
-shorter edges to be round at all; hands and feet are what a tracker finds hardest.
+shorter edges; hands and feet are the hardest parts to track.
 """
 
 
 @dataclass(frozen=True)
 class TrackerMesh:
-    """Faces int32 (F, 3) and carriers: row v of `index` (V, 12), `share` (V, 12) makes vertex v out of skin vertices.
+    """Faces int32 (F, 3) and carriers: row v of `index` (V, 12), `share` (V, 12) defines vertex v by skin vertices.
 
     `mirror` int64 (V,) names the mirror image of each vertex.
     """
@@ -43,12 +43,13 @@ class TrackerMesh:
     mirror: np.ndarray
 
     def carry(self, values: np.ndarray) -> np.ndarray:
-        """Values of the skin (13380, C) carried to the mesh (V, C)."""
+        """Return values of the skin (13380, C) on the mesh (V, C)."""
         return np.einsum("vk,vkc->vc", self.share, values[self.index])
 
 
 def tracker_mesh(skin_a: np.ndarray, faces: np.ndarray) -> TrackerMesh:
-    """Remesh the A-pose skin (13380, 3): close gaps between fingers, halve, coarsen evenly, mirror, tie to the skin."""
+    """Remesh the A-pose skin (13380, 3): close gaps between fingers, halve, coarsen evenly, mirror, bind to the
+    skin."""
     half, half_faces = _coarse_half(*_closed(skin_a, faces))
     middle = np.flatnonzero(half[:, 0] == 0.0)
     count = len(half)
@@ -70,7 +71,7 @@ def tracker_mesh(skin_a: np.ndarray, faces: np.ndarray) -> TrackerMesh:
 
 
 def _closed(vertices: np.ndarray, faces: np.ndarray) -> tuple[Surface, Surface]:
-    """The outer surface after morphological closing, on a voxel grid: grown by FLESH, and at its true place."""
+    """Return the outer surface after morphological closing on a voxel grid, offset by FLESH, and without offset."""
     import pymeshlab
 
     surfaces = []
@@ -86,7 +87,8 @@ def _closed(vertices: np.ndarray, faces: np.ndarray) -> tuple[Surface, Surface]:
 
 
 def _coarse_half(grown: Surface, true: Surface) -> Surface:
-    """The half x >= 0 with isotropic triangles, drawn back onto the fine surface each time so that nothing shrinks."""
+    """Remesh the half x >= 0 with isotropic triangles, projected onto the fine surface in each step against
+    shrinking."""
     import open3d as o3d
     import pymeshlab
 
@@ -108,7 +110,7 @@ def _coarse_half(grown: Surface, true: Surface) -> Surface:
 
 
 def _drawn_onto(surface: Surface, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The nearest points of a surface; the border of the half mesh is kept on the plane x = 0, all else off it."""
+    """Project points onto a surface; the border of the half mesh stays on the plane x = 0, all others off it."""
     import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
@@ -134,10 +136,10 @@ def _border(faces: np.ndarray) -> np.ndarray:
 
 
 def _affine_shares(points: np.ndarray, skin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (V, 12) of the nearest skin vertices that sum to 1 and reproduce each point exactly.
+    """Return weights (V, 12) of the nearest skin vertices that sum to 1 and reproduce each point exactly.
 
-    Of all such shares the ones closest to a smooth average (weights falling with distance) are taken, so that a point
-    over the gap between two fingers follows both, and morph targets and weights transfer smoothly.
+    Among them the smoothest (decreasing with distance) are returned, so that a point in a closed gap depends on both
+    fingers, and morph targets and weights transfer smoothly.
     """
     distance, index = cKDTree(skin).query(points, k=NEAREST)
     smooth = np.exp(-((distance / distance[:, -1:]) ** 2) * 2.0)

@@ -1,11 +1,11 @@
-"""One command, one track: the tracker in many environments.
+"""Check that tracks are equal to the bit in many environments.
 
     python scripts/same_tracks.py --database poses.npz [--runs 20] [--set NAME=VALUE] [RECORDING...]
 
-Each recording is tracked by the command line with environments of different lengths, which move the stack and all
-memory, from different working directories and with the linear algebra of different processors (`OPENBLAS_CORETYPE`).
-The table says how many different tracks there were, to the last bit, and the exit code is 1 if there was more than one
-of any recording. The recordings named by default begin badly: what a first frame decides there, a last bit can turn.
+Each recording is tracked by the command with environments of different lengths (which move the stack and all memory),
+from different working directories and with the linear algebra of different processors (`OPENBLAS_CORETYPE`). The table
+shows the number of different tracks; the exit code is 1 if a recording has more than one. The default recordings have
+ambiguous first frames, where the last bit can decide.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ RECORDINGS: dict[Path, tuple[str, ...]] = {
 }
 CORES = ("Haswell", "Prescott", "SkylakeX")
 STEP = 32
-"""Bytes by which the environment grows from run to run."""
+"""Growth of the environment from run to run, bytes."""
 
 
 def environments(runs: int, folders: list[Path]) -> Iterator[tuple[dict[str, str], Path]]:
-    """`runs` environments of different lengths, every processor from every folder in turn."""
+    """Yield `runs` environments of different lengths, with each processor and folder in turn."""
     for run in range(runs):
         pad = "x" * (STEP * run)
         yield (
@@ -53,7 +53,7 @@ def main() -> int:
     )
     parser.add_argument("--database", type=Path, required=True, help="pose database")
     parser.add_argument("--runs", type=int, default=20, help="environments per recording")
-    parser.add_argument("--set", action="append", default=[], help="a setting, as `depthmocap track` takes it")
+    parser.add_argument("--set", action="append", default=[], help="a setting, as for `depthmocap track`")
     options = parser.parse_args()
     recordings: dict[Path, tuple[str, ...]] = {path: () for path in options.recordings} or RECORDINGS
     settings = [argument for setting in options.set for argument in ("--set", setting)]

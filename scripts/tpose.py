@@ -21,7 +21,7 @@ class Rest:
 
 
 def turning(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The smallest rotation (3, 3) that takes direction a to direction b."""
+    """Return the smallest rotation (3, 3) from direction a to direction b."""
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)
     axis = np.cross(a, b)
     sine = np.linalg.norm(axis)
@@ -39,21 +39,22 @@ class Straightening:
     joints_a: np.ndarray
 
     def blended(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Blended matrices (V, 3, 3) and offsets (V, 3) of the skinning T-pose -> A-pose."""
+        """Return blended matrices (V, 3, 3) and offsets (V, 3) of the skinning T-pose -> A-pose."""
         offsets = self.joints_a - np.einsum("jab,jb->ja", self.turns, self.joints_t)
         return np.einsum("vj,jab->vab", weights, self.turns), weights @ offsets
 
     def undo(self, points_a: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """T-pose points that skinning takes exactly to `points_a`: with arms at 45 degrees a body looks as modelled."""
+        """Return the T-pose points that skinning maps exactly to `points_a`, so that arms at 45 degrees look as
+        modelled."""
         matrices, offsets = self.blended(weights)
         return np.linalg.solve(matrices, (points_a - offsets)[..., None])[..., 0]
 
 
 def straightening(source: MakeHuman, mesh: np.ndarray) -> tuple[Straightening, dict[str, np.ndarray]]:
-    """Motions that straighten one person, and the A-pose centres of all joints, hands and feet.
+    """Return the motions that straighten one person, and the A-pose centres of all joints, hands and feet.
 
-    Arms come to lie exactly along +-x and legs along -y, each bone turned by the smallest rotation relative to its
-    parent; trunk and feet keep their orientation, so the soles stay flat.
+    Arms lie exactly along +-x and legs along -y, each bone turned by the smallest rotation relative to its parent;
+    trunk and feet keep their orientation, so the soles stay flat.
     """
     names = [*skeleton.JOINT_NAMES[1:], "left_hand", "right_hand", "left_foot", "right_foot"]
     centres = {name: source.centre(mesh, name) for name in names}
@@ -85,7 +86,7 @@ def straightening(source: MakeHuman, mesh: np.ndarray) -> tuple[Straightening, d
 
 
 def rest_pose(source: MakeHuman, mesh: np.ndarray) -> Rest:
-    """One A-pose person (19158, 3) brought into the T-pose."""
+    """Bring one A-pose person (19158, 3) into the T-pose."""
     straight, centres = straightening(source, mesh)
     skin = straight.undo(mesh[:SKIN_VERTICES], source.weights)
     skull = skin[source.skull]

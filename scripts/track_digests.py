@@ -1,11 +1,11 @@
-"""Digests of what the tracker finds: equal before and after a change that should change nothing.
+"""Print digests of tracks, which are equal before and after a change without effect.
 
     python scripts/track_digests.py --database poses.npz [--work FOLDER]
 
-Three recordings are tracked by the command line: a simulated one of a bundled motion, a Kinect recording of UTD-MHAD
-and frames of a cluttered room with two people. Printed is a SHA-256 digest of every column of each `track.npz` but the
-times. The simulated recording is made once and kept in the work folder, so that the simulation may change meanwhile.
-Tracks of real recordings also depend on the database: its digest is printed first.
+Three recordings are tracked by the command: a simulated one of a bundled motion, a Kinect recording of UTD-MHAD and
+frames of a cluttered room with two people. The output is the SHA-256 digest of each column of each `track.npz` but the
+times. The simulated recording is made once and kept in the work folder, so that changes of the simulation have no
+effect. Tracks of real recordings also depend on the database, whose digest is printed first.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from toolkit.datasets.folder import data_folder
 ROOT = Path(__file__).resolve().parents[1]
 DEPTH = data_folder() / "depth"
 TIMES = ("stage_ms", "stage_names", "checksum")
-"""Columns of a track that are no result."""
+"""Columns of a track with times instead of results."""
 
 RECORDINGS: dict[str, tuple[Path, tuple[str, ...]]] = {
     "utd_mhad": (DEPTH / "utd_mhad" / "a10_s1_t1_depth.mat", ()),
     "realsense": (DEPTH / "realsense" / "images_n40", ("--segment", "person", "--subject", "nearest")),
 }
-"""Real recordings by name, with the options that they are tracked with."""
+"""Real recordings by name, with their options."""
 
 
 def digests_of(run: Path) -> dict[str, str]:
-    """SHA-256 digest of every column of a run folder's `track.npz` except `TIMES`."""
+    """Return the SHA-256 digest of each column of a run folder's `track.npz` except `TIMES`."""
     with np.load(run / "track.npz", allow_pickle=False) as track:
         return {name: _digest(track[name]) for name in sorted(track.files) if name not in TIMES}
 
@@ -50,7 +50,8 @@ def track(
     environment: Mapping[str, str] | None = None,
     folder: Path | None = None,
 ) -> dict[str, str]:
-    """Digests of the track that `depthmocap track` finds, run from `folder` with these environment variables besides.
+    """Return the digests of the track of `depthmocap track`, run from `folder` with these additional environment
+    variables.
 
     Raises
     ------
@@ -63,12 +64,12 @@ def track(
 
 
 def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None, folder: Path | None = None) -> None:
-    """Run this copy of the command.
+    """Run the command of this checkout.
 
     Raises
     ------
     subprocess.CalledProcessError
-        It failed; what it said went to standard error.
+        The command failed; its messages are on the standard error.
     """
     subprocess.run(
         [sys.executable, "-m", "toolkit.app.cli.main", *map(str, arguments)],
@@ -80,7 +81,7 @@ def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None,
 
 
 def simulated(path: Path) -> Path:
-    """The simulated recording, made unless it is there: bundled kicks by a person unlike the tracker's body."""
+    """Return the simulated recording, made if absent: bundled kicks by a person unlike the tracker's body."""
     if not path.exists():
         from toolkit.body.shape import load_body, subject_body
         from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips

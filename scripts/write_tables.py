@@ -1,8 +1,8 @@
-"""Write the tables of README and docs that come from `benchmarks/results/`: `python scripts/write_tables.py [--check]`.
+"""Write the tables of README and docs from `benchmarks/results/`: `python scripts/write_tables.py [--check]`.
 
-A table lies between `<!-- table: NAME -->` and `<!-- end -->`; its rows are those of the macro NAME in `tables.jinja`.
-`--check` writes nothing and fails where a page says something else. A result is evidence only if its commit lies in the
-history of what is checked out: others are named, and are to be measured again or dropped.
+A table is between `<!-- table: NAME -->` and `<!-- end -->`; its rows are those of the macro NAME in `tables.jinja`.
+`--check` only compares and fails for a stale page. A result is valid only if its commit is in the history of the
+checkout; others are listed, and must be measured again or dropped.
 """
 
 from __future__ import annotations
@@ -26,46 +26,46 @@ MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
 def results(name: str = "*") -> dict[str, Any]:
-    """What benchmarks measured last, by name, each with its figures, commit, machine and processor time; no parts."""
+    """Return the last complete results by name, each with figures, commit, machine and processor time."""
     paths = [path for path in sorted(RESULTS.glob(f"{name}.json")) if not path.stem.endswith("_part")]
     return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in paths}
 
 
 def figures(name: str) -> Any:
-    """What a benchmark measured last."""
+    """Return the last figures of a benchmark."""
     return results(name)[name]["figures"]
 
 
 def fixed(value: float | Iterable[float], digits: int = 1) -> str:
-    """A number with so many digits behind the point; of several numbers all of them, with commas between them."""
+    """Format a number with a fixed number of decimals; several numbers are joined by commas."""
     return ", ".join(fixed(v, digits) for v in value) if isinstance(value, Iterable) else f"{value:.{digits}f}"
 
 
 def percent(share: float | Iterable[float], digits: int = 1) -> str:
-    """A share as per cent without the sign, all of it without a point; of several as `fixed`."""
+    """Format a fraction as per cent without the sign, 1 without decimals; several as `fixed`."""
     if isinstance(share, Iterable):
         return ", ".join(percent(one, digits) for one in share)
     return "100" if share == 1 else f"{100 * share:.{digits}f}"
 
 
 def share(counts: Sequence[int]) -> float:
-    """The first of two counts over the second."""
+    """Return the first of two counts over the second."""
     return counts[0] / counts[1]
 
 
 def column(rows: Mapping[str, Any], names: Sequence[str], figure: str = "") -> list[float]:
-    """The rows of these names, or one figure of each."""
+    """Return the rows of these names, or one figure of each."""
     return [rows[name][figure] if figure else rows[name] for name in names]
 
 
 def in_colour(line: Mapping[str, Any]) -> str:
-    """A line of scenes that were tracked with colour: error, share within 100 mm; switches, misses, false."""
+    """Format a line of scenes tracked with colour: error, fraction within 100 mm; switches, misses, false people."""
     counts = ", ".join(str(line[name]) for name in ("switches", "misses", "false"))
     return f"{fixed(line['error_mm'])} mm, {percent(line['a100'])} %; {counts}"
 
 
 def compared(group: str, other: str) -> dict[str, Any]:
-    """Mean errors of the hybrid tracker and of another row in a group of the suite, by a paired bootstrap."""
+    """Return mean errors of the hybrid tracker and of another row in a group of the suite, with a paired bootstrap."""
     found = figures("accuracy_report")["rows"] | figures("baak2013_report")["rows"]
     names = [name for name in found["hybrid"]["recordings"] if name.startswith(group)]
     own, theirs = (np.array([found[row]["recordings"][n]["error_mm"] for n in names]) for row in ("hybrid", other))
@@ -87,7 +87,7 @@ TABLES: dict[str, Any] = {
 
 
 def written(page: str) -> str:
-    """A page's text with its tables as the results are."""
+    """Return the text of a page with current tables."""
 
     def table(found: re.Match[str]) -> str:
         head, *rows = re.sub(r" +\|", " |", TABLES[found[2]]()).strip().splitlines()
@@ -98,12 +98,12 @@ def written(page: str) -> str:
 
 
 def pages() -> list[Path]:
-    """Those that may hold tables."""
+    """Return the pages with tables."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def strangers() -> list[str]:
-    """Results whose commit is none of the history's, or that name none."""
+    """Return the results whose commit is missing or not in the history."""
     found = []
     for name, measured in results().items():
         commit = measured.get("commit", "").rstrip("+") or "none"
@@ -114,14 +114,14 @@ def strangers() -> list[str]:
 
 
 def main() -> None:
-    """Write, or check."""
+    """Write the tables, or check them."""
     stale = [path for path in pages() if written(text := path.read_text(encoding="utf-8")) != text]
     if "--check" in sys.argv:
         lost = strangers()
         for path in stale:
-            print(f"{path.relative_to(ROOT)} says something else than benchmarks/results; run scripts/write_tables.py")
+            print(f"{path.relative_to(ROOT)} differs from benchmarks/results; run scripts/write_tables.py")
         for name in lost:
-            print(f"{name} is no commit of this history; measure again or drop it")
+            print(f"{name} is not in this history; measure again or drop it")
         sys.exit(1 if stale or lost else 0)
     for path in stale:
         path.write_text(written(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -73,5 +73,5 @@ def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
     recording = open_recording(write_recording(tmp_path / "take.npz"))
     track_recording(recording, FakeTracker(), tmp_path / "run", warm_up=False, watcher=Watcher())
     assert told == [(30, 0), *recording.timestamps.tolist(), "end"]
-    with pytest.raises(UsageError, match="events are told of one person"):
+    with pytest.raises(UsageError, match="events need a single person"):
         track_recording(recording, FakeTracker(), tmp_path / "two", people=2, watcher=Watcher())

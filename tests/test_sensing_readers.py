@@ -210,7 +210,7 @@ def test_raw_frames_need_intrinsics_and_a_size_that_fits(tmp_path):
     with pytest.raises(RecordingError, match="--size WIDTH,HEIGHT"):
         open_recording(tmp_path / "raw", intrinsics=TOF.intrinsics, size=(100, 100)).depth(0)
     (tmp_path / "odd").write_bytes(bytes(1000))
-    with pytest.raises(RecordingError, match="no known recording"):
+    with pytest.raises(RecordingError, match="no supported format"):
         open_recording(tmp_path / "odd")
     with pytest.raises(RecordingError, match="no known size"):
         open_recording(tmp_path / "odd", format="raw", intrinsics=TOF.intrinsics)

@@ -79,5 +79,5 @@ def test_a_name_is_given_once() -> None:
 
 def test_the_hybrid_tracker_asks_for_a_database() -> None:
     assert registered("hybrid").needs_database
-    with pytest.raises(UsageError, match="name a pose database"):
+    with pytest.raises(UsageError, match="needs a pose database"):
         TrackerRecipe().build()
