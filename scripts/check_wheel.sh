@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the wheel and uses it as somebody who has no checkout does: an empty environment, another folder, the demo.
+# Build the wheel and use it without a checkout: an empty environment, another folder, the demo.
 #   scripts/check_wheel.sh PYTHON          dependencies are those of PYTHON's environment (what CI does)
 #   scripts/check_wheel.sh PYTHON --full   dependencies are installed from the package index (a release)
 set -euo pipefail

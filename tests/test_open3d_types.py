@@ -168,5 +168,5 @@ def test_a_frame_of_a_track_is_cloud_mesh_and_skeleton(tmp_path: Path) -> None:
     assert len(track.to_open3d(2).mesh.vertices) == len(track.to_open3d(2).skeleton.points) == 0
     with pytest.raises(depthmocap.DepthMocapError, match="not one of the 3 frames"):
         track.to_open3d(3)
-    with pytest.raises(depthmocap.DepthMocapError, match="keeps no recording"):
+    with pytest.raises(depthmocap.DepthMocapError, match="has no recording"):
         depthmocap.Track(track.person).to_open3d(0)

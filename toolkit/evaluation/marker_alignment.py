@@ -108,7 +108,7 @@ def synchronise(
     if best < 0 or found < LEAST_CORRELATION:
         raise RecordingError(
             "the marker file and the track do not show the same movement at any lag; check that both are of one trial, "
-            "or give --lag SECONDS where nobody moves"
+            "or give --lag SECONDS if no person moves"
         )
     return float(own_at[0] + lag / RATE - other_at[0]), float(found)
 

@@ -163,7 +163,7 @@ def _range(values: np.ndarray) -> float:
 
 
 def stride_agreement(times: np.ndarray, track: np.ndarray, reference: np.ndarray) -> list[StrideAgreement]:
-    """Compare strides of joints (T, 20, 3), level frame; empty where nobody walks.
+    """Compare strides of joints (T, 20, 3), level frame; empty for a person who does not walk.
 
     A foot touches down where its ankle is farthest ahead of the pelvis (Zeni 2008, Gait & Posture 27).
     """

@@ -113,7 +113,7 @@ def track_recording(
     people : maximum number of tracked people, each in its own folder within `run`; None = all. 1 tracks the person
         selected by the settings, in `run` itself
     resume : continue an unfinished run; a finished one is left unchanged
-    warm_up : track the first frames once beforehand, so that no compilation is timed
+    warm_up : track the first frames once more at the start, so that no compilation is timed
     progress : told what is going on
     watcher : told every row of the one person who is followed, as it is written
     joints : where joints in the image are to come from

@@ -135,12 +135,12 @@ class RunSink:
             path = writer.finish(complete=False, contacts=self._contacts(bodies.get(person)))
             tracks[person] = Track.load(path.parent)
         # If folders are renamed, a kill in between restarts the run; otherwise `resume` completes it.
-        anew = complete and self._several and list(tracks) != list(range(1, len(tracks) + 1))
-        if self._several and not anew:
+        renumbered = complete and self._several and list(tracks) != list(range(1, len(tracks) + 1))
+        if self._several and not renumbered:
             self._save_people([self._summary(p, p, track, bodies[p]) for p, track in tracks.items()])
         for writer in self._writers.values() if complete else ():  # from here on nothing is missing
             writer.forget()
-        if anew:
+        if renumbered:
             for number, person in enumerate(tracks, start=1):
                 (self.run / folder_of(person)).replace(self.run / folder_of(number))
             numbered = enumerate(tracks.items(), start=1)

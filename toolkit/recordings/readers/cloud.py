@@ -1,9 +1,9 @@
 """Point clouds (PCD, PLY) as depth recordings: a file is a frame, a folder a recording.
 
-A cloud that keeps the camera's pixel grid (an organised PCD) gives its depth image back, and its intrinsics by least
-squares. One without is seen by a virtual camera at the origin: its points fall into pixels wide enough for the
-cloud's density, the nearest one counts. So clouds must be in the frame of the camera that measured them, which is
-the origin; everything downstream works on the pixel grid.
+An organised PCD keeps the pixel grid of its camera; its depth image is restored, and its intrinsics are estimated by
+least squares. Other clouds are projected into a virtual camera at the origin, with pixels wide enough for the density
+of the points; the nearest point of a pixel counts. Clouds must therefore be in the frame of the camera that measured
+them.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
 SUFFIXES = (".pcd", ".ply")
-GRID_RESIDUAL = 0.5  # pixels by which points may miss the pixel they claim to be from
-GRID_POINTS = 100  # that a fit of four intrinsics needs at the least
-LARGEST_SIDE = 640  # pixels of a virtual camera
+GRID_RESIDUAL = 0.5  # maximum distance of projected points from their pixels, pixels
+GRID_POINTS = 100  # minimum number of points for a fit of four intrinsics
+LARGEST_SIDE = 640  # maximum number of pixels of a virtual camera
 SPACING_SAMPLES = 2000
 LARGEST_CLOUD = 50_000_000
-"""Points of a cloud, ten times as many as a depth camera has pixels: Open3D takes memory for as many as are stated."""
+"""Maximum number of points, ten times the pixels of a depth camera; Open3D allocates the stated number."""
 LONGEST_WORD = 255
-"""Characters of a word in the text of a PLY file: Open3D's reader writes a longer one past a buffer."""
+"""Maximum length of a word in the text of a PLY file, because Open3D's reader overflows its buffer for longer ones."""
 NEAREST, FARTHEST = (
     1e-4,
     1e5,
-)  # file units: what lies nearer or farther than millimetres and metres do is no measurement
+)  # range of valid coordinates in millimetres and metres, file units
 FIELD = np.array(
     [0.56, 0.42]
-)  # slopes that a virtual camera covers at least, a Kinect's: people move after the first frame
+)  # minimum field of view of a virtual camera (slopes of a Kinect), because people move after the first frame
 
 
 def matches(path: Path) -> bool:
-    """Whether `path` is a PCD or PLY file, or a folder that holds some."""
+    """Return whether `path` is a PCD or PLY file, or a folder with some."""
     return bool(_files(path))
 
 
@@ -53,8 +53,8 @@ def _files(path: Path) -> list[Path]:
 
 @dataclass(frozen=True, eq=False)
 class RawCloud:
-    """A cloud as read: points (N, 3) in the camera frame, file units, invalid ones 0; colours uint8 (N, 3) or None;
-    and the size (height, width) of its pixel grid or None."""
+    """A cloud: points (N, 3) in the camera frame, file units, invalid ones 0; colours uint8 (N, 3) or None; size
+    (height, width) of its pixel grid or None."""
 
     points: np.ndarray
     colors: np.ndarray | None
@@ -67,12 +67,12 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     Raises
     ------
     RecordingError
-        It cannot be read, is empty, or lies behind the camera.
+        The file cannot be read, is empty, or lies behind the camera.
     """
     import open3d as o3d
 
     header = _header(path)
-    if path.suffix.lower() == ".pcd" and not _stated(header):  # Open3D would take any number for that of the points
+    if path.suffix.lower() == ".pcd" and not _stated(header):  # Open3D accepts any number of points
         raise RecordingError(f"{path} states no points; it is empty, truncated or no PCD")
     if path.suffix.lower() == ".ply" and _longest_word(path) > LONGEST_WORD:
         raise RecordingError(f"{path} holds a word of more than {LONGEST_WORD} characters; it is damaged or no PLY")
@@ -127,7 +127,7 @@ def usable_cloud(
 
 
 def _header(path: Path) -> dict[str, int]:
-    """Whole numbers of a PCD or PLY header by name: WIDTH, HEIGHT and POINTS, or VERTEX."""
+    """Return the integers of a PCD or PLY header by name: WIDTH, HEIGHT and POINTS, or VERTEX."""
     numbers = {}
     with damaged(path), open_file(path) as stream:
         for _ in range(32):
@@ -140,7 +140,7 @@ def _header(path: Path) -> dict[str, int]:
 
 
 def _longest_word(path: Path) -> int:
-    """Characters of the longest word of a PLY file's text: its header, and without a binary format all of it."""
+    """Return the length of the longest word in a PLY file's text: its header, or the whole file if it is ASCII."""
     with damaged(path), open_file(path) as stream:
         content = stream.read()
     text, _, _ = content.partition(b"end_header")
@@ -148,21 +148,21 @@ def _longest_word(path: Path) -> int:
 
 
 def _stated(header: dict[str, int]) -> int:
-    """How many points a header states, at the most."""
+    """Return the maximum number of points that a header states."""
     grid = header.get("HEIGHT", 0) * header.get("WIDTH", 0)
     return max(grid, header.get("POINTS", 0), header.get("VERTEX", 0))
 
 
 def _grid_of(header: dict[str, int], count: int) -> tuple[int, int] | None:
-    """Height and width that a PCD header states, where they are a grid of `count` points."""
+    """Return height and width of a PCD header if they form a grid of `count` points, else None."""
     height, width = header.get("HEIGHT", 0), header.get("WIDTH", 0)
     return (height, width) if height > 1 and width > 1 and height * width == count else None
 
 
 def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
-    """The camera behind an organised cloud (H * W, 3), by least squares of u and v against x/z and y/z.
+    """Return the camera of an organised cloud (H * W, 3), by least squares of u and v against x/z and y/z.
 
-    None where the points do not lie on a camera's pixel grid.
+    None if the points do not lie on the pixel grid of a camera.
     """
     height, width = grid
     v, u = np.nonzero(points[:, 2].reshape(grid))
@@ -182,7 +182,7 @@ def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
 
 
 def _virtual_camera(points: np.ndarray) -> Camera:
-    """A camera at the origin, looking along z, whose pixels are just wide enough for the density of `points` (N, 3)."""
+    """Return a camera at the origin, along z, with pixels just wide enough for the density of `points` (N, 3)."""
     from scipy.spatial import cKDTree
 
     seen = points[points[:, 2] > 0]
@@ -191,7 +191,8 @@ def _virtual_camera(points: np.ndarray) -> Camera:
     picked = slopes[np.linspace(0, len(slopes) - 1, min(SPACING_SAMPLES, len(slopes))).astype(np.int64)]
     gaps = cKDTree(slopes).query(picked, k=2)[0][:, 1] if len(slopes) > 1 else np.array([0.01])
     usual, wide = np.quantile(gaps, (0.5, 0.9))
-    # On a grid all gaps are equal and a little more than one gap will do; at random, twice the mean leaves 2 % holes.
+    # On a grid all gaps are equal, and pixels slightly wider than one gap suffice; at random, twice the mean leaves 2 %
+    # holes.
     pitch = 1.2 * wide * (wide / usual if usual > 0 else 1.0)
     low, high = np.minimum(slopes.min(axis=0), -FIELD), np.maximum(slopes.max(axis=0), FIELD)
     pitch = max(float(pitch), float((high - low).max()) / (LARGEST_SIDE - 1))

@@ -138,7 +138,7 @@ class SwarmSearch:
             return NOTHING
         frame, doubts = self._frame(observation, state)
         if state.previous is None:
-            found, _ = self.afresh(frame, state.body, rng)
+            found, _ = self.global_search(frame, state.body, rng)
             return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _memory(found.pose[None], 0.0, 0.0))
         poses = self._history(state)
         kept, asked = poses[: self._settings.history], doubts > BELIEVED
@@ -147,9 +147,9 @@ class SwarmSearch:
         found = self._follow(frame, state.body, poses, rivals, rng)
         nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
         if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
-            afresh, judged = self.afresh(frame, state.body, rng)
+            restart, judged = self.global_search(frame, state.body, rng)
             if judged < self._judged(frame, state.body, nearest):
-                hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, improves=best)
+                hypothesis = Hypothesis("joints", restart.pose, restart.comparison, improves=best)
                 return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
             rest = REST
         memory = _memory(kept, 0.0 if asked else doubts, rest)
@@ -186,7 +186,7 @@ class SwarmSearch:
         limits = self._window(starts[0], half)
         return self._finished(frame, body, costs, self._searched(costs, starts, limits, rng))
 
-    def afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
+    def global_search(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
         """Return the best pose within all limits and facings, and its score, metres.
 
         The detector may have exchanged left and right. The wrong facing is farther from the frame, which decides,
