@@ -192,7 +192,7 @@ def export_run(
     origin : "floor" (y up, ground at 0, below the first position of the person) or "camera"; default: that of the
         format
     recording : where the recording has been moved to, for formats that hold what was measured
-    as_tracked : do not hold what rests where it is, as a file on the floor does otherwise, see `motion.resting`
+    as_tracked : keep the jitter of motionless bodies and sliding feet in files on the floor, see `motion.resting`
     model : `.osim` file that the format opensim scales to the person
 
     Returns
