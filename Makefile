@@ -49,7 +49,7 @@ package: environment
 	scripts/check_package.sh $(BIN)/python
 
 docs: environment
-	$(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 clean:
 	rm -rf $(VENV) build dist demo site
