@@ -34,11 +34,11 @@ class Glb:
         self.document = json.loads(data[20 : 20 + length])
         self._binary = data[28 + length :]
         self.channels = {}
-        animation = self.document["animations"][0]
-        for channel in animation["channels"]:
-            sampler = animation["samplers"][channel["sampler"]]
-            key = (channel["target"]["node"], channel["target"]["path"])
-            self.channels[key] = (self.array(sampler["input"]), self.array(sampler["output"]))
+        for animation in self.document["animations"]:
+            for channel in animation["channels"]:
+                sampler = animation["samplers"][channel["sampler"]]
+                key = (channel["target"]["node"], channel["target"]["path"])
+                self.channels[key] = (self.array(sampler["input"]), self.array(sampler["output"]))
 
     def array(self, accessor: int) -> np.ndarray:
         row = self.document["accessors"][accessor]

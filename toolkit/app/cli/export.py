@@ -37,6 +37,7 @@ def export(
     model: Annotated[
         str | None, typer.Option("--model", help="Model of OpenSim (.osim) that --format opensim scales to the person.")
     ] = None,
+    unit: Annotated[str | None, typer.Option("--unit", help="Length unit of .bvh: cm or m.", show_default="cm")] = None,
     as_tracked: Annotated[
         bool,
         typer.Option(
@@ -55,7 +56,8 @@ def export(
     from toolkit.output.export.run import export_run
 
     written = export_run(
-        run, output, rig=rig, format=format, origin=origin, recording=recording, as_tracked=as_tracked, model=model
-    )
+        run, output, rig=rig, format=format, origin=origin, recording=recording, as_tracked=as_tracked, model=model,
+        unit=unit,
+    )  # fmt: skip
     for path in written:
         say(path)

@@ -13,16 +13,18 @@ from toolkit.io.errors import UsageError
 from toolkit.io.files import save_text
 from toolkit.output.export.tree import OWN, JointTree, tree_of
 
-UNITS_PER_METRE = 100.0
-"""Centimetres per metre, the unit of animation tools."""
+UNITS: dict[str, float] = {"cm": 100.0, "m": 1.0}
+"""File units per metre, by name; animation tools expect centimetres."""
 EULER_ORDER = "ZXY"
 """Order of a joint's rotation channels: Z, then X, then Y about the rotated axes."""
 
 
-def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: float, *, rig: str = OWN) -> None:
+def export_bvh(
+    path: str | Path, body: Body, poses: np.ndarray, frame_rate: float, *, rig: str = OWN, unit: str = "cm"
+) -> None:
     """Write poses as BVH: the body's T-pose as rest pose, constant bone lengths, three Euler channels per joint.
 
-    World y up, centimetres, degrees. The ends of limbs are end sites. The file is written atomically.
+    World y up, degrees. The ends of limbs are end sites. The file is written atomically.
 
     Parameters
     ----------
@@ -31,13 +33,14 @@ def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: floa
     poses : float64 (T, P), in a y-up frame (`track.pose` or `PoseClip.poses`), T at least 1
     frame_rate : frames a second
     rig : joint names and hierarchy, see `tree.tree_of`
+    unit : "cm" or "m"
 
     Raises
     ------
     BodyError
         The poses have another length than those of the body, or a value is not finite.
     UsageError
-        There is no pose, or the frame rate is not positive.
+        There are no poses, the frame rate is not positive, or the unit is unknown.
     RigError
         The rig is unknown.
     OutputError
@@ -46,17 +49,19 @@ def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: floa
     poses = skeleton.check_pose(np.atleast_2d(poses))
     if len(poses) == 0 or not frame_rate > 0:
         raise UsageError(f"cannot export {len(poses)} poses at {frame_rate} frames a second; both must be positive")
-    tree = tree_of(body, rig)
+    if unit not in UNITS:
+        raise UsageError(f"--unit {unit} is unknown; choose one of {', '.join(UNITS)}")
+    tree, scale = tree_of(body, rig), UNITS[unit]
     lines, order = ["HIERARCHY"], list[int]()
-    _write_joint(tree, 0, 0, lines, order)
+    _write_joint(tree, 0, 0, lines, order, scale)
     lines += ["MOTION", f"Frames: {len(poses)}", f"Frame Time: {1.0 / frame_rate:.9f}"]
-    positions = poses[:, skeleton.ROOT_POSITION] * UNITS_PER_METRE
+    positions = poses[:, skeleton.ROOT_POSITION] * scale
     rows = io.StringIO()
     np.savetxt(rows, np.concatenate([positions, _euler_degrees(tree.vectors(poses)[:, order])], axis=1), fmt="%.5f")
     save_text(path, "\n".join(lines) + "\n" + rows.getvalue())
 
 
-def _write_joint(tree: JointTree, joint: int, depth: int, lines: list[str], order: list[int]) -> None:
+def _write_joint(tree: JointTree, joint: int, depth: int, lines: list[str], order: list[int], scale: float) -> None:
     """Append a joint and all below it to the HIERARCHY section, and the joints in file order to `order`."""
     pad = "\t" * depth
     root = tree.parents[joint] < 0
@@ -66,20 +71,20 @@ def _write_joint(tree: JointTree, joint: int, depth: int, lines: list[str], orde
     lines += [
         f"{pad}{'ROOT' if root else 'JOINT'} {tree.names[joint]}",
         pad + "{",
-        f"{pad}\tOFFSET {_centimetres(tree.offsets[joint])}",
+        f"{pad}\tOFFSET {_units(tree.offsets[joint], scale)}",
         f"{pad}\tCHANNELS {len(channels)} {' '.join(channels)}",
     ]
     order.append(joint)
     for child in np.flatnonzero(tree.parents == joint):
-        _write_joint(tree, int(child), depth + 1, lines, order)
+        _write_joint(tree, int(child), depth + 1, lines, order, scale)
     if joint in tree.tips:
-        tip = _centimetres(tree.tips[joint] - tree.rest[joint])
+        tip = _units(tree.tips[joint] - tree.rest[joint], scale)
         lines += [f"{pad}\tEnd Site", pad + "\t{", f"{pad}\t\tOFFSET {tip}", pad + "\t}"]
     lines.append(pad + "}")
 
 
-def _centimetres(vector: np.ndarray) -> str:
-    return " ".join(f"{value * UNITS_PER_METRE:.6f}" for value in vector)
+def _units(vector: np.ndarray, scale: float) -> str:
+    return " ".join(f"{value * scale:.6f}" for value in vector)
 
 
 def _euler_degrees(vectors: np.ndarray) -> np.ndarray:

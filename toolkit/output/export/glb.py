@@ -11,6 +11,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.body.skeleton import REPORTED
 from toolkit.io.files import atomic_path
 from toolkit.output.export.tree import OWN, JointTree, tree_of
 from toolkit.tracks.runs import Person
@@ -41,11 +42,12 @@ def export_glb(
     colors: Sequence[np.ndarray] | None = None,
     notes: dict[str, Any] | None = None,
 ) -> None:
-    """Write tracks as one binary glTF 2.0 scene: y up, metres (the people's frame), one animation named `motion`.
+    """Write tracks as one binary glTF 2.0 scene: y up, metres (the people's frame), one animation for each person.
 
     Each person is a mesh of their own shape, skinned to joints named by `rig`, with one key per frame at the frame's
     time. glTF's linear blend skinning is that of the body, so vertices agree with `Body.vertex_positions` within single
-    precision. In frames without the person the scale is 0 and the nearest pose is held.
+    precision. The person's node holds the confidence as custom properties (`extras`). In frames without the person the
+    scale is 0 and the nearest pose is held.
 
     Parameters
     ----------
@@ -63,14 +65,16 @@ def export_glb(
         The file cannot be written.
     """
     scene = GlbDocument(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
-    animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
+    scene.document["animations"] = []
     start = min(float(person.track.timestamps[0]) for person in people)
     for k, person in enumerate(people):
         tree = tree_of(person.body, rig)
         nodes = _add_joints(scene, tree, person.name)
+        scene.document["nodes"][nodes.top]["extras"] = _confidence(person)
+        animation: dict[str, Any] = {"name": person.name, "samplers": [], "channels": []}
+        scene.add("animations", animation)
         _add_mesh(scene, person, tree, nodes, None if colors is None else colors[k])
         _add_motion(scene, animation, person, tree, nodes, start)
-    scene.document["animations"] = [animation]
     if notes is not None:
         scene.document["asset"]["extras"] = notes
     scene.save(path)
@@ -143,6 +147,16 @@ def _add_joints(scene: GlbDocument, tree: JointTree, name: str) -> _Nodes:
         scene.add("nodes", node | ({"children": children} if children else {}))
     scene.document["nodes"][top]["children"] = [first]
     return _Nodes(top, list(range(first, first + len(tree.names))))
+
+
+def _confidence(person: Person) -> dict[str, Any]:
+    """Return custom properties of a person: mean confidence of each frame and of each joint, 0 to 1."""
+    confidence = np.asarray(person.track.confidence, dtype=np.float64)
+    there = confidence[person.there] if person.there.any() else np.zeros((1, confidence.shape[1]))
+    joints = {
+        f"confidence_{name}": round(float(value), 3) for name, value in zip(REPORTED, there.mean(axis=0), strict=True)
+    }
+    return {"confidence": np.round(confidence.mean(axis=1), 3).tolist(), **joints}
 
 
 def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes, colors: np.ndarray | None) -> None:

@@ -48,6 +48,7 @@ class ExportJob:
     run : the run folder, None for people in memory
     recording : where the recording has been moved to
     model : model of OpenSim that is scaled, None for none
+    unit : of a BVH file, "cm" or "m"
     """
 
     people: Sequence[Person]
@@ -56,6 +57,7 @@ class ExportJob:
     run: Path | None = None
     recording: str | Path | None = None
     model: str | Path | None = None
+    unit: str = "cm"
 
     def open_recording(self) -> tuple[Recording, RunInfo]:
         """Return the recording of the run and its `run.json`; raises UsageError without a run."""
@@ -110,7 +112,7 @@ class Format(NamedTuple):
 
 def _bvh(path: Path, job: ExportJob) -> None:
     person = job.person
-    export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig)
+    export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig, unit=job.unit)
     write_notes(path, job.origin, job.people)
 
 
@@ -177,6 +179,7 @@ def export_run(
     recording: str | Path | None = None,
     as_tracked: bool = False,
     model: str | Path | None = None,
+    unit: str | None = None,
 ) -> tuple[Path, ...]:
     """Write all people of a run folder to `path` in the format of its suffix, or in `format` (one of `FORMATS`).
 
@@ -194,6 +197,7 @@ def export_run(
     recording : where the recording has been moved to, for formats that hold what was measured
     as_tracked : keep the jitter of motionless bodies and sliding feet in files on the floor, see `motion.resting`
     model : `.osim` file that the format opensim scales to the person
+    unit : of a BVH file, "cm" (default) or "m"
 
     Returns
     -------
@@ -222,6 +226,7 @@ def export_run(
         recording=recording,
         as_tracked=as_tracked,
         model=model,
+        unit=unit,
     )
 
 
@@ -236,6 +241,7 @@ def export_people(
     recording: str | Path | None = None,
     as_tracked: bool = False,
     model: str | Path | None = None,
+    unit: str | None = None,
 ) -> tuple[Path, ...]:
     """Export people whose tracks are in memory, or those of the run folder `run`; raises as `export_run`."""
     target = Path(path)
@@ -247,16 +253,18 @@ def export_people(
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
     if model is not None and name != "opensim":
         raise UsageError(f"--model {model} is for --format opensim; {name} has no model")
+    if unit is not None and name != "bvh":
+        raise UsageError(f"--unit {unit} is for .bvh; {name} is in metres or in the unit of its format")
     place = origin or format_.origin
     if place == FLOOR and not as_tracked:
         people = [at_rest(person) for person in people]
     if format_.together or len(people) == 1:
-        _write(format_, target, people, place, rig, run, recording, model)
+        _write(format_, target, people, place, rig, run, recording, model, unit or "cm")
         return (target,)
     written = []
     for person in people:
         written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        _write(format_, written[-1], [person], place, rig, run, recording, model)
+        _write(format_, written[-1], [person], place, rig, run, recording, model, unit or "cm")
     return tuple(written)
 
 
@@ -286,9 +294,11 @@ def _write(
     run: str | Path | None,
     recording: str | Path | None,
     model: str | Path | None,
+    unit: str,
 ) -> None:
     if not format_.blank and not people[0].there.any():
         raise UsageError(f"{people[0].name} is in no frame, which {path.name} cannot represent; export .csv or .json")
     place = origin_of(people, origin)
     moved = [person.moved(place.offset) for person in people]
-    format_.write(path, ExportJob(moved, place, rig or OWN, None if run is None else Path(run), recording, model))
+    folder = None if run is None else Path(run)
+    format_.write(path, ExportJob(moved, place, rig or OWN, folder, recording, model, unit))
