@@ -45,14 +45,14 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "one pass": ("hybrid", {"passes": 1}),
     "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
-    "baak2013 delete": ("baak2013", {"sensing.contour": "delete"}),
+    "baak2013 mixed": ("baak2013", {"sensing.contour": "mixed"}),
     "baak2013 local": ("baak2013", {}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
 }
 """Name of the row, shipped settings that it starts from, and overrides; what one setting says, `--set` says.
 
 `local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1)."""
+tracker (Fig. 5.12); `baak2013 mixed` keeps the contour as the hybrid tracker does (5.3.1)."""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
@@ -184,7 +184,7 @@ KINDS: dict[str, type[HybridTracker]] = {
     "one pass": WatchedTracker,
     "local": LocalTracker,
     "baak2013": Baak2013Tracker,
-    "baak2013 delete": Baak2013Tracker,
+    "baak2013 mixed": Baak2013Tracker,
     "baak2013 local": LocalBaak2013Tracker,
     "baak2013 lookup": Baak2013Tracker,
 }

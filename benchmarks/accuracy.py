@@ -62,7 +62,7 @@ COLUMNS = (
 )
 """Figure, heading and factor of the printed tables."""
 COLOURS = {
-    "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "baak2013 delete": "#b9a8c9",
+    "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "baak2013 mixed": "#b9a8c9",
     "local": "#7f9fc6", "hybrid": "#2b2b2b",
 }  # fmt: skip
 """Of the rows that are drawn."""

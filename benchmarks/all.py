@@ -27,7 +27,7 @@ PACKAGED = "toolkit/database/assets/default.npz"
 """What users have; no actor of the motions that are tracked with it is in it."""
 TIMED = ("speed", "lookup")
 """Benchmarks of times per frame."""
-PUBLISHED = "baak2013,baak2013 delete,baak2013 local,baak2013 lookup"
+PUBLISHED = "baak2013,baak2013 mixed,baak2013 local,baak2013 lookup"
 COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
     "speed_crowd": "speed crowd {database} --frames 120",

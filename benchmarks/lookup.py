@@ -23,10 +23,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
-from tests.support.searches import ScipySearch
 from tests.support.subjects import moving_clouds
 from toolkit.database.database import PoseDatabase
-from toolkit.database.pose_search import LeafSearch
+from toolkit.database.pose_search import SEARCHES
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.graph import Workspace, grid_graph
@@ -184,12 +183,12 @@ def queries_of_providers(parser: argparse.ArgumentParser) -> None:
     figures = []
     for kind, queries in query_frames(database, np.random.default_rng(0)).items():
         reference, _ = database.query(queries.reshape(-1, 15), options.neighbours)
-        for kind_of_search, count in product((LeafSearch, ScipySearch), (1, LABELINGS)):
-            seconds, distances = asked(replace(database, search=kind_of_search), queries[:, :count], options.neighbours)
+        for (name, search), count in product(SEARCHES.items(), (1, LABELINGS)):
+            seconds, distances = asked(replace(database, search=search), queries[:, :count], options.neighbours)
             expected = reference.reshape(FRAMES, LABELINGS, -1)[:, :count]
             entry = {
                 "frames": kind,
-                "provider": kind_of_search.__name__,
+                "search": name,
                 "labelings": count,
                 "median_ms": float(1000 * np.median(seconds)),
                 "worst_ms": float(1000 * np.max(seconds)),

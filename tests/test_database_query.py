@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
-from tests.support.searches import ScipySearch
-from toolkit.database.pose_search import LeafSearch
+from toolkit.database.pose_search import LeafSearch, Open3DSearch
 from toolkit.io.errors import DatabaseError
 from toolkit.kernels.cloud import nearest
 
@@ -26,11 +25,11 @@ def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> 
     k=st.integers(1, 12),
     partial=st.booleans(),
     grid=st.booleans(),
-    provider=st.sampled_from((LeafSearch, ScipySearch)),
+    provider=st.sampled_from((LeafSearch, Open3DSearch)),
 )
 @settings(max_examples=60, deadline=None)
 def test_neighbours_equal_brute_force_for_every_provider(
-    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[LeafSearch]
+    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[LeafSearch | Open3DSearch]
 ) -> None:
     rng = np.random.default_rng(seed)
     features = rng.normal(size=(count, 15)).astype(np.float32)
@@ -53,6 +52,18 @@ def test_of_equal_distances_the_compiled_search_names_the_lowest_index_first() -
     used = np.ones((1, 15), dtype=bool)
     _, indices = LeafSearch(features).query(np.zeros((1, 15), np.float32), 6, used)
     np.testing.assert_array_equal(indices, [np.arange(6)])
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_both_searches_answer_the_same_to_the_bit(partial: bool) -> None:
+    rng = np.random.default_rng(1)
+    features, queries = (rng.normal(size=(n, 15)).astype(np.float32) for n in (3000, 40))
+    used = np.repeat(rng.random((40, 5)) < 0.7 if partial else np.ones((40, 5), dtype=bool), 3, axis=1)
+    used[~used.any(axis=1)] = True
+    for one, other in zip(
+        *(search(features).query(queries, 5, used) for search in (LeafSearch, Open3DSearch)), strict=True
+    ):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_pose_is_its_own_nearest_neighbour() -> None:

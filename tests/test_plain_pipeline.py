@@ -8,12 +8,13 @@ import pytest
 from benchmarks.speed import compare
 from tests.database_helpers import small_database
 from tests.fitting_helpers import Fit, whole_image
-from tests.support.plain_fitting import PlainObjective, PlainPlacer, PlainScene, plain_refiner, plain_solve
+from tests.support.plain_fitting import PlainObjective, PlainPlacer, plain_refiner, plain_solve
 from tests.support.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.open3d_scene import Open3DScene
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.regressed_joints import VotedJoints
 from toolkit.fitting.scene import Scene
@@ -95,7 +96,7 @@ def test_the_plain_refiner_finds_the_pose_of_the_compiled_one(seed: int) -> None
     plain.placer = PlainPlacer.like(fast.placer)
     plain.objective, plain.refiner = PlainObjective(plain.placer, settings), plain_refiner(plain.placer, settings)
     extrema = cloud.points[:: len(cloud) // 20].astype(np.float64)
-    scene, plain_scene = Scene(cloud, extrema, 200), PlainScene(cloud, extrema, 200)
+    scene, plain_scene = Scene(cloud, extrema, 200), Open3DScene(cloud, extrema, 200)
     start = pose + np.random.default_rng(seed).normal(0.0, 0.05, len(pose))
     start = np.clip(start, *skeleton.POSE_LIMITS.T)
     pull = JointTerm(BODY.joint_positions(pose) @ LEVEL, np.full(20, 5.0), 0.3)
@@ -107,10 +108,10 @@ def test_the_plain_refiner_finds_the_pose_of_the_compiled_one(seed: int) -> None
     away = JointEstimate(BODY.joint_positions(pose) + [0.25, 0.0, 0.0], np.ones(20))
     known = [VotedJoints(away, cloud.rotation, 30.0)]
     with_votes = fast.distance(pose, Scene(cloud, extrema, 200, evidence=known))
-    assert plain.distance(pose, PlainScene(cloud, extrema, 200, known)) == pytest.approx(with_votes, abs=1e-9)
+    assert plain.distance(pose, Open3DScene(cloud, extrema, 200, known)) == pytest.approx(with_votes, abs=1e-9)
     assert with_votes > fast.distance(pose, scene) + 0.1
     shins = np.array([name.endswith(("knee", "ankle")) for name in skeleton.JOINT_NAMES])
-    withheld, plainly = (kind(cloud, extrema, 200, withheld=shins) for kind in (Scene, PlainScene))
+    withheld, plainly = (kind(cloud, extrema, 200, withheld=shins) for kind in (Scene, Open3DScene))
     assert plain.distance(pose, plainly) == pytest.approx(fast.distance(pose, withheld), abs=1e-9)
     assert fast.distance(pose, withheld) > fast.distance(pose, scene) + 0.01
 

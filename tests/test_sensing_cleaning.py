@@ -119,7 +119,7 @@ def test_mixed_pixels_go_and_thin_limbs_stay():
 def test_deleting_the_contour_is_an_option():
     depth = np.zeros(TOF.shape, np.uint16)
     depth[40:120, 60:110] = 3000
-    for contour, pixels in (("delete", 78 * 48), ("mixed", 80 * 50), ("keep", 80 * 50)):
+    for contour, pixels in (("silhouette", 78 * 48), ("mixed", 80 * 50), ("keep", 80 * 50)):
         assert (clean(depth, TOF, contour=contour) > 0).sum() == pixels
 
 

@@ -82,7 +82,7 @@ def test_foreground_lies_before_the_background_and_in_range(seed):
     assert tuple(box) == (v.min() + 1, v.max() + 2, u.min() + 1, u.max() + 2)
 
 
-@pytest.mark.parametrize("support", [0, 3, 8])
+@pytest.mark.parametrize("support", [0, 3])
 def test_contour_deletion_counts_supporting_neighbours(support):
     image, padded = blobs(3)
     out = np.zeros_like(padded)
@@ -101,6 +101,19 @@ def test_contour_deletion_counts_supporting_neighbours(support):
             sloped = (behind > 0) & (np.abs(2 * near - behind - z) <= tolerance)
             supported += (near > 0) & (flat | sloped)
     np.testing.assert_array_equal(out[1:-1, 1:-1], np.where(supported >= support, image, 0))
+
+
+def test_deleting_the_silhouette_is_erosion_by_a_cross():
+    import cv2
+
+    image = np.zeros((40, 60), np.uint16)
+    cv2.ellipse(image, (30, 20), (20, 12), 20, 0, 360, 2000, -1)
+    image[:, 30:] *= 2  # a step in depth within the person is no contour
+    out = np.zeros((42, 62), np.uint16)
+    kernels.delete_silhouette(np.pad(image, 1), whole(image), out)
+    cross = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)
+    inside = cv2.erode((image > 0).astype(np.uint8), cross, borderValue=0) > 0
+    np.testing.assert_array_equal(out[1:-1, 1:-1], np.where(inside, image, 0))
 
 
 @pytest.mark.parametrize("step", [1, 2])

@@ -1,4 +1,7 @@
-"""The local optimisation from NumPy and SciPy alone: the measure of the compiled one (Baak 2013, 5.4.1)."""
+"""The local optimisation from NumPy and SciPy, the oracle of the compiled one (Baak 2013, 5.4.1).
+
+The correspondences are those of `Open3DScene`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
-from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
@@ -20,34 +22,6 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import EXTREMUM_WEIGHT, Scene
 from toolkit.fitting.terms import CLOUD_PLANE, CLOUD_POINT, CloudTerm, SurfaceTerm, visible_chosen
-
-
-class PlainScene(Scene):
-    """A scene searched by SciPy's kd-tree over the measured points, camera frame."""
-
-    def __init__(self, *parts: Any, **marks: Any) -> None:
-        super().__init__(*parts, **marks)
-        self._points = back_projected(self.depth, self.intrinsics)[0]
-        self._tree = cKDTree(self._points)
-
-    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
-        """See `Scene.medians`."""
-        out[:] = np.nan
-        rows = np.flatnonzero(wanted)
-        if len(rows) == 0:
-            return
-        nearest = self._tree.query(points[rows], k=count, distance_upper_bound=reach)[1].reshape(len(rows), count)
-        padded = np.concatenate([self._points, np.full((1, 3), np.nan)])
-        any_found = nearest[:, 0] < len(self._points)
-        out[rows[any_found]] = np.nanmedian(padded[nearest[any_found]], axis=1)
-
-
-def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of the pixels with depth (H, W) > 0, camera frame, metres, and their flat indices (N,)."""
-    v, u = np.nonzero(depth > 0)
-    z = depth[v, u].astype(np.float64)
-    fx, fy, cx, cy = intrinsics
-    return np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1), v * depth.shape[1] + u
 
 
 class PlainPlacer(Placer):
@@ -227,24 +201,7 @@ class PlainSurfaceTerm(SurfaceTerm):
 
 
 class PlainCloudTerm(CloudTerm):
-    """Finds the drawn body's points by SciPy's kd-tree and adds its pairs to a `PlainSystem`."""
-
-    def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-        """See `CloudTerm.nearest`."""
-        points = np.full_like(scene.samples, np.nan)
-        vertex_of = np.full(len(points), -1, dtype=np.int64)
-        drawn, pixels = back_projected(placed.drawn.depth, placed.drawn.intrinsics)
-        if len(drawn) == 0:
-            return points, vertex_of
-        row = cKDTree(drawn).query(scene.samples, distance_upper_bound=self.reach)[1]
-        found = row < len(drawn)
-        points[found] = drawn[row[found]]
-        corners = placed.placer.faces[placed.drawn.triangle.reshape(-1)[pixels[row[found]]]]
-        nearest = np.linalg.norm(placed.vertices[corners] - points[found][:, None], axis=2).argmin(axis=1)
-        vertex_of[found] = corners[np.arange(len(corners)), nearest]
-        if scene.withheld is not None:
-            vertex_of[scene.withheld[placed.body.part[vertex_of]]] = -1
-        return points, vertex_of
+    """Adds its pairs to a `PlainSystem`."""
 
     def add(self, system: Any, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
@@ -293,14 +250,13 @@ class PlainObjective(Objective):
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Objective.compare`."""
         placed, s = self.placer.place(body, pose), self.settings
-        visible, points = visible_chosen(placed, scene, s.facing), placed.chosen_points
+        visible, points = visible_chosen(placed, scene, s.facing, s.vertices), placed.chosen_points
         nearest = np.empty_like(points)
         scene.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
-        cloud = PlainCloudTerm(s.unexplained, s.sigma)
-        explained, drawn = cloud.nearest(placed, scene)
-        explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
-        sample_gaps = np.linalg.norm(explained - scene.samples[: scene.plain_samples], axis=1)
+        samples = scene.samples[: scene.plain_samples]
+        explained, drawn = scene.nearest_drawn(placed, samples, s.unexplained)
+        sample_gaps = np.linalg.norm(explained - samples, axis=1)
         far = ~(sample_gaps < s.unexplained) | (drawn < 0)
         sample_gaps[far], drawn[far] = s.unexplained, -1
         extrema = np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)

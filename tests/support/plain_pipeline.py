@@ -1,7 +1,7 @@
-"""The hybrid tracker from SciPy's Dijkstra, SciPy's kd-tree and NumPy: what the compiled one is held against.
+"""The hybrid tracker from SciPy's Dijkstra, Open3D's kd-trees and NumPy, the oracle of the compiled one.
 
-Plain are the landmarks, the correspondences, the solver, the drawn body and the lookup; cleaning, the joint regressor
-and the arms' chains of balls are the compiled ones.
+Plain are the landmarks, the solver and the drawn body; correspondences and lookup are the settings `open3d`, as in
+`configs/baak2013.yaml`. Cleaning, the joint regressor and the arms' chains of balls are the compiled ones.
 """
 
 from __future__ import annotations
@@ -11,12 +11,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tests.support.plain_fitting import PlainObjective, PlainPlacer, PlainScene, plain_refiner
+from tests.support.plain_fitting import PlainObjective, PlainPlacer, plain_refiner
 from tests.support.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
-from tests.support.searches import ScipySearch
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
-from toolkit.fitting.scene import Scene
 from toolkit.landmarks.extrema import Extrema
 from toolkit.sensing.camera import Camera
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
@@ -41,13 +39,6 @@ class PlainObservation(Observation):
         source = plain_source(points, largest, self.centre, landmarks, self.scale)
         return plain_extrema(matrix, points, source, self.observer.extrema)
 
-    @cached_property
-    def scene(self) -> Scene:
-        """See `Observation.scene`."""
-        extrema = self.extrema.points.astype(np.float64)
-        marks = {"unobserved": self.unobserved, "cut": self.cut, "withheld": self.withheld}
-        return PlainScene(self.cloud, extrema, self.observer.samples, self.evidence, **marks)
-
 
 class PlainObserver(Observer):
     """Looks at sightings by SciPy and NumPy."""
@@ -56,10 +47,12 @@ class PlainObserver(Observer):
 
 
 class PlainTracker(HybridTracker):
-    """The hybrid tracker, from NumPy and SciPy alone; the body is learnt by the compiled code, the same for both."""
+    """The hybrid tracker without compiled code; the body is learnt by the compiled code, the same for both."""
 
     def __init__(self, database: PoseDatabase, settings: HybridSettings | None = None) -> None:
-        super().__init__(replace(database, search=ScipySearch), settings)
+        settings = settings or HybridSettings()
+        searched = replace(settings.lookup, search="open3d"), replace(settings.fitting, correspondences="open3d")
+        super().__init__(database, replace(settings, lookup=searched[0], fitting=searched[1]))
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
         """See `Tracker.follower`."""

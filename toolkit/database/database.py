@@ -17,7 +17,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
-from toolkit.database.pose_search import FEATURE_SIZE, LeafSearch
+from toolkit.database.pose_search import FEATURE_SIZE, LeafSearch, PoseSearch
 from toolkit.database.prior import PosePrior
 from toolkit.io.archives import Column, check_columns, load_archive, save_archive
 from toolkit.io.errors import DatabaseError
@@ -87,7 +87,7 @@ class PoseDatabase:
     notes: dict[str, Any] = field(default_factory=dict)
     regressor: JointRegressor | None = None
     prior: PosePrior | None = None
-    search: Callable[[np.ndarray], LeafSearch] = LeafSearch
+    search: Callable[[np.ndarray], PoseSearch] = LeafSearch
 
     def __post_init__(self) -> None:
         check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", BUILT_AGAIN)
@@ -145,7 +145,7 @@ class PoseDatabase:
         ).for_body(body)
 
     @cached_property
-    def _search(self) -> LeafSearch:
+    def _search(self) -> PoseSearch:
         return self.search(self.features)
 
     def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -208,6 +208,10 @@ class PoseDatabase:
             body_scale=body.scale,
             torso_length=length,
         )
+
+    def searched_by(self, search: Callable[[np.ndarray], PoseSearch]) -> PoseDatabase:
+        """Return the same poses with another search; this database itself if it has that search already."""
+        return self if search is self.search else replace(self, search=search)
 
     def limited(self, count: int) -> PoseDatabase:
         """The first `count` poses: as farthest-first order has it, the sample of that size."""

@@ -15,6 +15,8 @@ class FittingSettings:
     Attributes
     ----------
     iterations : linearisations, at most
+    correspondences : "grid" searches the pixel grid with compiled code, "open3d" by Open3D's kd-trees, as in the paper;
+        the correspondences are the same to the bit
     neighbours : number l of measured points in the median of a vertex; few, because hands are small and the 3x3 median
         already removed noise; not given in the paper
     reach : maximum distance from a vertex to its measured point: the largest jump between frames, mu of Eq. 5.4
@@ -34,6 +36,7 @@ class FittingSettings:
     """
 
     iterations: int = 5
+    correspondences: Literal["grid", "open3d"] = "grid"
     neighbours: int = 3
     reach: float = 0.5
     unexplained: float = 0.2
@@ -47,6 +50,8 @@ class FittingSettings:
     contact_weight: float = 1.0
 
     def __post_init__(self) -> None:
+        if self.correspondences not in ("grid", "open3d"):
+            raise SettingsError(f"fitting.correspondences is {self.correspondences!r}; choose grid or open3d")
         if self.iterations < 1 or not 1 <= self.neighbours <= 9:
             raise SettingsError(
                 f"fitting needs at least 1 iteration and 1 to 9 neighbours, not {self.iterations} and {self.neighbours}"

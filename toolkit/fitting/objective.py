@@ -14,7 +14,7 @@ from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.terms import nearest_drawn, visible_chosen
+from toolkit.fitting.terms import visible_chosen
 from toolkit.kernels.fit import pairs
 
 SUPPORT = 0.04
@@ -120,7 +120,7 @@ class Objective:
         if distance + surface > bound:
             return WORSE
         samples = scene.samples[: scene.plain_samples]
-        points, drawn = nearest_drawn(placed, scene, samples, s.unexplained)
+        points, drawn = scene.nearest_drawn(placed, samples, s.unexplained)
         sample_gaps = np.empty(len(samples))
         surface += pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
         if len(samples) == 0:

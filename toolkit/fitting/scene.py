@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from toolkit.fitting.orientation import FrameEvidence
+from toolkit.fitting.placed import PlacedBody
 from toolkit.fitting.priors import PoseTerm
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs
@@ -65,6 +66,28 @@ class Scene:
         The search on the pixel grid is exact (`toolkit.kernels.image.pixel_search`).
         """
         pairs.nearest_medians(points, wanted, *self._person, reach, count, out)
+
+    def nearest_drawn(self, placed: PlacedBody, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """Find the point nearest to each of `samples` (N, 3), camera frame, on the surface that the camera sees.
+
+        Returns
+        -------
+        points : float64 (N, 3)
+        vertex_of : int64 (N,), their mesh vertices, -1 where there is nothing within `reach`, or only a link that is
+            out of view (`withheld`)
+        """
+        points, vertex_of = np.empty_like(samples), np.empty(len(samples), dtype=np.int64)
+        pairs.nearest_model_points(
+            samples, placed.drawn.depth, placed.drawn.triangle, placed.drawn.intrinsics, placed.placer.faces,
+            placed.vertices, reach, points, vertex_of,
+        )  # fmt: skip
+        return points, self.without_withheld(placed, vertex_of)
+
+    def without_withheld(self, placed: PlacedBody, vertex_of: np.ndarray) -> np.ndarray:
+        """Return `vertex_of` (N,) with -1 in the place of vertices of links that are out of view."""
+        if self.withheld is not None:
+            vertex_of[self.withheld[placed.body.part[vertex_of]]] = -1
+        return vertex_of
 
     @cached_property
     def weights(self) -> np.ndarray:

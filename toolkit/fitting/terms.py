@@ -94,7 +94,7 @@ class CloudTerm:
 
     def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """Return the nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of each sample."""
-        return nearest_drawn(placed, scene, scene.samples, self.reach)
+        return scene.nearest_drawn(placed, scene.samples, self.reach)
 
     def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
         """Return the correspondences."""
@@ -124,30 +124,6 @@ def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, vertices: st
     if scene.withheld is not None:
         visible &= ~scene.withheld[placed.body.part[placed.placer.chosen]]
     return visible
-
-
-def nearest_drawn(placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the point of the visible surface nearest to each of `samples` (N, 3), camera frame, metres.
-
-    Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 without a point within `reach`, or for a link
-    out of view (`Scene.withheld`).
-    """
-    points = np.empty_like(samples)
-    vertex_of = np.empty(len(points), dtype=np.int64)
-    pairs.nearest_model_points(
-        samples,
-        placed.drawn.depth,
-        placed.drawn.triangle,
-        placed.drawn.intrinsics,
-        placed.placer.faces,
-        placed.vertices,
-        reach,
-        points,
-        vertex_of,
-    )
-    if scene.withheld is not None:
-        vertex_of[scene.withheld[placed.body.part[vertex_of]]] = -1
-    return points, vertex_of
 
 
 @dataclass(frozen=True)

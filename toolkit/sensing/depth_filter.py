@@ -7,7 +7,7 @@ import numpy as np
 from toolkit.io.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.sensing_settings import CONTOURS, SensingSettings
+from toolkit.sensing.sensing_settings import SUPPORT, SensingSettings
 
 
 class DepthFilter:
@@ -64,14 +64,11 @@ class DepthFilter:
         settings = self._settings
         out = np.zeros(self.camera.shape, dtype=np.float32)
         _clear_around(self._kept, box)
-        kernels.delete_contour(
-            padded,
-            box,
-            1000 * settings.contour_tolerance,
-            1000 * settings.quantisation,
-            CONTOURS[settings.contour],
-            self._kept,
-        )
+        if settings.contour == "silhouette":
+            kernels.delete_silhouette(padded, box, self._kept)
+        else:
+            tolerances = 1000 * settings.contour_tolerance, 1000 * settings.quantisation
+            kernels.delete_contour(padded, box, *tolerances, SUPPORT[settings.contour], self._kept)
         kernels.median_to_metres(self._kept, box, self.step, settings.median, out)
         return out
 

@@ -11,8 +11,9 @@ from toolkit.io.typed_values import constant
 
 MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
 MOST_EMPTY_FRAMES = 1000
-CONTOURS = {"keep": 0, "mixed": 3, "delete": 8}
+SUPPORT = {"keep": 0, "mixed": 3}
 """Neighbours (of 8) at its depth that a pixel needs in order to stay, by the setting `contour`."""
+CONTOURS = (*SUPPORT, "silhouette")
 
 
 @dataclass(frozen=True)
@@ -59,9 +60,10 @@ class SensingSettings:
     near, far : metres; depth outside is not used. A Kinect starts at 0.4 m, and no person beyond 8 m has enough pixels
     background_margin : metres that a pixel must lie before the background, on top of the quantisation of both; a ToF
         camera's noise is 1 to 2 cm, and a sole is 4 cm above the floor
-    contour : "mixed" deletes pixels that fewer than 3 of their 8 neighbours support, "delete" every pixel at an edge as
-        the paper does, "keep" none. On simulated time-of-flight images "delete" leaves 61 % of a person, for a forearm
-        is 3 to 4 pixels wide at 176x144; "mixed" leaves 91 %, with 0.1 % beside the body against 2.7 % of "keep"
+    contour : "mixed" deletes pixels that fewer than 3 of their 8 neighbours support, "silhouette" every pixel of the
+        person with a pixel beside the person among its 4 neighbours, as in Baak 2013, 5.3.1, "keep" none. On simulated
+        time-of-flight images "mixed" leaves 91 % of a person, with 0.1 % beside the body against 2.7 % of "keep"; a
+        forearm is 3 to 4 pixels wide at 176x144, so that "silhouette" halves it
     contour_tolerance : metres within which a neighbour supports a pixel, on top of the quantisation; the side of a
         forearm falls off by 2 cm a pixel at 3 m
     quantisation : metres at 1 m; grows with the square of the distance. A Kinect v1 has 2.5 cm at 3 m (Baak 2013,

@@ -1,6 +1,24 @@
-"""The tracker of Baak 2013 as it is printed: what the hybrid tracker adds to its frame step is left out.
+"""The tracker of Baak 2013 as it is printed, and the reference that a reader follows with the paper in hand.
 
-The constants stand in `configs/baak2013.yaml`; here is what no constant switches.
+Its constants stand in `configs/baak2013.yaml`, its deviations in `docs/papers.md`; here is what no constant switches.
+`Follower.step` is one frame, from top to bottom:
+
+| paper | code |
+|---|---|
+| 5.3.1: background subtraction, contour pixels, median | `SinglePersonSegmenter.clean`, `DepthFilter.filtered` |
+| 5.3.1: point cloud `M_I` | `Cloud.from_depth` |
+| 5.3.2: mesh `M_chi` and joints of a pose `chi` | `PlacedBody`, `Body.joint_positions` |
+| 5.3.3, Eq. 5.1: database, features `E_chi^5`, kd-tree | `PoseDatabase`, `Open3DSearch` |
+| 5.3.4: centre and viewing direction | `cloud_centre`, `estimate_facing` |
+| 5.4.1: correspondences, the median of the l nearest points | `SurfaceTerm.targets`, `Open3DScene.medians` |
+| 5.4.1: local optimisation | `LocalSearch.propose`, `Refiner.refine` |
+| 5.4.2: geodesic extrema `E_I^20` | `grid_graph`, `extrema_of_graph` |
+| 5.4.3, Eq. 5.4: admissible labelings | `labelings` |
+| 5.4.3, Eq. 5.5 and 5.6: retrieved poses and their scores | `ExtremaQuery.poses`, `fused_scores` |
+| 5.4.4, Eq. 5.7 to 5.9: sparse symmetric distance, late fusion | `Objective.compare`, `Follower.step` |
+
+The neighbours are found by Open3D's kd-trees; `tests/support/plain_pipeline.py` has the remaining steps in NumPy and
+SciPy.
 """
 
 from __future__ import annotations

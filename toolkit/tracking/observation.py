@@ -52,6 +52,7 @@ class Observer:
     learning : whether the body is being learnt, so that this holds for all frames: clothes hide a size as well as
         furniture does
     body : how much of a person there is to see: "auto", "whole" or "upper", see `HybridSettings`
+    scene : finds correspondences, see `open3d_scene.SCENES`
     told_joints : whether joints in the image are evidence in every frame, those on the person's own pixels
     """
 
@@ -65,6 +66,7 @@ class Observer:
     learning: bool = False
     body: str = "auto"
     told_joints: bool = False
+    scene: type[Scene] = Scene
 
     @property
     def kind(self) -> type[Observation]:
@@ -233,7 +235,7 @@ class Observation:
     def scene(self) -> Scene:
         """The frame as a fit needs it."""
         observer = self.observer
-        return Scene(
+        return observer.scene(
             self.cloud,
             self.extrema.points.astype(np.float64),
             observer.samples,

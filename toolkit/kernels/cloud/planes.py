@@ -1,6 +1,7 @@
 """Planes through a cloud by random triples of its points (Fischler 1981), compiled.
 
-Open3D's search for planes answers differently from call to call with one seed and the same points, so it is not used.
+Open3D's search for planes gives the same answer in every call with one seed, too, but takes 10.8 ms where this one
+takes 1.5 ms (one frame of UTD-MHAD, 6,362 points).
 """
 
 from __future__ import annotations

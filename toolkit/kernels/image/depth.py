@@ -101,6 +101,18 @@ def take_foreground(
 
 
 @njit(cache=True)
+def delete_silhouette(padded: np.ndarray, box: np.ndarray, out: np.ndarray) -> None:
+    """Copy the window `box` of `padded` to `out` (same shape) without the contour of what is set (Baak 2013, 5.3.1).
+
+    A pixel is on the contour if one of its 4 neighbours is 0; its depth does not count.
+    """
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            inside = padded[v - 1, u] > 0 and padded[v + 1, u] > 0 and padded[v, u - 1] > 0 and padded[v, u + 1] > 0
+            out[v, u] = padded[v, u] if inside else 0
+
+
+@njit(cache=True)
 def delete_contour(
     padded: np.ndarray, box: np.ndarray, tolerance_mm: float, tolerance_per_m2: float, support: int, out: np.ndarray
 ) -> None:
@@ -108,8 +120,7 @@ def delete_contour(
 
     A neighbour (of 8) supports a pixel if it is set and its depth differs by at most `tolerance_mm + tolerance_per_m2 *
     z^2`, or if the line through it and the pixel behind it meets the pixel's depth by that much: a limb that points
-    at the camera is steep, not torn. With `support` 3 lonely and mixed pixels go and straight edges stay; with 8 the
-    whole contour goes.
+    at the camera is steep, not torn. With `support` 3 lonely and mixed pixels go and straight edges stay.
     """
     height, width = padded.shape
     for v in range(box[0], box[1]):

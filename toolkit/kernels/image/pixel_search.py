@@ -13,6 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+NEAREST = 0.05
+"""Metres before the camera up to which a point has no projection and no neighbours: nearer than any depth camera."""
+
 
 @njit(cache=True)
 def longest_ray(height: int, width: int, intrinsics: np.ndarray) -> float:
@@ -43,7 +46,7 @@ def nearest_pixels(
     """
     (height, width), wanted = depth.shape, squared.shape[0]
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
-    if z <= 0.05:
+    if z <= NEAREST:
         return 0
     centre_u = int(np.rint(fx * x / z + cx))
     centre_v = int(np.rint(fy * y / z + cy))

@@ -8,8 +8,10 @@ from functools import cached_property
 
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
+from toolkit.database.pose_search import SEARCHES
 from toolkit.fitting.arms import ArmPoses
 from toolkit.fitting.objective import Objective
+from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.people.hypothesis import PersonClassifier
@@ -62,7 +64,7 @@ class HybridTracker(SearchingTracker):
         self.settings = settings or HybridSettings()
         super().__init__(self.settings, body)
         self.database = database_path
-        self._poses = database
+        self._poses = database.searched_by(SEARCHES[self.settings.lookup.search])
         self._regressor = database.regressor if "joints" in self.settings.hypotheses else None
 
     @property
@@ -145,6 +147,7 @@ class HybridTracker(SearchingTracker):
         return Observer(
             s.landmarks, s.extrema, s.fitting.cloud_samples, self._regressor, s.vote_samples,
             self.guide, s.vote_pull, body=s.body, told_joints=bool(self._swarm),
+            scene=SCENES[s.fitting.correspondences],
         )  # fmt: skip
 
     @cached_property

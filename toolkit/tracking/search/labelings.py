@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import permutations
+from typing import Literal
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class LookupSettings:
 
     Attributes
     ----------
+    search : "leaves" searches the database with compiled code, "open3d" by Open3D's kd-tree, as in the paper; the
+        answers are the same to the bit
     neighbours : K, poses retrieved per labeling; the tree answers 5 in the time of 1
     label_distance : metres, mu of Eq. 5.4, the paper's
     jump_speed : metres per second; an extremum that is farther from every extremum of the frame before than this lets
@@ -34,6 +37,7 @@ class LookupSettings:
         = the first five extrema alone are asked for, as in the paper
     """
 
+    search: Literal["leaves", "open3d"] = "leaves"
     neighbours: int = 5
     label_distance: float = 0.5
     jump_speed: float = 6.0
@@ -41,6 +45,8 @@ class LookupSettings:
     candidate_distance: float = 0.25
 
     def __post_init__(self) -> None:
+        if self.search not in ("leaves", "open3d"):
+            raise SettingsError(f"lookup.search is {self.search!r}; choose leaves or open3d")
         if self.neighbours < 1:
             raise SettingsError(f"lookup.neighbours is {self.neighbours}; ask for at least 1 pose per labeling")
         if not 0.0 <= self.balance <= 1.0:
