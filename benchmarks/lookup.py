@@ -1,4 +1,4 @@
-"""What the lookup rests on: `depthmocap bench lookup PART`, which is one of
+"""What lookup and fit rest on: `depthmocap bench lookup PART`, which is one of
 
 - `extrema [--frames 60]`: twenty geodesic extrema of a frame of a rendered subject: time and visited nodes, against
   SciPy's Dijkstra restarted for each (Baak 2013, Fig. 5.9). What a visit is, and that the counts are those of
@@ -7,6 +7,8 @@
   extrema asks for one labeling, one whose extrema jump for 12 or more. Three kinds of frames: end effectors of database
   poses, moved by a Gaussian of 5 cm each (a good frame); the same, labelled at random (the wrong labelings of a frame);
   points anywhere in a box of the size of a person (the worst case). Every provider must find the same distances.
+- `correspondences [--frames 20]`: the measured points nearest to the chosen vertices of a body, and the points of the
+  drawn body nearest to samples of the frame, by the settings `grid` and `open3d` in turn. Both must find the same.
 """
 
 from __future__ import annotations
@@ -23,14 +25,19 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
-from tests.support.subjects import moving_clouds
+from tests.support.subjects import LEVEL, camera_for, draw, moving_clouds, moving_poses
+from toolkit.app.config import load_settings
+from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.pose_search import SEARCHES
+from toolkit.fitting.open3d_scene import SCENES
+from toolkit.fitting.placed import Placer
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.graph import Workspace, grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 
 PIXELS = (3_000, 6_000, 16_000)
 REPEATS = 5
@@ -202,9 +209,52 @@ def queries_of_providers(parser: argparse.ArgumentParser) -> None:
     print(save_figures("lookup", figures, settings))
 
 
+def correspondences(parser: argparse.ArgumentParser) -> None:
+    """Measure both searches in turn, print and store the figures."""
+    parser.add_argument("--frames", type=int, default=20)
+    options = parser.parse_args()
+    pin_to_one_processor()
+    settings, body, figures = load_settings(HybridSettings, "baak2013").fitting, load_body("neutral"), []
+    for pixels in PIXELS:
+        camera, rng = camera_for(pixels), np.random.default_rng(0)
+        placer, poses = Placer(body, camera, LEVEL), moving_poses(options.frames, rng)
+        times: dict[str, list[np.ndarray]] = {name: [] for name in SCENES}
+        equal = True
+        for i, pose in enumerate(poses):
+            cloud = Cloud.from_depth(draw(body, pose, camera, rng), camera, LEVEL)
+            placed = placer.place(body, poses[max(i - 1, 0)])
+            placed.drawn  # noqa: B018  # drawn for both
+            found = []
+            for name, kind in SCENES.items():
+                rounds = []
+                for _ in range(REPEATS):  # the first one compiles, the least counts
+                    scene, nearest = kind(cloud, np.zeros((0, 3)), 400), np.full(placed.chosen_points.shape, np.nan)
+                    marks = [time.perf_counter()]
+                    scene.medians(placed.chosen_points[:1], np.ones(1, dtype=np.bool_), settings.reach, 1, nearest[:1])
+                    marks.append(time.perf_counter())
+                    scene.medians(placed.chosen_points, placer.front, settings.reach, settings.neighbours, nearest)
+                    marks.append(time.perf_counter())
+                    drawn = scene.nearest_drawn(placed, scene.samples, settings.reach)
+                    marks.append(time.perf_counter())
+                    rounds.append(1e3 * np.diff(marks))
+                times[name].append(np.min(rounds, axis=0))
+                found.append((nearest[placer.front], *drawn))
+            equal &= all(np.array_equal(a, b) for a, b in zip(*found, strict=True))
+        for name, rows in times.items():
+            build, medians, back = np.median(rows, axis=0)
+            entry = {
+                "search": name, "pixels": pixels, "build_ms": build, "chosen_5_ms": medians, "cloud_to_body_ms": back,
+                "equal": equal,
+            }  # fmt: skip
+            figures.append(entry)
+            print("  ".join(f"{v:.3f}" if isinstance(v, float) else f"{v!s:8}" for v in entry.values()))
+    print(save_figures("correspondences", figures, vars(options)))
+
+
 def main() -> None:
     """Run the part that is asked for."""
-    run_part(__doc__, {"extrema": extrema, "queries": queries_of_providers})
+    parts = {"extrema": extrema, "queries": queries_of_providers, "correspondences": correspondences}
+    run_part(__doc__, parts)
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ def test_what_the_hybrid_tracker_hands_to_its_searches_comes_from_its_settings(m
         hypotheses=("head_hands", "swarm"), swarm=SwarmSettings(particles=5), search=SwarmSearchSettings(tries=2),
         discrepancy=DiscrepancySettings(width=20), head_hands=HeadHandSettings(particles=ParticleSettings(count=8)),
     )  # fmt: skip
-    tracker = room.HybridTracker(SimpleNamespace(regressor=None), settings)  # type: ignore[arg-type]
+    tracker = room.HybridTracker(SimpleNamespace(regressor=None, searched_by=lambda _: None), settings)  # type: ignore[arg-type]
     tracker.searches(SimpleNamespace(placer=None), None)  # type: ignore[arg-type]
     assert given["HeadHandSearch"][0] is settings.head_hands
     assert given["SwarmSearch"][:3] == (settings.search, settings.swarm, settings.discrepancy)
