@@ -18,6 +18,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from benchmarks._data import check_data
 from benchmarks._record import RESULTS, commit
 from benchmarks._rows import add_database_options, poses_of
 from tests.support.suite import ROOT, WORK
@@ -123,6 +124,8 @@ def main() -> None:
         together = f"{_minutes(sum(known))} together, {sum(known) / 7200:.1f} hours on two processors"
         print(f"of {len(spent)} results {len(known)} say their processor time: {together}")
         return
+    for command in due.values():
+        check_data(shlex.split(command))
     database = poses_of(options) if due else None
     typed = {name: shlex.split(command.format(database=database, data=options.data)) for name, command in due.items()}
     timed = {name: words for name, words in typed.items() if words[0] in TIMED}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,6 +19,8 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from benchmarks._data import needed
+from benchmarks.all import COMMANDS
 from tests.support.bootstrap import paired_bootstrap
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -73,13 +76,27 @@ def compared(group: str, other: str) -> dict[str, Any]:
     return gain | {"own": own.mean(), "theirs": theirs.mean(), "better": int((own < theirs).sum()), "count": len(names)}
 
 
+def listed() -> list[dict[str, Any]]:
+    """Return command, data sets, processor minutes and file of each result of `bench --all`."""
+    found = results()
+    return [
+        {
+            "command": command.format(database="POSES", data="DATA"),
+            "data": ", ".join(f"`{name}`" for name in needed(shlex.split(command))) or "none",
+            "minutes": found[name].get("processor_seconds", 0.0) / 60 if name in found else None,
+            "name": name,
+        }
+        for name, command in COMMANDS.items()
+    ]
+
+
 ENVIRONMENT = Environment(
     loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
 ENVIRONMENT.filters |= {"f": fixed, "pct": percent}
 ENVIRONMENT.globals |= {
     "figures": figures, "results": results, "share": share, "column": column, "compared": compared,
-    "in_colour": in_colour,
+    "in_colour": in_colour, "listed": listed,
 }  # fmt: skip
 TABLES: dict[str, Any] = {
     name: macro for name, macro in vars(ENVIRONMENT.get_template("tables.jinja").module).items() if callable(macro)
@@ -99,7 +116,7 @@ def written(page: str) -> str:
 
 def pages() -> list[Path]:
     """Return the pages with tables."""
-    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+    return [ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def strangers() -> list[str]:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 import subprocess
+from pathlib import Path
 
 import pytest
 
 from benchmarks import all as everything
+from benchmarks._data import NEEDS, check_data, needed
 from scripts import write_tables
 from toolkit.app.cli.bench import benchmarks
+from toolkit.datasets.registry import DATA_SETS
+from toolkit.io.errors import DataError
 from toolkit.output.report.gait import EXPECTED
 
 pytestmark = pytest.mark.quick
@@ -53,3 +57,20 @@ def test_every_result_of_all_benchmarks_is_shown_on_a_page() -> None:
     for name, command in everything.COMMANDS.items():
         words = [word for word in command.split()[:2] if re.fullmatch(r"[a-z]\w+", word)]
         assert f'"{name}"' in tables or re.search(rf"bench {' '.join(words)}\b", current_pages()), name
+
+
+def test_every_benchmark_names_data_sets_of_the_registry() -> None:
+    assert {key.split()[0] for key in NEEDS} <= set(benchmarks())
+    assert {name for names in NEEDS.values() for name in names} <= set(DATA_SETS)
+    assert needed(["upper", "track", "--real", "--rows", "x"]) == NEEDS["upper track --real"]
+    assert needed(["real", "offsets"]) == NEEDS["real offsets"] != needed(["real", "tracked"]) == NEEDS["real"]
+
+
+def test_a_benchmark_without_its_data_names_the_command_that_fetches_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DEPTHMOCAP_DATA", str(tmp_path))
+    with pytest.raises(DataError, match="depthmocap data fetch utd-mhad$"):
+        check_data(["real", "tracked"])
+    check_data(["real", "--help"])
+    check_data(["speed", "hybrid"])

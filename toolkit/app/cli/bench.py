@@ -28,7 +28,10 @@ def _run_benchmark(name: str, arguments: list[str]) -> None:
     ------
     UsageError
         No script has this name; the message lists the available ones.
+    DataError
+        A data set of the benchmark is missing; the message has the command that fetches it.
     """
+    import importlib
     import runpy
 
     scripts = benchmarks()
@@ -37,6 +40,8 @@ def _run_benchmark(name: str, arguments: list[str]) -> None:
         raise UsageError(f"there is no benchmark {name!r}; {there}")
     sys.argv = [str(scripts[name]), *arguments]
     sys.path.insert(0, str(FOLDER.parent))
+    if (FOLDER / "_data.py").exists():
+        importlib.import_module("benchmarks._data").check_data([name, *arguments])
     runpy.run_path(str(scripts[name]), run_name="__main__")
 
 
