@@ -187,7 +187,7 @@ def paper(parser: argparse.ArgumentParser) -> None:
         print("the paper:", ", ".join(f"{label} {delta}" for label, delta in paper.items()))
     name = f"qammaz_{options.part}"
     if curves := curves_of(bench, options.part):
-        plot_curves(curves, RESULTS / f"{name}.png")
+        plot_curves(curves, RESULTS / f"{name}.jpg")
     settings = {key: getattr(options, key) for key in ("sequences", "frames", "joints", "seeds", "set")}
     print("written:", save_figures(name, {"ours": bench.figures, "paper_mm": paper}, settings))
 

@@ -290,9 +290,9 @@ def main() -> None:
         "rows": settings,
     }
     print("written:", save_figures(stem, figures, described))
-    plot_rows(rows, RESULTS / f"{stem}.png")
+    plot_rows(rows, RESULTS / f"{stem}.jpg")
     if bins:
-        plot_confidence(bins, RESULTS / f"{stem}_confidence.png")
+        plot_confidence(bins, RESULTS / f"{stem}_confidence.jpg")
 
 
 if __name__ == "__main__":

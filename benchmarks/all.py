@@ -69,7 +69,6 @@ COMMANDS: dict[str, str] = {
     "motion_model": "motion_model {data} --seeds 3 --curve",
     "by_example": "by_example {data}",
     "keyframe_search": "keyframes search {data}",
-    "keyframe_ranking": "keyframes ranking {data}",
     "keyframe_learning": "keyframes learning {data}",
 }
 """Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`; what takes an hour comes early."""

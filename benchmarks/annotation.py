@@ -267,14 +267,14 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
         print(f"all actors, {name}: {_line(totals[name])}")
     tables = {name: sum(rotations[a][name]["confusion"] for a in ACTORS) for name in list(VARIANTS)[:2]}
     thresholds = [_summed([rotations[a]["over thresholds"][place] for a in ACTORS]) for place in range(len(THRESHOLDS))]
-    plot_thresholds(thresholds, RESULTS / "annotation_thresholds.png")
+    plot_thresholds(thresholds, RESULTS / "annotation_thresholds.jpg")
     names = [*trained.annotator.labels, "no class"]
-    plot_confusion(tables["with keyframes"], names, RESULTS / "annotation_confusion.png", "HDM05, frames")
+    plot_confusion(tables["with keyframes"], names, RESULTS / "annotation_confusion.jpg", "HDM05, frames")
     done = [annotation for r in rotations.values() for annotation in r["with keyframes"]["annotations"]]
     whole = [annotation for annotation in done if len(annotation[2]) == CLIPS_PER_DOCUMENT]
     ranked = sorted(whole, key=lambda item: item[0])
     for name, (_, found, segments) in (("bad", ranked[0]), ("good", ranked[-1])):
-        plot_annotation(found, segments).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
+        plot_annotation(found, segments).savefig(RESULTS / f"annotation_{name}.jpg", dpi=110)
     feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
     feature_seconds *= options.minutes * 60.0 / sum(e.motion.duration for e in examples)
     print(f"relational features of {options.minutes:.0f} minutes at 120 Hz: {feature_seconds:.1f} s")

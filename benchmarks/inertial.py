@@ -255,7 +255,7 @@ def error_figures(
             told.append({name: told_apart(v, wrong) for name, v in {"orientation": curve.full, **apart}.items()})
             if method == "robust" and curve.limb == DRAWN and not drawn and known.mean() > 0.9:
                 drawn = True
-                plot_signals(curve.times, signals, wrong, RESULTS / "inertial_signals.png")
+                plot_signals(curve.times, signals, wrong, RESULTS / "inertial_signals.jpg")
             stretches[kind] += frame_scores(kept, check.truth or (), np.nan_to_num(kept.full) > 30.0)
     floor = np.concatenate(torso)
     return {
@@ -303,10 +303,10 @@ def simulated(parser: argparse.ArgumentParser) -> None:
         for key, value in part.items():
             print("  ", key, value)
     offsets = example_of_offsets()
-    plot_offsets(*offsets, RESULTS / "inertial_offsets.png")
+    plot_offsets(*offsets, RESULTS / "inertial_offsets.jpg")
     figures["wrong offsets"] = offset_figures(*offsets)
     if options.tracks:
-        plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.png")
+        plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.jpg")
     name = "inertial" if options.split == "report" else f"inertial_{options.split}"
     print("written:", save_figures(name, figures, asdict(NOISE)))
 

@@ -11,11 +11,6 @@
   Learned once from the clips as they are, and once from each clip also under other proportions of its actor and at
   other speeds. Beside them the mean quality of the populations over the generations (Fig. 4.3), and the time of one run
   on a training set of the size of the thesis's.
-- `ranking DATA [--frames 60000] [--runs 2]`: what keyframes of two actors leave of documents of the third is ranked by
-  the class's motion template: precision over recall, with the learned stiffness and with one for all gaps (Fig. 3.13 to
-  3.15), time over what is left (Fig. 3.12), the histogram of the learned stiffness (Fig. 4.4). A hit is right if it
-  covers half of a motion of the class that no cheaper one found. The thesis's manual queries (Fig. 3.9) are its own,
-  and none is made here.
 """
 
 from __future__ import annotations
@@ -42,7 +37,6 @@ from benchmarks._keyframe_corpus import (
     load_filler,
     make_documents,
 )
-from benchmarks._keyframe_ranking import ranking
 from benchmarks._record import pin_to_one_processor, run_part, save_figures
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
@@ -368,7 +362,7 @@ def learn_keyframes(parser: argparse.ArgumentParser) -> None:
 
 def main() -> None:
     """Run the part that is asked for."""
-    run_part(__doc__, {"search": search, "learning": learn_keyframes, "ranking": ranking})
+    run_part(__doc__, {"search": search, "learning": learn_keyframes})
 
 
 if __name__ == "__main__":

@@ -267,7 +267,7 @@ def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool
     table, names = sum(row["confusion"] for row in results[TWO]), [*labels, "no class"]
     mistakes(table, names)
     figures["confusion"] = {"labels": names, "frames": table}
-    plot_confusion(table, names, RESULTS / f"motion_model_{name}.png", f"HDM05, {name}, frames")
+    plot_confusion(table, names, RESULTS / f"motion_model_{name}.jpg", f"HDM05, {name}, frames")
     return figures
 
 

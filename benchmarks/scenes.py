@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import RESULTS, save_figures
+from benchmarks._record import RESULTS, save_figures, save_jpeg
 from benchmarks._rows import add_database_options, poses_of, track_each
 from tests.support.casting import Scene
 from tests.support.scene_scores import SceneScore, scene_figures, score_scene
@@ -31,7 +31,7 @@ from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.output.rendering import style
-from toolkit.output.rendering.film import contact_sheet, save_png
+from toolkit.output.rendering.film import contact_sheet
 from toolkit.output.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
@@ -191,7 +191,7 @@ def write_sheet(paths: Sequence[Path], runs: Sequence[Path], scores: dict[str, S
         if badness(scores[paths[i].stem]) > 0
     ]
     if pictures:
-        save_png(path, contact_sheet(pictures, columns=4))
+        save_jpeg(path, contact_sheet(pictures, columns=4))
 
 
 def _people(text: str) -> int | None:
@@ -248,7 +248,7 @@ def main() -> None:
     described = {name: getattr(options, name) for name in ("set", "frames", "groups")}
     described |= {"mocap": has_mocap(), "people": options.people or "all"}
     print("written:", save_figures(stem, content, described))
-    write_sheet(paths, runs, scores, RESULTS / f"{stem}.png")
+    write_sheet(paths, runs, scores, RESULTS / f"{stem}.jpg")
 
 
 if __name__ == "__main__":

@@ -208,7 +208,7 @@ def classes(parser: argparse.ArgumentParser) -> None:
         *["without_marks"] * options.without_marks,
     ]
     name = "_".join(["stabilise", *marks])
-    plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.png")
+    plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.jpg")
     print("written:", save_figures(name, figures, {**asdict(settings), "noise mm": options.noise}))
 
 

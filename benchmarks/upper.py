@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import _upper as upper
-from benchmarks._record import RESULTS, run_part, save_figures
+from benchmarks._record import RESULTS, run_part, save_figures, save_jpeg
 from benchmarks._rows import add_database_options, poses_of
 from tests.support.scenes import record_scene
 from tests.support.solo import Solo
@@ -41,7 +41,7 @@ from toolkit.io.errors import DepthMocapError
 from toolkit.io.files import save_bytes
 from toolkit.io.html import png_of
 from toolkit.landmarks.graph import Workspace
-from toolkit.output.rendering.film import contact_sheet, save_png
+from toolkit.output.rendering.film import contact_sheet
 from toolkit.output.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
@@ -256,7 +256,7 @@ def track(parser: argparse.ArgumentParser) -> None:
         for row in rows:
             for name, run in (("stills", stills), ("seated", seated)):
                 figures[f"{row} {name}"], pictures = run(row, options)
-                save_png(RESULTS / f"upper_{name}_{row.replace(' ', '_')}.png", contact_sheet(pictures, columns=4))
+                save_jpeg(RESULTS / f"upper_{name}_{row.replace(' ', '_')}.jpg", contact_sheet(pictures, columns=4))
     else:
         scenes = upper_scenes(options.split, tuple(options.groups.split(",")), options.takes)
         recordings = [open_recording(record_scene(scene, options.work, options.frames)) for scene in scenes]
@@ -268,7 +268,7 @@ def track(parser: argparse.ArgumentParser) -> None:
     own = "" if options.rows == DEFAULT_ROWS else "_" + options.rows.replace(",", "_").replace(" ", "_")
     settings = {name: getattr(options, name) for name in ("rows", "frames", "groups", "set")}
     name = stem + (own if whole else "_part")
-    plot_success({row: found["curve"] for row, found in figures.items() if "curve" in found}, RESULTS / f"{name}.png")
+    plot_success({row: found["curve"] for row, found in figures.items() if "curve" in found}, RESULTS / f"{name}.jpg")
     print("written:", save_figures(name, figures, settings))
 
 
