@@ -1,4 +1,4 @@
-"""Times the stages of a frame step."""
+"""Times of the stages of a frame step."""
 
 from __future__ import annotations
 

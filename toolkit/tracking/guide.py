@@ -1,4 +1,4 @@
-"""What is known of the frames of a recording besides their depth, as the tracker asks for it."""
+"""Evidence beside the depth: inertial sensors and pose priors, by time."""
 
 from __future__ import annotations
 
@@ -21,43 +21,43 @@ TWISTLESS = ("elbow", "wrist")
 
 
 class Guide(Protocol):
-    """What is known about every frame."""
+    """Evidence for each frame of a recording."""
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
-        """What is known at `timestamp` seconds of the placed body; `level_rotation` is R_level_camera, (3, 3)."""
+        """Return the terms for the placed body at `timestamp` seconds; `level_rotation` is R_level_camera, (3, 3)."""
         ...
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
-        """What is known at `timestamp` seconds of the pose."""
+        """Return the terms in the pose vector at `timestamp` seconds."""
         ...
 
 
 class NoGuide:
-    """Nothing is known but the depth. Guides that know some things only extend it."""
+    """Guide without evidence; other guides extend it."""
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
-        """See `Guide.evidence`."""
+        """Return no term, see `Guide.evidence`."""
         return ()
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
-        """See `Guide.priors`."""
+        """Return no term, see `Guide.priors`."""
         return ()
 
 
 class InertialGuide(NoGuide):
-    """Orientations of calibrated sensors (thesis 7; as evidence for the tracker it is beyond the thesis).
+    """Guide by orientations of calibrated sensors (thesis, Chapter 7; as evidence for the tracker beyond the thesis).
 
     Parameters
     ----------
     sensors : named after the parts of the body, each with an orientation
     calibration : of these sensors
-    recording : name of the recording, which says whose clock counts where the calibration knows several
-    settings : how they pull
+    recording : name of the recording, which selects one of several clocks
+    settings : weights
 
     Raises
     ------
     InertialError
-        The calibration is of other sensors, none of them is usable, or no clock is that of the recording.
+        The calibration has other sensors, none is usable, or no clock belongs to the recording.
     """
 
     def __init__(
@@ -81,7 +81,9 @@ class InertialGuide(NoGuide):
         self._settings = settings
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
-        """See `Guide.evidence`: a sensor that lost its packets around that time says nothing."""
+        """Return the orientation terms, see `Guide.evidence`; none for a sensor that lost its packets around that
+        time.
+        """
         time = np.array([self._clock.rate * timestamp + self._clock.offset])
         turn = quat.conjugate(quat.from_matrices(level_rotation))
         found = []
@@ -100,12 +102,12 @@ class InertialGuide(NoGuide):
 
 
 def clock_of(calibration: Calibration, recording: str) -> TakeClock:
-    """The clock of a recording in a calibration that may know several.
+    """Return the clock of a recording in a calibration with one or several clocks.
 
     Raises
     ------
     InertialError
-        It knows several, and none by that name.
+        There are several clocks and none has that name.
     """
     takes = calibration.takes
     if len(takes) == 1:

@@ -1,7 +1,7 @@
-"""The people before one camera: a fold over the frames of a stream, `frame -> sightings -> a row for each person`.
+"""Multi-person tracker: frames of a stream in, rows of tracks out.
 
-A person's shape is learnt from the first seconds, which are kept and then tracked again with the learnt body, so that
-bone lengths do not change within a track. Rows of these seconds therefore come late, and all at once.
+A person's shape is learnt from the first seconds, which are stored and then tracked again with the learnt body, so that
+bone lengths do not change within a track. Rows of these seconds therefore come late and together.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from toolkit.tracks import FrameResult
 
 
 class Row(NamedTuple):
-    """One row of one person's track."""
+    """Row of one person's track."""
 
     person: int
     frame: int
@@ -39,7 +39,7 @@ class Row(NamedTuple):
 
 @dataclass
 class Waiting:
-    """Kept sightings of a person whose body is not learnt yet; the learner exists once enough was seen."""
+    """Stored sightings of a person whose body is not learnt yet; the learner exists once there are enough."""
 
     frames: list[tuple[StoredSighting | None, float, float]] = field(default_factory=list)
     seen_since: int | None = None
@@ -47,7 +47,7 @@ class Waiting:
 
 
 class Predictions(Mapping[int, PredictedBody]):
-    """The predicted bodies of the followed people; each is placed when it is first read."""
+    """Predicted bodies of the tracked people; each is placed when it is first read."""
 
     def __init__(self, known: Mapping[int, PersonFollower | BodyLearner]) -> None:
         self._known = known
@@ -63,21 +63,21 @@ class Predictions(Mapping[int, PredictedBody]):
 
 
 class MultiPersonTracker:
-    """Follows the people of one stream.
+    """Tracker of the people of one stream.
 
     Parameters
     ----------
     tracker : makes a follower for each person
-    finder : tells the people of a frame apart
+    finder : finder of the people in a frame
     up_camera : (3,), the vertical in the camera frame
-    joints : tells the joints of the people in the image; None for no joints
-    floor : y of the floor, metres, level frame, None where it is not known
+    joints : source of image joints; None for none
+    floor : y of the floor, metres, level frame, None if unknown
 
     Attributes
     ----------
-    frames : how many were taken in
-    timestamps : theirs, seconds
-    sightings : keeps what is seen of all people, for a second pass; None where there is none
+    frames : number of processed frames
+    timestamps : timestamps of these frames, seconds
+    sightings : store of all sightings for a second pass; None without one
     """
 
     def __init__(
@@ -99,16 +99,16 @@ class MultiPersonTracker:
 
     @property
     def settled(self) -> bool:
-        """Whether no body is being learnt, so that the state is small and all rows are out."""
+        """True if no body is being learnt, so that the state is small and all rows are out."""
         return not self._waiting
 
     @property
     def bodies(self) -> dict[int, Body]:
-        """Predicted bodies of the followed people."""
+        """Predicted bodies of the tracked people."""
         return {person: follower.body for person, follower in self._followers.items()}
 
     def step(self, frame: Frame) -> list[Row]:
-        """Take in the next frame; the rows that are known now, which may be none or those of several frames."""
+        """Process the next frame and return the new rows, of none or of several frames."""
         start = perf_counter()
         found = self.finder.find(frame.depth_mm, frame.timestamp, self._predictions())
         sightings = {s.id: s for s in self.joints.add(frame, found)}
@@ -131,11 +131,11 @@ class MultiPersonTracker:
         return rows
 
     def finish(self) -> list[Row]:
-        """The rows of those who were seen for too short a time, once the last frame has been taken in."""
+        """Return the rows of people who were in view for too short a time; called after the last frame."""
         return [row for person in sorted(self._waiting) for row in self._learnt(person)]
 
     def export_state(self) -> State:
-        """All that the next step depends on besides the frame; only while `settled`."""
+        """Return the state that the next step depends on; only while `settled`."""
         return {
             "frames": self.frames,
             "timestamps": np.array(self.timestamps),
@@ -145,12 +145,12 @@ class MultiPersonTracker:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave.
+        """Restore what `export_state` returned.
 
         Raises
         ------
         TrackError
-            It is the state of another recording, of other settings, or of nothing that there could be.
+            The state belongs to another recording or other settings, or is damaged.
         """
         columns = {"frames": Column("iu", (), 0), "timestamps": Column("f", ("frames",))}
         check_state(state, columns, ("finder", "joints", "people"), "crowd")
@@ -178,7 +178,7 @@ class MultiPersonTracker:
             )
 
     def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:
-        """Keep a sighting for later; whether there are enough now."""
+        """Store a sighting and return True if there are enough."""
         waiting.frames.append((None if sighting is None else StoredSighting.of(sighting), timestamp, prepare_ms))
         if waiting.seen_since is None and sighting is not None:
             if np.count_nonzero(sighting.depth) >= self.tracker.settings.smallest_person:
@@ -192,7 +192,7 @@ class MultiPersonTracker:
         return timestamp - waiting.frames[waiting.seen_since][1] >= self.tracker.learning_seconds
 
     def _learnt(self, person: int) -> list[Row]:
-        """Track the frames kept of a person with the body that was learnt."""
+        """Track the stored frames of a person with the learnt body."""
         waiting, camera = self._waiting.pop(person), self.finder.camera
         body = None if waiting.learner is None else waiting.learner.body
         self._followers[person] = self.tracker.follower(camera, self.level_rotation, body)

@@ -1,4 +1,4 @@
-"""Occluded limbs: the guess that the pose prior makes of them, and its confidence."""
+"""Occluded limbs: their estimate by the pose prior, and its confidence."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ FOUND = 0.04
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A pose whose unobserved angles were guessed.
+    """Pose whose unobserved angles were inferred from the prior.
 
     Attributes
     ----------
     pose : float64 (P,), level frame
-    spread : float64 (20,), metres: standard deviation, in each direction, of the reported joints that were guessed;
-        0 of all others
+    spread : float64 (20,), metres: standard deviation, in each direction, of the inferred reported joints;
+        0 for all others
     """
 
     pose: np.ndarray
@@ -38,35 +38,35 @@ class Guess:
 
     @property
     def observed(self) -> np.ndarray:
-        """Bool (20,): the reported joints that were not guessed."""
+        """Reported joints that were not inferred: bool (20,)."""
         return self.spread == 0.0
 
     def confidence(self, found: np.ndarray) -> np.ndarray:
-        """Probabilities (20,) of joints to be within 5 cm: those `found` from the frame, at most the guess's own."""
+        """Return the probability (20,) of joints within 5 cm: `found` from the frame, bounded by the estimate's own."""
         own = [_within(WITHIN / math.hypot(spread, FOUND)) if spread > 0.0 else 1.0 for spread in self.spread]
         return np.minimum(found, own)
 
 
 class OccludedLimbs:
-    """Guesses occluded limbs, and keeps them from jumping.
+    """Estimator of occluded limbs that prevents jumps.
 
-    Where nothing is observed the pose term of the fit alone moves a limb, to where the rest of the body lets it be
-    expected. A pose that was retrieved for the sake of the rest knows no better.
+    Without observation the pose term of the fit alone moves a limb, to its expectation given the rest of the body. A
+    pose that was retrieved for the rest has no better estimate.
 
     Parameters
     ----------
-    prior : what poses are like, situation by situation: how uncertain these limbs are, given the rest
+    prior : mixture of poses: the uncertainty of these limbs, given the rest
     """
 
     def __init__(self, prior: PosePrior) -> None:
         self._prior = prior
 
     def guess(self, pose: np.ndarray, seen: Comparison, objective: Objective, before: np.ndarray | None) -> Guess:
-        """A pose (P,) with its unobserved limbs, and how far these may be from the true ones.
+        """Return a pose (P,) with its unobserved limbs, and their uncertainty.
 
         Parameters
         ----------
-        seen : the pose against the frame, as `objective` compared it
+        seen : comparison of the pose with the frame by `objective`
         before : pose (P,) of the frame before, whose unobserved limbs stay; None where the pose itself goes on from it,
             or where there is none
         """
@@ -92,7 +92,7 @@ class OccludedLimbs:
 
 
 def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
-    """Bool (18,): unobserved joints: next to nothing at and below them was measured.
+    """Return the unobserved joints: almost no measurement at and below them: bool (18,).
 
     `observed` : float64 (C,), 1 for chosen vertices that lie where something was observed, else 0
     """
@@ -103,7 +103,7 @@ def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
 
 
 def spread_of_joints(placed: PlacedBody, entries: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """How far reported joints may be, where angles are as uncertain as this.
+    """Return the uncertainty of reported joints from the covariance of angles.
 
     Parameters
     ----------
@@ -129,5 +129,5 @@ def spread_of_joints(placed: PlacedBody, entries: np.ndarray, covariance: np.nda
 
 
 def _within(radius: float) -> float:
-    """Probability that a normal vector in space, of standard deviation 1 in each direction, is shorter than this."""
+    """Return the probability that a standard normal vector in space is shorter than this."""
     return math.erf(radius / math.sqrt(2.0)) - math.sqrt(2.0 / math.pi) * radius * math.exp(-0.5 * radius**2)

@@ -1,4 +1,4 @@
-"""The trackers by name: `tracker:` in the settings says which one is built."""
+"""Registry of the trackers by the name in the settings (`tracker:`)."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ DEFAULT = "hybrid"
 
 @dataclass(frozen=True)
 class Registration:
-    """How a tracker is built.
+    """Constructor of a tracker with its settings.
 
     Attributes
     ----------
     settings : dataclass of its settings
-    needs_database : whether it looks poses up
+    needs_database : True if it queries a pose database
     build : `build(settings, database, database_path)`; the database is None for a tracker that needs none
     """
 
@@ -35,17 +35,17 @@ MODULES = {
     "particles": "toolkit.trackers.lopez2011.tracker",
     "swarm": "toolkit.trackers.qammaz.tracker",
 }
-"""Modules that register a tracker of this name when they are imported; other trackers are not imported."""
+"""Modules that register a tracker of this name when they are imported."""
 REGISTERED: dict[str, Registration] = {}
 
 
 def register(name: str, registration: Registration) -> None:
-    """Make a tracker known under a name.
+    """Register a tracker under a name.
 
     Raises
     ------
     UsageError
-        The name is taken.
+        Another tracker has this name.
     """
     if REGISTERED.get(name, registration) != registration:
         raise UsageError(f"a tracker is registered as {name!r} already; choose another name")
@@ -53,12 +53,12 @@ def register(name: str, registration: Registration) -> None:
 
 
 def registered(name: str) -> Registration:
-    """How the tracker of this name is built.
+    """Return the registration of the tracker of this name.
 
     Raises
     ------
     SettingsError
-        There is none.
+        There is no tracker of this name.
     """
     if name not in REGISTERED and name in MODULES:
         import_module(MODULES[name])
@@ -68,5 +68,5 @@ def registered(name: str) -> Registration:
 
 
 def names() -> list[str]:
-    """All trackers, by name."""
+    """Return all tracker names, sorted."""
     return sorted(MODULES.keys() | REGISTERED.keys())

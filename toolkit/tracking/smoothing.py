@@ -1,4 +1,4 @@
-"""Smoothing of reported poses over time, off by default; what the tracker itself goes on from stays as it was found."""
+"""Smoothing of reported poses over time, off by default; the tracker's own state is not smoothed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ class PoseSmoother:
     """First-order low-pass of a pose with a time constant in seconds.
 
     A step of dt seconds moves the output by the share `1 - exp(-dt / time)` of the way, whatever the frame rate.
-    A steady motion is followed with a lag of `time` seconds (to within half a frame), and no more.
+    A steady motion lags by `time` seconds, to within half a frame.
 
     Parameters
     ----------
     time : seconds, at least 0; 0 = no smoothing
-    last : what was returned last, pose (P,) and its timestamp; None before the first frame
+    last : last returned pose (P,) and its timestamp; None before the first frame
 
     Raises
     ------
@@ -32,7 +32,9 @@ class PoseSmoother:
         self.last = last
 
     def update(self, pose: np.ndarray, timestamp: float) -> np.ndarray:
-        """Smoothed pose (P,) after `pose` (P,) at `timestamp` seconds; the first one is returned as it is."""
+        """Return the smoothed pose (P,) after `pose` (P,) at `timestamp` seconds; the first one is returned
+        unchanged.
+        """
         if self._time == 0.0:
             return pose
         smoothed = pose.copy()
@@ -48,7 +50,7 @@ class PoseSmoother:
 
 
 def _between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
-    """Rotation vector a `share` of the shortest way from one rotation vector to another, all (3,)."""
+    """Return the rotation vector at a `share` of the shortest path between two rotation vectors, all (3,)."""
     from scipy.spatial.transform import Rotation
 
     first = Rotation.from_rotvec(start)

@@ -1,4 +1,4 @@
-"""What a tracker remembers of a person from one frame to the next, as a value."""
+"""State of a tracked person between two frames, as a value."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
 
 FIRST_STEP = 1.0 / 30.0
-"""Seconds that are assumed to have passed before a first frame."""
+"""Seconds assumed between a first frame and the one before it."""
 
 State = dict[str, Any]
-"""Arrays, numbers, text and None by name, nested: what `checkpoint.py` writes and nothing else."""
+"""Nested arrays, numbers, text and None by name: the types that `checkpoint.py` writes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Previous:
-    """The frame before, level frame.
+    """Result of the previous frame, level frame.
 
     Attributes
     ----------
     pose : float64 (P,)
     joints, effectors : float64 (20, 3) and (5, 3), metres
     extrema : float64 (5, 3), metres, or None where there were fewer
-    before : pose (P,) that the local optimisation came from, or None where another hypothesis won: there is no momentum
-        from one hypothesis to another
+    before : start (P,) of the local optimisation, or None where another hypothesis won: momentum does not carry over
+        between hypotheses
     elapsed : seconds from `before` to `pose`
     """
 
@@ -52,32 +52,32 @@ class Previous:
         before: np.ndarray | None = None,
         elapsed: float = FIRST_STEP,
     ) -> Previous:
-        """A body's joints and end effectors in a pose, with what else is known."""
+        """Return a body's joints and end effectors in a pose, with the other attributes."""
         return cls(pose, *body.key_points(pose), extrema, before, elapsed)
 
 
 @dataclass(frozen=True, eq=False)
 class PersonState:
-    """Everything that a person's next step depends on besides the sighting.
+    """State that a person's next step depends on besides the sighting.
 
     Attributes
     ----------
-    body : as fitted so far
-    sized : whether the body's size is known; otherwise the first frame tries several
+    body : fitted body
+    sized : True if the body's size is known; otherwise the first frame tries several
     generator : state of the random generator, as NumPy's `bit_generator.state` has it
-    previous : the frame before; None where the person has to be found anew
-    last_seen : the last frame in which the person was seen, while they are out of sight for a moment
-    last_seen_at : seconds, of that frame
-    pose : the last pose (P,) that was found, also before a loss; None before the first
+    previous : result of the previous frame; None where the person has to be detected again
+    last_seen : last result before a short absence
+    last_seen_at : timestamp of that frame, seconds
+    pose : last estimated pose (P,), also before a loss; None before the first
     centre : float64 (3,), metres, level frame, of the frame before
     facing : float64 (2,), smoothed direction in the ground plane, or None
     timestamp : seconds, of the frame before
     lost : seconds since a pose last explained a frame; 0 while one does
-    in_view : float64 (20,), how likely each reported joint has been in view lately; None for a person who
-        was never cut off
-    turn : frames since the start in which all was well; searches that take turns count by it
+    in_view : float64 (20,), probability that each reported joint was in view lately; None for a person who
+        was never truncated
+    turn : tracked frames since the start; periodic searches count by it
     smoothed : pose (P,) last reported by the smoother, and its timestamp
-    memory : what each search keeps for itself, by its name
+    memory : state of each search, by its name
     """
 
     body: Body
@@ -98,21 +98,21 @@ class PersonState:
 
     @classmethod
     def begin(cls, body: Body, *, sized: bool, seed: int) -> PersonState:
-        """Before the first frame."""
+        """Return the state before the first frame."""
         return cls(body, sized, np.random.Generator(np.random.PCG64(seed)).bit_generator.state)
 
     def elapsed(self, timestamp: float) -> float:
-        """Seconds between the frame before and `timestamp`, whichever way the frames are followed."""
+        """Return the seconds between the previous frame and `timestamp`, in either direction of time."""
         return FIRST_STEP if self.timestamp is None else abs(timestamp - self.timestamp)
 
     def rng(self) -> np.random.Generator:
-        """The generator as it stands; its state after a step belongs into the next `PersonState`."""
+        """Return the generator in its state; after a step its new state belongs into the next `PersonState`."""
         bits = np.random.PCG64()
         bits.state = dict(self.generator)  # type: ignore[assignment]
         return np.random.Generator(bits)
 
     def export(self) -> State:
-        """As plain arrays, numbers and text."""
+        """Return the state as plain arrays, numbers and text."""
         state: State = {
             "body": body_state(self.body),
             "sized": self.sized,
@@ -128,12 +128,12 @@ class PersonState:
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> PersonState:
-        """What `export` gave.
+        """Restore what `export` returned.
 
         Raises
         ------
         TrackError, BodyError
-            It is the state of something else.
+            The state belongs to another object.
         """
         check_state(state, _NUMBERS, _NESTED, "person")
         for name in ("previous", "last_seen"):
@@ -156,7 +156,7 @@ class PersonState:
 
 
 _FAR = 1e4
-"""Metres, radians: no pose of anything in a recording has a larger entry."""
+"""Metres, radians: bound of every pose entry in a recording."""
 _POSE = Column("f", (skeleton.POSE_SIZE,), -_FAR, _FAR)
 _REPORTED, _ENDS = (len(skeleton.REPORTED),), (len(skeleton.END_EFFECTORS), 3)
 _NUMBERS = {
@@ -185,13 +185,13 @@ _PREVIOUS = {
     "before": replace(_POSE, optional=True),
     "elapsed": Column("iuf", (), 1e-6, 1e9),
 }
-"""What a person's state must be, by name."""
+"""Columns of a person's state by name."""
 MOST_REMEMBERED = 4096
-"""Poses that a search keeps for itself."""
+"""Columns of the poses that a search stores."""
 
 
 def _remembered(value: Any) -> Column:
-    """What a search may keep: poses in rows, or single numbers."""
+    """Check the memory of a search: poses in rows, or single numbers."""
     rows = len(value) if isinstance(value, np.ndarray) and value.ndim == 2 else 0
     if rows > MOST_REMEMBERED:
         raise TrackError(f"a search keeps {rows} poses; {HINT}")
@@ -199,7 +199,7 @@ def _remembered(value: Any) -> Column:
 
 
 def _generator(texts: Any) -> dict[str, Any]:
-    """The state of a random generator out of its texts, tried on one."""
+    """Restore the state of a random generator from its texts."""
     try:
         values = _nested({key: _number(value[:60]) for key, value in texts.items()})
         np.random.PCG64().state = values  # type: ignore[assignment]
@@ -209,12 +209,12 @@ def _generator(texts: Any) -> dict[str, Any]:
 
 
 def body_state(body: Body) -> State:
-    """A body of the shape space as plain arrays, numbers and text."""
+    """Return a body of the shape space as plain arrays, numbers and text."""
     return {"shape": body.shape, "scale": float(body.scale), "name": body.name, "offsets": body.offsets}
 
 
 def body_of(state: Mapping[str, Any]) -> Body:
-    """The body that `body_state` described; raises TrackError or BodyError for no such thing."""
+    """Restore the body that `body_state` described; raises TrackError or BodyError for anything else."""
     check_state(state, _BODY, what="body")
     return ShapeSpace.load().body(state["shape"], scale=state["scale"], name=state["name"], offsets=state["offsets"])
 

@@ -1,4 +1,4 @@
-"""What every tracker offers; the pipeline knows no more than this."""
+"""Interface of trackers: the pipeline uses nothing else."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class TrackerSettings(Protocol):
 
 
 class PersonFollower(Protocol):
-    """Follows one person, frame by frame, without being given any pose."""
+    """Tracker of one person, frame by frame, without an initial pose."""
 
     @property
     def body(self) -> Body:
@@ -85,7 +85,7 @@ class PersonFollower(Protocol):
 
 
 class BodyLearner(Protocol):
-    """Learns one person's own body, from sighting to sighting.
+    """Learner of one person's body, from sighting to sighting.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class BodyLearner(Protocol):
 
 @runtime_checkable
 class TakesBody(Protocol):
-    """A tracker that takes the person's own body."""
+    """Tracker that accepts the person's own body."""
 
     def know(self, body: Body) -> None:
         """Take a body for that of all people who are tracked from now on; none is learnt."""
@@ -122,7 +122,7 @@ class TakesBody(Protocol):
 
 
 class Tracker(Protocol):
-    """A way to track, with its settings: makes the followers of the people before a camera.
+    """Tracking method with its settings; it makes the followers of the people before a camera.
 
     Attributes
     ----------

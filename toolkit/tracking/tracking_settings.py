@@ -1,4 +1,4 @@
-"""What the settings of every tracker with a follower hold."""
+"""Settings of every tracker with a follower."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from toolkit.io.errors import SettingsError
 
 
 class FollowerSettings(Protocol):
-    """When a frame counts as empty or lost, and what is reported; see `HybridSettings`."""
+    """Thresholds for empty and lost frames, and smoothing; see `HybridSettings`."""
 
     @property
     def smallest_person(self) -> int: ...  # noqa: D102
@@ -21,7 +21,7 @@ class FollowerSettings(Protocol):
 
 
 def check_seed(seed: int) -> None:
-    """A seed is a number that generators take.
+    """Check a seed of random generators.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The track: what a tracker found in a recording, its type and its files in a run folder.
+"""Tracks: their type and their files in a run folder.
 
 A run folder holds `track.npz` (exactly one row per tracked frame), `run.json`, `config.yaml` and `log.txt`.
 """

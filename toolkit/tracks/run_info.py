@@ -1,4 +1,4 @@
-"""`run.json`: what a run was made from."""
+"""Provenance of a run: `run.json`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RUN_FILE = "run.json"
 
 @dataclass(frozen=True)
 class RunInfo:
-    """What `run.json` says about a run, enough to find its recording and to build its body again.
+    """Content of `run.json`, sufficient to find the recording and to rebuild the body.
 
     Attributes
     ----------
@@ -45,12 +45,12 @@ class RunInfo:
     version : of the toolkit
     tracker : name of the tracker
     seed : of everything random
-    up_source : how the vertical was known, see `Vertical`
+    up_source : source of the vertical, see `Vertical`
     floor : metres of the camera above the floor, one number; empty where none is seen
     sensors_sha256 : of the file of inertial sensors that guided the tracker, empty
         without
     body_sha256 : of the file of the person's own body, empty where it was learnt
-    joints_2d : which joints in the image the tracker was told: "none", "colour", "depth", or "given" and their digest
+    joints_2d : source of image joints: "none", "colour", "depth", or "given" and their digest
     folder : the run folder that was read, empty for a new one; not written
     """
 
@@ -77,23 +77,23 @@ class RunInfo:
 
     @property
     def R_level_camera(self) -> np.ndarray:
-        """Float64 (3, 3): turns points from the camera frame into the level frame."""
+        """Rotation from the camera frame to the level frame: float64 (3, 3)."""
         return np.array(self.level_rotation, dtype=np.float64).reshape(3, 3)
 
     def body(self) -> Body:
-        """The body as it was fitted."""
+        """Return the fitted body."""
         offsets = np.array(self.offsets, dtype=np.float64) if self.offsets else None
         return ShapeSpace.load().body(self.shape, scale=self.scale, offsets=offsets)
 
     def open_recording(self, path: str | Path | None = None) -> Recording:
-        """The recording, as it was when it was tracked; `path` says where it has been moved to.
+        """Open the recording that was tracked; `path` gives its new place.
 
-        Without `path` it is looked for beside the run folder as before, then where it lay. Its digest decides.
+        Without `path` the relative path is tried first, then the absolute one. The digest decides.
 
         Raises
         ------
         RecordingError
-            It is gone or has changed.
+            It is missing or has changed.
         """
         from toolkit.recordings.opening import open_recording  # all readers
 
@@ -138,7 +138,7 @@ class RunInfo:
 
 
 def _check(info: RunInfo, path: Path) -> None:
-    """Raise TrackError for what is no rotation, another body, a later version or a setting that there is not."""
+    """Raise TrackError for an invalid rotation, another body, a later version or an unknown setting."""
     turn = np.array(info.level_rotation, dtype=np.float64)
     if len(turn) != 9 or not _is_rotation(turn.reshape(3, 3)):
         raise TrackError(f"level_rotation in {path} is no rotation; {AGAIN}")
@@ -162,18 +162,18 @@ def _check(info: RunInfo, path: Path) -> None:
 
 
 def _is_rotation(matrix: np.ndarray) -> bool:
-    """Whether float64 (3, 3) turns and does nothing else."""
+    """Return True if float64 (3, 3) is a rotation."""
     return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(matrix) > 0)
 
 
 def _release(text: str) -> tuple[int, int] | None:
-    """The first two numbers of a version; a file of a later release may mean something that this one does not know."""
+    """Return the first two numbers of a version; files of a later release may have another meaning."""
     numbers = re.match(r"(\d{1,9})(?:\.(\d{1,9}))?(?!\w)", text)
     return None if numbers is None else (int(numbers[1]), int(numbers[2] or 0))
 
 
 def _relative(recording: str, folder: Path) -> str:
-    """Path of the recording as seen from the run folder, empty where none leads there (from one drive to another)."""
+    """Return the path of the recording relative to the run folder, empty if there is none (another drive)."""
     try:
         return Path(os.path.relpath(recording, folder.resolve())).as_posix()
     except ValueError:

@@ -1,4 +1,4 @@
-"""The people of a run: folders `RUN/person_01/`, `RUN/person_02/`, ... and the `people.json` that lists them."""
+"""People of a run: folders `RUN/person_01/`, `RUN/person_02/`, ... and the `people.json` that lists them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from toolkit.tracks.track import AGAIN
 
 PEOPLE_FILE = "people.json"
 LONGEST_NAME = 200
-"""Bytes of the name of a person's folder."""
+"""Maximum length of the name of a person's folder, bytes."""
 MOST_PEOPLE = 1000
-"""In one recording: a person who comes back and is not known again counts twice."""
+"""Maximum number of people in one recording: a person who is not re-identified counts twice."""
 
 
 @dataclass(frozen=True)
 class PersonSummary:
-    """What `people.json` says about one person.
+    """Entry of `people.json` for one person.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class PersonSummary:
     first_frame, last_frame : the first and the last frame in which they are there
     stature : of the fitted body, metres
     tracked, lost, hidden : shares, in [0, 1], of the frames in between
-    evidence : why they were taken for a person, None where that was no question
+    evidence : evidence for a person, None where it was not needed
     """
 
     id: int
@@ -51,7 +51,7 @@ class PersonSummary:
     evidence: Evidence | None = None
 
     def text(self) -> str:
-        """One line for people."""
+        """Return one line for a terminal."""
         why = "" if self.evidence is None else f"; {self.evidence.text()}"
         frames = f"frames {self.first_frame} to {self.last_frame}, {100 * self.tracked:.0f} % tracked"
         return f"{self.folder}: {self.stature:.2f} m, {frames}{why}"
@@ -59,19 +59,19 @@ class PersonSummary:
 
 @dataclass(frozen=True)
 class People:
-    """What stands in `people.json`.
+    """Content of `people.json`.
 
     Attributes
     ----------
     people : all of them, in order of appearance
-    furniture : what was followed for a while and is no person, and why
+    furniture : evidence of tracks that were classified as furniture
     """
 
     people: tuple[PersonSummary, ...]
     furniture: tuple[Evidence, ...] = ()
 
     def text(self) -> str:
-        """A line for each person and for each piece of furniture, for people."""
+        """Return a line for each person and for each piece of furniture."""
         lines = [person.text() for person in self.people]
         return "\n".join([*lines, *(f"furniture, left out: {own.text()}" for own in self.furniture)])
 
@@ -117,7 +117,7 @@ def _is_plain(name: str) -> bool:
 
 
 def person_runs(run: str | Path) -> tuple[Path, ...]:
-    """The ordinary run folders of a run: one per person (maybe none) where it has a `people.json`, else itself.
+    """Return the run folders of a run: one per person (maybe none) where it has a `people.json`, else itself.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def person_runs(run: str | Path) -> tuple[Path, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """A track with the body that made it.
+    """Track with its body.
 
     Attributes
     ----------
@@ -157,12 +157,12 @@ class Person:
 
     @property
     def there(self) -> np.ndarray:
-        """Bool (T,): frames in which the person is there, tracked or lost."""
+        """Frames in which the person is present, tracked or lost: bool (T,)."""
         return np.asarray(self.track.state != EMPTY)
 
     @property
     def held_poses(self) -> np.ndarray:
-        """float64 (T, P): the poses, where the person is out of sight that of the nearest frame."""
+        """Poses, where the person is absent that of the nearest frame: float64 (T, P)."""
         there = np.flatnonzero(self.there)
         if not len(there):
             return self.track.pose
@@ -173,7 +173,7 @@ class Person:
         return self.track.pose[np.where(nearer, there[before], there[after])]
 
     def moved(self, offset: np.ndarray) -> Person:
-        """The same person with `offset` (3,), metres, level frame, as the origin of level and camera frame."""
+        """Return the person with `offset` (3,), metres, level frame, as the origin of level and camera frame."""
         track = self.track
         pose = track.pose.copy()
         pose[:, skeleton.ROOT_POSITION] -= offset
@@ -182,18 +182,18 @@ class Person:
 
     @property
     def times(self) -> np.ndarray:
-        """float64 (T,): seconds since the first frame."""
+        """Seconds since the first frame: float64 (T,)."""
         return self.track.timestamps - self.track.timestamps[0]
 
     @property
     def joints_level(self) -> np.ndarray:
-        """float64 (T, 20, 3): the reported joints in the level frame (y up), metres, NaN where out of sight."""
+        """Reported joints in the level frame (y up), metres, NaN where absent: float64 (T, 20, 3)."""
         joints = self.track.joints.astype(np.float64) @ self.R_level_camera.T
         joints[self.track.state == EMPTY] = np.nan
         return joints
 
     def frame_rate(self) -> float:
-        """Frames a second, for files that have one number for it: the median one of the track.
+        """Return the median frame rate of the track, for files with one number for it.
 
         Raises
         ------
@@ -210,7 +210,7 @@ class Person:
 
 
 def load_persons(run: str | Path) -> tuple[Person, ...]:
-    """All people of a run folder, in order of appearance.
+    """Load all people of a run folder, in order of appearance.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a tracker says about a frame, and the track: one row per frame of a recording, as a type and as `track.npz`."""
+"""Track of a person: one row per frame of a recording, as a type and as `track.npz`."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from toolkit.io.errors import TrackError
 from toolkit.io.files import is_file
 
 TRACKED, LOST, EMPTY = 0, 1, 2
-"""States of a frame: followed; a person is there but not explained; no person is there."""
+"""States of a frame: tracked; person present but not explained; no person."""
 STATE_NAMES = ("tracked", "lost", "empty")
 
 TRACK_FILE, PARTIAL_FILE = "track.npz", "track.partial"
 AGAIN = "track the recording again"
 FARTHEST, LATEST = 1e4, 1e12
-"""Metres, or radians of a pose that winds up; seconds or milliseconds: beyond is no measurement."""
+"""Bounds of values: metres or radians of a pose; seconds or milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameResult:
-    """What a tracker says about one frame.
+    """Result of one frame.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class FrameResult:
     state : `TRACKED`, `LOST` or `EMPTY`
     source : index into the tracker's `source_names`, the hypothesis that won
     stage_ms : float32 (S,), milliseconds per stage of the tracker's `stage_names`, disjoint
-    observed : bool (20,), False for a joint that was guessed, because nothing was measured where it has to be
+    observed : bool (20,), False for a joint that was inferred, because nothing was measured at its place
     """
 
     pose: np.ndarray
@@ -49,7 +49,7 @@ class FrameResult:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One row per frame of a recording.
+    """Track with one row per frame of a recording.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Track:
     timestamps : float64 (T,), seconds
     stage_ms : float32 (T, S), milliseconds, without reading the file
     observed : bool (T, 20), as in `FrameResult`
-    contact : bool (T, 2), whether the left and the right foot carry (`biomechanics.contact`); False in tracks of
+    contact : bool (T, 2), whether the left and the right foot carry (`motion.contact`); False in tracks of
         earlier versions
     """
 
@@ -91,14 +91,14 @@ class Track:
         return len(self.joints)
 
     def save(self, run: str | Path) -> Path:
-        """Write `track.npz` into the run folder, whole or not at all, and return its path."""
+        """Write `track.npz` into the run folder atomically and return its path."""
         path = Path(run) / TRACK_FILE
         save_archive(path, {f.name: _storable(getattr(self, f.name)) for f in fields(self)})
         return path
 
     @classmethod
     def load(cls, run: str | Path) -> Track:
-        """Read a run folder, or a `track.npz` itself.
+        """Load a track from a run folder or a `track.npz`.
 
         Raises
         ------
@@ -133,7 +133,7 @@ class Track:
 
 
 def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
-    """Name and shape of one row of every column."""
+    """Return name and shape of one row of every column."""
     joints = len(skeleton.REPORTED)
     return {
         "joints": (joints, 3),
@@ -148,7 +148,7 @@ def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
 
 
 def row_columns(pose_size: int, stages: int, sources: int) -> dict[str, Column]:
-    """What every column of rows must be, whichever tracker wrote it."""
+    """Return the columns that every tracker writes."""
     shapes = columns(pose_size, stages)
     spans = {
         "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),

@@ -1,4 +1,4 @@
-"""A track written row by row: what has been appended survives the death of the process.
+"""Track written row by row; appended rows survive the death of the process.
 
 While a run lasts its rows stand in `track.partial`: one line of JSON that names the columns' meanings, then one binary
 record of fixed size per frame, so that a killed process loses at most the record it was writing.
@@ -25,7 +25,7 @@ from toolkit.tracks.track import AGAIN, PARTIAL_FILE, FrameResult, Track, column
 
 
 def row_type(stages: int) -> np.dtype:
-    """One row of a track with times of so many stages, as it lies on disk."""
+    """Return the record type of one row with times of `stages` stages."""
     types = dict(
         joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4",
         observed="?",
@@ -34,13 +34,13 @@ def row_type(stages: int) -> np.dtype:
 
 
 def check_rows(rows: np.ndarray, sources: int, where: str) -> None:
-    """Raise TrackError where rows of `row_type`, from a file called `where`, hold what no tracker writes."""
+    """Raise TrackError where rows of `row_type`, from a file called `where`, are invalid."""
     wanted = row_columns(skeleton.POSE_SIZE, rows["stage_ms"].shape[1], sources)
     check_columns({name: rows[name] for name in wanted}, wanted, TrackError, where, AGAIN)
 
 
 class TrackWriter:
-    """Writes a track row by row; what has been appended survives the death of the process.
+    """Writer of a track, row by row; appended rows survive the death of the process.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class TrackWriter:
         return row.tobytes()
 
     def cut(self, rows: int) -> None:
-        """Keep only the first `rows` rows and go on from there.
+        """Keep only the first `rows` rows.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class TrackWriter:
         self.rows = rows
 
     def append(self, result: FrameResult, timestamp: float) -> None:
-        """Add the next frame's row.
+        """Append the next frame's row.
 
         Raises
         ------
@@ -154,7 +154,7 @@ class TrackWriter:
         self.rows += 1
 
     def keep(self) -> None:
-        """Wait until the rows so far would outlast a loss of power.
+        """Flush the rows to the disk, so that they survive a loss of power.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class TrackWriter:
             ) from error
 
     def replace(self, rows: Iterable[tuple[FrameResult, float]]) -> None:
-        """Put other rows, with their timestamps, in place of those so far: all of them or, where that fails, none.
+        """Replace all rows, with their timestamps, or none where that fails.
 
         Raises
         ------
@@ -188,16 +188,16 @@ class TrackWriter:
         self.cut(count)
 
     def past(self) -> np.ndarray:
-        """The rows so far, as records with the track's columns."""
+        """Return the rows so far, as records with the track's columns."""
         if not self.rows:
             return np.empty(0, dtype=self._record)
         return np.memmap(self._path, dtype=self._record, mode="r", offset=len(self._header), shape=(self.rows,))
 
     def finish(self, *, complete: bool = True, contacts: Callable[[Track], np.ndarray] | None = None) -> Path:
-        """Put `track.npz` in place by one rename and return its path.
+        """Rename the complete file to `track.npz` and return its path.
 
         With `complete=False` (an interrupted run) the partial file stays until `forget`, so that the run can still be
-        resumed. `contacts` says which feet carry (T, 2), which is known of a whole track only.
+        resumed. `contacts` returns the foot contacts (T, 2), which need the whole track.
         """
         rows = self.past()
         found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
@@ -215,7 +215,7 @@ class TrackWriter:
         self._path.unlink(missing_ok=True)
 
     def abandon(self) -> None:
-        """Let go of the partial file, which stays unless it holds no row."""
+        """Close the partial file, which stays unless it holds no row."""
         self._stream.close()
         if self.rows == 0:
             self._path.unlink(missing_ok=True)

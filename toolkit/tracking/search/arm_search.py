@@ -1,4 +1,4 @@
-"""The best hypothesis so far with other arms: the database asked for one arm at a time."""
+"""Arm search: the best hypothesis so far with one arm replaced by arms of the database."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ ITERATIONS = 2
 
 
 FARTHER = 1.2
-"""Times by which the sparse distance may grow; beyond it the new arm hides measured points."""
+"""Maximum factor by which the sparse distance may grow; beyond it the new arm covers measured points."""
 
 
 @dataclass(frozen=True)
 class LimbExchange:
-    """Refines candidates one after the other and keeps the pose that leaves least unexplained so far.
+    """Refinement of arm candidates; keeps the pose that leaves least unexplained.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class LimbExchange:
     def best(
         self, body: Body, pose: np.ndarray, compared: Comparison, candidates: Iterable[np.ndarray], scene: Scene
     ) -> tuple[np.ndarray, Comparison]:
-        """The best of a pose (P,), as it `compared` with the frame, and the `candidates` (P,) to take its place."""
+        """Return the best of a pose (P,), `compared` with the frame, and the `candidates` (P,) to replace it."""
         for candidate in candidates:
             refined = self.refiner.refine(body, candidate, scene, iterations=ITERATIONS)
             tried = self.objective.compare(body, refined, scene, FARTHER * compared.distance)
@@ -52,18 +52,17 @@ class LimbExchange:
 
 
 class ArmSearch:
-    """Looks for better arms of the best pose of a person who is being followed.
+    """Search for better arms of the best pose of a tracked person.
 
-    Decided by what a pose leaves unexplained of the frame and by the pose prior. The other parts of the sparse distance
-    do not help here: they are least for an arm that hides in the body. So what is found takes the place of what it
-    came from.
+    The unexplained part of the frame and the pose prior decide. The other parts of the sparse distance do not help:
+    they are smallest for an arm inside the body. A better pose replaces the hypothesis that it comes from.
 
     Parameters
     ----------
     poses : the arms of the database
     objective, refiner : compare the answers with the frame, and refine
     settings : see `ArmSettings`
-    period : of `DatabaseLookup`: where its turn comes arms wait, so that no frame bears both; 1 = they never do
+    period : of `DatabaseLookup`: in its frames arms are not searched, so that no frame has both; 1 = no effect
     """
 
     name = "arms"
@@ -78,7 +77,7 @@ class ArmSearch:
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
-        """See `Search.propose`."""
+        """Propose arms, see `Search.propose`."""
         queried = self._period > 1 and not state.lost and is_asked(state, self._period)
         if state.previous is None or best is None or queried:
             return NOTHING
@@ -98,7 +97,7 @@ class ArmSearch:
 
 
 def unexplained(compared: Comparison, settings: ArmSettings) -> float:
-    """What decides between arms, metres: how far the samples are from the drawn body, and how unlikely the pose is."""
+    """Return the cost of an arm, metres: distance of the samples to the drawn body, plus the pose prior."""
     if not np.isfinite(compared.distance):
         return np.inf
     return float(compared.sample_gaps.mean()) + settings.prior * compared.energy

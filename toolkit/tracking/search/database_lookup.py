@@ -1,4 +1,4 @@
-"""The database hypothesis: poses retrieved by one query or several, the nearest of them refined (Baak 2013, 5.4.3)."""
+"""Database hypothesis: poses retrieved by one query or several, the nearest of them refined (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposa
 from toolkit.tracking.state import PersonState, Previous
 
 PULLED_ITERATIONS = 2
-"""Iterations in which a query's pull acts; the depth image has the last word."""
+"""Iterations with a query's pull; later ones use the depth image alone."""
 FIRST_ROUNDS = 2
-"""Times the usual iterations that a pose is refined where there is no previous one."""
+"""Factor on the usual number of iterations where there is no previous pose."""
 
 
 class Query(Protocol):
-    """One way to ask the database for whole poses.
+    """Query of the database for whole poses.
 
     Attributes
     ----------
-    source : what its answers are called
+    source : name of its hypotheses
     """
 
     source: str
 
     def poses(self, observation: Observation, previous: Previous | None, body: Body, count: int) -> np.ndarray:
-        """The best poses first, at most `count`: float64 (C, P), level frame."""
+        """Return at most `count` poses, the best first: float64 (C, P), level frame."""
         ...
 
     def pull(self, observation: Observation) -> JointTerm | None:
-        """What an answer is first drawn to while it is refined, or None."""
+        """Return the initial pull of the refinement, or None."""
         ...
 
 
 @dataclass(frozen=True)
 class LookupBudget:
-    """How much a lookup does.
+    """Budget of a lookup.
 
     Attributes
     ----------
     candidates : retrieved poses per query that are compared before one of them is refined
     restarts : poses per query refined where there is no previous pose
     promising : the nearest retrieved pose is refined if its distance is at most this times that of the best rival
-    period : while all is well one query is asked in every so manieth frame
+    period : while tracking, one query is used in every `period`-th frame
     """
 
     candidates: int
@@ -62,12 +62,12 @@ class LookupBudget:
 
 
 def is_asked(state: PersonState, period: int) -> bool:
-    """Whether the database is asked for whole poses: after a loss, else in one of `period` frames."""
+    """Return True if the database is queried: after a loss, else in one of `period` frames."""
     return bool(state.lost) or (state.turn + 1) % period == 0
 
 
 class DatabaseLookup:
-    """Asks every query after a loss or on a first frame, and one after the other in turn while all is well.
+    """Search by all queries after a loss or on a first frame, and by one after the other while tracking.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class DatabaseLookup:
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
-        """See `Search.propose`."""
+        """Propose retrieved poses, see `Search.propose`."""
         if state.previous is None:
             firsts = (self._first(query, observation, state.body) for query in self._queries)
             return Proposal(tuple(first for first in firsts if first is not None))
@@ -100,7 +100,7 @@ class DatabaseLookup:
         return Proposal((Hypothesis(chosen.source, self._refined(chosen, found, observation, state.body)),))
 
     def _asked(self, state: PersonState) -> tuple[Query, ...]:
-        """The queries of this frame: one or none in turn while all is well, else all."""
+        """Return the queries of this frame: one or none in turn while tracking, else all."""
         if state.lost or not self._queries:
             return self._queries
         if not is_asked(state, self._budget.period):
@@ -108,7 +108,7 @@ class DatabaseLookup:
         return (self._queries[(state.turn + 1) // self._budget.period % len(self._queries)],)
 
     def _first(self, query: Query, observation: Observation, body: Body) -> Hypothesis | None:
-        """The answer of a query that is nearest to the frame once refined; None if it has none."""
+        """Return the refined answer of a query that is nearest to the frame; None without an answer."""
         best: Hypothesis | None = None
         nearest = np.inf
         for pose in query.poses(observation, None, body, self._budget.restarts):
@@ -121,7 +121,7 @@ class DatabaseLookup:
     def _refined(
         self, query: Query, pose: np.ndarray, observation: Observation, body: Body, rounds: int = 1
     ) -> np.ndarray:
-        """A retrieved pose refined, first drawn to what its query saw."""
+        """Return a retrieved pose, refined with the query's pull first."""
         scene, iterations = observation.scene, rounds * self._refiner.settings.iterations
         pull = query.pull(observation)
         if pull is not None:
@@ -133,7 +133,7 @@ class DatabaseLookup:
 def placed_poses(
     database: PoseDatabase, rows: np.ndarray, origins: np.ndarray, centre: np.ndarray, yaw: float, size: float
 ) -> np.ndarray:
-    """Database poses with their origins, for a body `size` times as large, at a centre and facing."""
+    """Return database poses with their origins, for a body `size` times as large, at a centre and facing."""
     scaled = np.array(origins, dtype=np.float64)
     scaled[:, :3] *= size
     return canonical.place(database.poses[rows].astype(np.float64), scaled, centre, yaw)

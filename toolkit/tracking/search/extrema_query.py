@@ -1,4 +1,4 @@
-"""The database asked by geodesic extrema (Baak 2013, 5.4.3)."""
+"""Query of the database by geodesic extrema (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from toolkit.tracking.state import Previous
 TIPS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
 """Rows of the reported joints that are end effectors."""
 FEWEST_KNOWN = 3
-"""End effectors that a partial query needs: with two, any pose fits."""
+"""Minimum number of end effectors of a partial query: with two, any pose fits."""
 
 
 class ExtremaQuery:
-    """The lookup of Baak 2013, 5.4.3: the first five extrema, in every admissible labeling, query the database.
+    """Lookup of Baak 2013, 5.4.3: the first five extrema, in every admissible labeling, query the database.
 
-    Two more queries ask with those of all extrema that lie where a regressor, and where the previous pose, expect the
-    end effectors.
+    Two more queries use those of all extrema that lie near the end effectors of the detected joints and of the previous
+    pose.
     """
 
     source = "extrema"
@@ -33,7 +33,7 @@ class ExtremaQuery:
         self._settings = settings
 
     def poses(self, observation: Observation, previous: Previous | None, body: Body, count: int) -> np.ndarray:
-        """See `Query.poses`."""
+        """Return poses for the observation, see `Query.poses`."""
         points, present = self.queries(observation, previous)
         if len(points) == 0:
             return np.empty((0, skeleton.POSE_SIZE))
@@ -54,11 +54,11 @@ class ExtremaQuery:
         return placed_poses(database, best, database.offsets[best], centre, observation.yaw, size)
 
     def centre(self, observation: Observation, size: float) -> np.ndarray:
-        """About which the extrema are normalised: float64 (3,), metres, level frame; `size` against an adult."""
+        """Return the origin of the normalised extrema: float64 (3,), metres, level frame; `size` against an adult."""
         return canonical.frontal_centre(observation.centre, observation.yaw, size)
 
     def queries(self, observation: Observation, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
-        """Labelled end effectors (M, 5, 3), level frame, and which of them are present (M, 5)."""
+        """Return labelled end effectors (M, 5, 3), level frame, and a mask of those present (M, 5)."""
         settings = self._settings
         extrema = observation.free_extrema
         points, present = np.empty((0, EFFECTORS, 3)), np.empty((0, EFFECTORS), dtype=np.bool_)
@@ -76,4 +76,4 @@ class ExtremaQuery:
         return points, present
 
     def pull(self, observation: Observation) -> None:
-        """See `Query.pull`: extrema are pairs of every refinement already."""
+        """Return None: extrema are pairs of every refinement already; see `Query.pull`."""

@@ -1,4 +1,4 @@
-"""Database lookup: which labelings of the extrema to ask for, and how to score what comes back (Baak 2013, 5.4.3)."""
+"""Labelings of the extrema for the database lookup, and the score of its answers (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ PERMUTATIONS: np.ndarray = np.array(list(permutations(range(EFFECTORS))), dtype=
 """The symmetric group S_5, int64 (120, 5): row sigma gives, per end effector n, the extremum sigma(n)."""
 
 _DIGITS: np.ndarray = EFFECTORS ** np.arange(EFFECTORS)[::-1]
-"""Makes a number of a permutation, in the order of the permutations."""
+"""Base that maps a permutation to a number, in the order of the permutations."""
 _LEFT_FOOT, _RIGHT_FOOT = skeleton.END_EFFECTORS.index("left_foot"), skeleton.END_EFFECTORS.index("right_foot")
 
 
 @dataclass(frozen=True)
 class LookupSettings:
-    """Constants of the lookup (Baak 2013, 5.4.3). Lengths in metres.
+    """Settings of the lookup (Baak 2013, 5.4.3); lengths in metres.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class LookupSettings:
 
 
 def admissible_labelings(extrema: np.ndarray, effectors: np.ndarray, label_distance: float) -> np.ndarray:
-    """The permutations that put each extremum near the end effector it is labelled as (`S`, Baak 2013, Eq. 5.4).
+    """Return the permutations that put each extremum near the end effector of its label (`S`, Baak 2013, Eq. 5.4).
 
     extrema, effectors : float64 (5, 3), metres, the same frame; effectors of the previous pose
     Returns int64 (S, 5), rows of `PERMUTATIONS`.
@@ -64,7 +64,7 @@ def admissible_labelings(extrema: np.ndarray, effectors: np.ndarray, label_dista
 
 
 def feet_below_labelings(extrema: np.ndarray) -> np.ndarray:
-    """The 12 labelings that take the two lowest extrema for the feet (Baak 2013, 5.4.3).
+    """Return the 12 labelings that label the two lowest extrema as feet (Baak 2013, 5.4.3).
 
     extrema : float64 (5, 3), metres, y up. Returns int64 (12, 5).
     """
@@ -74,7 +74,7 @@ def feet_below_labelings(extrema: np.ndarray) -> np.ndarray:
 
 
 def extrema_jumped(extrema: np.ndarray, previous: np.ndarray | None, jump_distance: float) -> bool:
-    """Whether an extremum is far from all those of the frame before, or there was no such frame. (5, 3), metres."""
+    """Return True if an extremum is far from all of the previous frame, or there was none; (5, 3), metres."""
     if previous is None:
         return True
     gaps = np.linalg.norm(extrema[:, None] - previous[None, :], axis=2).min(axis=1)
@@ -88,7 +88,7 @@ def labelings(
     elapsed: float,
     settings: LookupSettings,
 ) -> np.ndarray:
-    """Labelings to query, each once: Eq. 5.4, and the 12 extra ones when the extrema jump; int64 (S, 5).
+    """Return the labelings to query, each once: Eq. 5.4, and the 12 extra ones after a jump; int64 (S, 5).
 
     `elapsed` seconds have passed since the frame before.
     """
@@ -102,7 +102,7 @@ def labelings(
 
 
 def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Which of all extrema are the end effectors, given where these are expected.
+    """Assign extrema to expected end effectors.
 
     Pairs of an expected end effector and an extremum are taken nearest first, each of both once, up to `reach` metres.
     End effectors that merge with the body have no extremum near them and stay unlabelled: the query leaves them out.
@@ -123,7 +123,7 @@ def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) ->
 
 
 def fused_scores(delta: np.ndarray, joints: np.ndarray, previous_joints: np.ndarray, balance: float) -> np.ndarray:
-    """Eq. 5.6 for each candidate: `lambda delta + (1 - lambda) d_P`, metres, float64 (C,).
+    """Return Eq. 5.6 for each candidate: `lambda delta + (1 - lambda) d_P`, metres, float64 (C,).
 
     delta : float64 (C,), Eq. 5.5
     joints : float64 (C, 20, 3), previous_joints : float64 (20, 3), the same frame; Eq. 5.1 divides by 20

@@ -1,4 +1,4 @@
-"""The local hypothesis: the previous pose, refined (Baak 2013, 5.4.1)."""
+"""Local hypothesis: the previous pose, refined (Baak 2013, 5.4.1)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from toolkit.tracking.state import PersonState, Previous
 
 
 class LocalSearch:
-    """Refines the previous pose, moved on by a part of the step before it.
+    """Refinement of the previous pose, extrapolated by a part of the last step.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class LocalSearch:
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
-        """See `Search.propose`."""
+        """Propose the refined previous pose, see `Search.propose`."""
         if state.previous is None:
             return NOTHING
         start = moved_on(state.previous, self._momentum, observation.elapsed)
@@ -39,11 +39,11 @@ class LocalSearch:
 
 
 FARTHEST = 3.0
-"""Steps: a motion is not foreseen for longer, however long it is since the frame before."""
+"""Maximum extrapolation, in steps of the previous frame rate."""
 
 
 def moved_on(previous: Previous, momentum: float, elapsed: float) -> np.ndarray:
-    """The previous pose (P,), moved on within the limits of the joints by `momentum` times its speed.
+    """Return the previous pose (P,), extrapolated within the joint limits by `momentum` times its speed.
 
     `elapsed` seconds have passed since then.
     """
@@ -57,7 +57,7 @@ def moved_on(previous: Previous, momentum: float, elapsed: float) -> np.ndarray:
 
 
 def least_turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Difference (3,) of two rotation vectors, the first written as its turn the other way round if that is nearer."""
+    """Return the difference (3,) of two rotation vectors, the first in its representation nearest to the second."""
     angle = math.hypot(*before)
     other = before * (1.0 - 2.0 * np.pi / angle) if angle > 0.0 else before
     near, far = after - before, after - other

@@ -1,4 +1,4 @@
-"""The protocol of a search: an observation and a state in, a proposal of hypotheses out."""
+"""Protocol of a search: an observation and a state in, a proposal of hypotheses out."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ from toolkit.tracking.state import PersonState
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A pose that may be the person's.
+    """Pose hypothesis of one search.
 
     Attributes
     ----------
-    source : who says so, as the track reports it
+    source : name of the search in the track
     pose : float64 (P,), level frame, refined
-    comparison : how far it is from the frame, where the search knows
-    continues : it goes on from the previous pose, so that the step between the two says something about the next one
-    improves : the hypothesis that it is made from and takes the place of: the search decided between the two by
-        something that tells more than the cost does
+    comparison : comparison with the frame, if the search computed it
+    continues : True if it continues the previous pose, so that their difference is a velocity
+    improves : hypothesis that it replaces: the search decided between the two by a better criterion than the cost
     """
 
     source: str
@@ -36,20 +35,20 @@ class Hypothesis:
 
 
 UNLIKELY = 0.1
-"""Metres of distance that a unit of the pose prior's energy counts where no previous pose is known: of two poses
-that explain a frame alike, the likelier one."""
+"""Metres of distance per unit of the pose prior's energy without a previous pose: the likelier of two equal poses
+wins.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class ScoredHypothesis:
-    """A hypothesis that was judged; of all of a frame the one of least cost is the person's pose (Baak 2013, 5.4.4).
+    """Hypothesis with its cost; the one of lowest cost in a frame is the person's pose (Baak 2013, 5.4.4).
 
     Attributes
     ----------
-    body : whose pose it is
-    comparison : how far that is from the frame
-    cost : metres: the sparse distance and, where the person is found anew, how unlikely the pose is (maximum a
-        posteriori); a pose that goes on from another one needs no other prior
+    body : body of the pose
+    comparison : comparison with the frame
+    cost : metres: the sparse distance and, where the person is detected again, the pose prior (maximum a posteriori)
     """
 
     hypothesis: Hypothesis
@@ -59,19 +58,19 @@ class ScoredHypothesis:
 
     @classmethod
     def of(cls, hypothesis: Hypothesis, body: Body, comparison: Comparison, *, anew: bool) -> ScoredHypothesis:
-        """A hypothesis with its cost; `anew` says whether the person is found anew."""
+        """Return a hypothesis with its cost; `anew` is True if the person is detected again."""
         cost = comparison.distance + UNLIKELY * comparison.energy if anew else comparison.distance
         return cls(hypothesis, body, comparison, cost)
 
 
 def cost_of(scored: ScoredHypothesis) -> float:
-    """What is to be least."""
+    """Return the cost."""
     return scored.cost
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A search's answer: hypotheses, and its memory for the next frame (None: unchanged)."""
+    """Answer of a search: hypotheses, and its memory for the next frame (None: unchanged)."""
 
     hypotheses: tuple[Hypothesis, ...] = ()
     memory: Mapping[str, np.ndarray] | None = None
@@ -81,7 +80,7 @@ NOTHING = Proposal()
 
 
 class Search(Protocol):
-    """A source of pose hypotheses.
+    """Source of pose hypotheses.
 
     Attributes
     ----------
@@ -93,15 +92,15 @@ class Search(Protocol):
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
-        """Hypotheses for a frame, given what was known before it and the one of least cost so far.
+        """Propose hypotheses for a frame, given the state and the best hypothesis so far.
 
-        Without `state.previous` the person has to be found anew, with the body `state.body`.
+        Without `state.previous` the person has to be detected again, with the body `state.body`.
         """
         ...
 
 
 class Verifier(Protocol):
-    """Adds hypotheses once where the person has to be found anew, after all searches of all bodies.
+    """Source of further hypotheses where the person is detected again, after all searches of all bodies.
 
     Attributes
     ----------
@@ -111,5 +110,5 @@ class Verifier(Protocol):
     name: str
 
     def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        """Further hypotheses, given all that were scored."""
+        """Return further hypotheses, given all scored ones."""
         ...
