@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from depthmocap.tracks import track as track
     from toolkit.body.skeleton import REPORTED
     from toolkit.io.errors import DepthMocapError as DepthMocapError
+    from toolkit.io.errors import PlausibilityWarning as PlausibilityWarning
     from toolkit.recordings.opening import open_recording as open_recording
 
     JOINT_NAMES = REPORTED
@@ -34,6 +35,7 @@ _WHERE = {
     "Track": ("depthmocap.tracks", "Track"),
     "track": ("depthmocap.tracks", "track"),
     "DepthMocapError": ("toolkit.io.errors", "DepthMocapError"),
+    "PlausibilityWarning": ("toolkit.io.errors", "PlausibilityWarning"),
     "open_recording": ("toolkit.recordings.opening", "open_recording"),
     "JOINT_NAMES": ("toolkit.body.skeleton", "REPORTED"),
 }

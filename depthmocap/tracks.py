@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from toolkit.evaluation.scores import EvaluationTable
     from toolkit.output.rendering.open3d_geometry import Open3DFrame
+    from toolkit.people.hypothesis import PersonClassifier
 
     Trackable = str | Path | np.ndarray | Recording | Any
     """Any: PointCloud and RGBDImage of Open3D, and lists of them."""
@@ -217,14 +218,22 @@ def track(
     ------
     DepthMocapError
         The recording cannot be read, a setting is invalid, or the person cannot be segmented.
+
+    Warns
+    -----
+    PlausibilityWarning
+        The recording, or the track, is probably not what was meant (`docs/troubleshooting.md`).
     """
     from toolkit.app.pipeline import track_recording
+    from toolkit.tracking.tracker_protocol import judge_of
 
     if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
         raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
     given = {"intrinsics": intrinsics, "frame_rate": frame_rate, **options}
-    recording = _recording(depth, timestamps, background, {k: v for k, v in given.items() if v is not None})
     tracker = tracker_of(database, config, settings)
+    recording = _recording(
+        depth, timestamps, background, {k: v for k, v in given.items() if v is not None}, judge_of(tracker)
+    )
     count = None if people == "all" else people
     with TemporaryDirectory(prefix="depthmocap-") as run:
         summary = track_recording(
@@ -243,19 +252,22 @@ def _recording(
     timestamps: np.ndarray | None,
     background: np.ndarray | None,
     options: dict[str, Any],
+    classifier: PersonClassifier | None,
 ) -> Recording:
-    """Return the recording of the arguments."""
+    """Return the upright recording of the arguments."""
     from toolkit.recordings.open3d_frames import is_open3d, recording_of_open3d
-    from toolkit.recordings.opening import open_upright, recording_of
+    from toolkit.recordings.opening import open_upright, recording_of, upright
 
-    if is_open3d(depth):
-        return recording_of_open3d(depth, timestamps=timestamps, background=background, **options)
-    if isinstance(depth, np.ndarray):
-        return recording_of(depth, timestamps=timestamps, background=background, **options)
+    if not isinstance(depth, (str, Path, Recording)):
+        read = recording_of_open3d if is_open3d(depth) else recording_of
+        return upright(
+            lambda **turned: read(depth, timestamps=timestamps, background=background, **{**options, **turned}),
+            classifier,
+        )
     if timestamps is not None or background is not None:
         raise UsageError("timestamps and background belong to an array; a recording contains its own")
     if isinstance(depth, (str, Path)):
-        return open_upright(depth, **options)
+        return open_upright(depth, classifier, **options)
     if options:
         raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is already open")
     return depth

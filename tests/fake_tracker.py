@@ -47,8 +47,15 @@ class FakeTracker:
     database = ""
 
     def __init__(
-        self, seconds: float = 0.0, broken: int | None = None, weight: float = 0.5, learning_seconds: float = 0.0
+        self,
+        seconds: float = 0.0,
+        broken: int | None = None,
+        weight: float = 0.5,
+        learning_seconds: float = 0.0,
+        state: int = TRACKED,
+        confidence: float = 1.0,
     ) -> None:
+        self.state, self.confidence = state, confidence
         self.settings = FakeSettings(weight=weight)
         self.seconds, self.broken, self.learning_seconds = seconds, broken, learning_seconds
         self.steps = 0
@@ -131,8 +138,9 @@ class FakeFollower:
         self._count += 1
         joints = np.full((20, 3), self._mean, dtype=np.float32)
         pose = np.full(skeleton.POSE_SIZE, self._mean)
-        state = EMPTY if sighting is None else TRACKED
-        return FrameResult(pose, joints, np.ones(20, np.float32), state, 0, np.array([1.0, 2.0], np.float32))
+        state = EMPTY if sighting is None else tracker.state
+        confidence = np.full(20, tracker.confidence, np.float32)
+        return FrameResult(pose, joints, confidence, state, 0, np.array([1.0, 2.0], np.float32))
 
     def predicted(self) -> PredictedBody:
         return PredictedBody(np.full((1, 3), self._mean), np.zeros((0, 3), np.int32), 1.7)

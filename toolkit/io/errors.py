@@ -16,6 +16,10 @@ class DepthMocapError(Exception):
         return printable(" ".join(super().__str__().splitlines()))
 
 
+class PlausibilityWarning(UserWarning):
+    """A recording or a track that can be used and is probably not what was meant (`docs/troubleshooting.md`)."""
+
+
 class UsageError(DepthMocapError):
     """An argument or a combination of options that cannot work (exit code 2)."""
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.hypothesis import PersonClassifier
-from toolkit.people.image_rotation import turns_with_heads
 from toolkit.people.multi_person import MultiPersonFinder
+from toolkit.people.plausibility import Concern, plausibility
 from toolkit.people.sighting import Sighting
 from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import survey
@@ -38,6 +38,7 @@ class FirstLook:
     depth_mm : uint16 (H, W), that frame
     sightings : the people in it
     furniture : float64 (F, 2), u and v in it of the heads of still things that have a person's shape
+    concerns : reasons to doubt the recording
     """
 
     lines: tuple[str, str, str, str, str]
@@ -45,6 +46,7 @@ class FirstLook:
     depth_mm: np.ndarray
     sightings: tuple[Sighting, ...]
     furniture: np.ndarray
+    concerns: tuple[Concern, ...] = ()
 
 
 def describe(
@@ -71,13 +73,14 @@ def describe(
     depth = recording.depth(frame)
     lens = CoarseCamera(recording.camera.undistorted(), recording.up_camera, sensing)
     people = [person_text(s, lens, finder.evidence.get(s.id)) for s in sightings]
-    advice = _advice(recording, surroundings, sightings, depth)
+    concerns = plausibility(recording, judge)
+    advice = _advice(recording, surroundings, sightings)
     lines = (
         _camera_line(recording),
         _up_line(recording),
         _room_line(surroundings),
         f"people: {len(people)} in the first {FIRST_SECONDS:g} s" + "".join(f"\n  {text}" for text in people),
-        f"advice: {'; '.join(advice) if advice else 'none, the defaults fit'}",
+        f"advice: {'; '.join(advice) if advice else 'none, the defaults fit' if not concerns else 'see the doubts'}",
     )
     camera = lens.camera
     heads = lens.from_level(surroundings.figures)
@@ -85,7 +88,7 @@ def describe(
         camera.cx,
         camera.cy,
     )
-    return FirstLook(lines, frame, depth, sightings, figures * lens.step)
+    return FirstLook(lines, frame, depth, sightings, figures * lens.step, concerns)
 
 
 def _camera_line(recording: Recording) -> str:
@@ -162,17 +165,12 @@ def _advice(
     recording: Recording,
     surroundings: Surroundings,
     sightings: tuple[Sighting, ...],
-    depth_mm: np.ndarray,
 ) -> list[str]:
     found = []
     if len(sightings) > 1:
         found.append("--people all follows all of them")
     if not sightings:
-        knows_up = recording.vertical.source == "file"
-        turned = 0 if knows_up else turns_with_heads(depth_mm, recording.camera)
         found.append("no person is seen: check --depth-unit and --intrinsics, or give --segment seed:U,V")
-        if turned:
-            found.append(f"--rotate {90 * turned}: heads are seen in the turned image")
     elif len(sightings) == 1 and not surroundings.cut_out and recording.background is None:
         found.append("--people all tells the person from the room, or give --background")
     if recording.vertical.source == "assumed" and not surroundings.cut_out:

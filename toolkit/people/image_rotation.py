@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.kernels import linear
-from toolkit.people.detection import find_heads
 from toolkit.people.floor import Floor, find_floor
-from toolkit.people.surroundings import first_look, tolerances
+from toolkit.people.hypothesis import PersonClassifier
+from toolkit.people.plausibility import better_turns, sampled_frames
+from toolkit.people.surroundings import is_cut_out
 from toolkit.people.vertical import people_axes
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP, Camera, rotated_points
@@ -24,10 +25,11 @@ CLEARLY = np.cos(np.radians(35.0))
 """Minimum cosine between up and the vertical of the turned image; a tilted camera needs `--rotate`."""
 
 
-def quarter_turns(recording: Recording) -> int:
+def quarter_turns(recording: Recording, classifier: PersonClassifier | None = None) -> int:
     """Return the quarter turns clockwise that bring the images upright; 0 without evidence for another orientation.
 
-    The vertical of the file decides. Else a floor decides that is visible in a turned image only and on which a person
+    The vertical of the file decides. Else, where people are cut out, the orientation decides in which heads have the
+    highest log odds of `classifier`. Else a floor decides that is visible in a turned image only and on which a person
     stands. A ceiling is no floor: no person stands on it in the turned image. `--rotate` and `--up` override.
     """
     if recording.options.keys() & {"rotate", "up_camera"}:
@@ -41,6 +43,9 @@ def quarter_turns(recording: Recording) -> int:
         return 0
     depth, camera = recording.depth(0), recording.camera
     scene = depth if recording.background is None else recording.background
+    lens = CoarseCamera(camera.undistorted(), np.array(DEFAULT_UP), SensingSettings())
+    if recording.background is None and is_cut_out(lens.coarse(depth), lens):
+        return better_turns(sampled_frames(recording), camera, classifier)
     if _standing(depth, camera, 0):
         return 0
     for turns in OTHERS:
@@ -64,19 +69,6 @@ def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarr
 def _lowest(points: np.ndarray, floor: Floor) -> float:
     """Return the height above a floor, metres, of the lowest twentieth of points (N, 3), camera frame."""
     return float(np.quantile(linear.times(points, floor.up_camera) + floor.height, 0.05))
-
-
-def turns_with_heads(depth_mm: np.ndarray, camera: Camera) -> int:
-    """Return the first number of quarter turns clockwise after which heads are detected; 0 for none."""
-    for turns in OTHERS:
-        lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
-        depth = lens.coarse(_turned(depth_mm, turns))
-        surroundings = first_look(depth, lens)
-        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
-        view = lens.view(depth, foreground, surroundings.still)
-        if find_heads(view, lens, cut_out=surroundings.cut_out):
-            return turns
-    return 0
 
 
 def _turned(image: np.ndarray, turns: int) -> np.ndarray:

@@ -13,6 +13,12 @@ LARGEST_MM = 65535
 NOTHING = 65000  # raw 16-bit values from here on mark "nothing": Azure Kinect files say so, others saturate at 65535
 NEAREST_MEDIAN_MM = 100.0  # a depth camera's nearest range; metres read as millimetres stay below
 FARTHEST_MEDIAN_MM = 20_000.0  # twice a room
+DEPTH_UNITS = {
+    "mm": 0.001, "m": 1.0, "0.01": 0.01, "0.0254": 0.0254, "0.002": 0.002, "0.0005": 0.0005, "0.00025": 0.00025,
+    "0.0002": 0.0002, "0.0001": 0.0001,
+}  # fmt: skip
+"""Units in which depth is stored, as `--depth-unit` takes them -> metres: centimetres, inches, 1/5000 m (TUM RGB-D),
+1/10 mm (RealSense at close range) and halves, quarters and doubles of a millimetre."""
 
 
 @dataclass(eq=False)
@@ -53,6 +59,8 @@ class DepthConverter:
             )
         if raw.dtype.kind not in "uif":
             raise RecordingError(f"{what} has type {raw.dtype}; depth must be numbers, uint16 millimetres best")
+        if raw.dtype.itemsize == 1:
+            raise RecordingError(f"{what} has 8 bits a pixel, a picture of depth; give the depth itself, 16 bits")
         if raw.dtype == np.uint16 and raw.size and raw.max() >= NOTHING:
             raw = np.where(raw < NOTHING, raw, np.uint16(0))
         if check and not self._checked:
@@ -81,7 +89,7 @@ class DepthConverter:
             return
         stored = float(np.median(measured))
         if not self._plausible(self._factor * stored):
-            fitting = [u for u in ("mm", "m") if self._plausible(1000 * stored * unit_in_metres(u))]
+            fitting = [u for u in ("mm", "m", "0.01") if self._plausible(1000 * stored * DEPTH_UNITS[u])]
             raise RecordingError(
                 f"{what} has a median value of {stored:g}, which is {self._factor * stored / 1000:g} m with "
                 f"--depth-unit {self.unit}; give --depth-unit "

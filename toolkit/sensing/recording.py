@@ -65,6 +65,35 @@ class FrameSource(ABC):
         return None
 
 
+class SelectedFrames(FrameSource):
+    """Some frames of another source, in order.
+
+    Parameters
+    ----------
+    source : all frames
+    numbers : int (N,), those that are kept, rising
+    """
+
+    def __init__(self, source: FrameSource, numbers: np.ndarray) -> None:
+        self._source, self._numbers = source, numbers.tolist()
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return self._source.depth(self._numbers[i])
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        kept = set(self._numbers)
+        return (raw for i, raw in enumerate(self._source.frames()) if i in kept)
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, or None."""
+        return self._source.color(self._numbers[i])
+
+
 def memory_path(name: str) -> Path:
     """What stands for the path of a recording of arrays in memory: no file has this name."""
     return Path(f"<{name}>")
@@ -93,7 +122,10 @@ class Recording:
         in pixels of the depth image and confidence, NaN = unknown; or None
     stored_up : (3,), the vertical in the camera frame as stored, or None
     options : the reader options it was opened with, fit for JSON
+    times_assumed : True where neither the file nor an option has times or a frame rate
     raw_camera : the camera of the images as they lie in the file, before they are flipped or turned
+    stored_frames : number of frames in the file. A frame that repeats the timestamp of the frame before is left out,
+        with its joints, so that this can be more than the length
     """
 
     name: str
@@ -109,7 +141,9 @@ class Recording:
     image_joints: np.ndarray | None = None
     stored_up: np.ndarray | None = None
     options: dict[str, Any] = field(default_factory=dict)
+    times_assumed: bool = False
     raw_camera: Camera = field(init=False)
+    stored_frames: int = field(init=False)
 
     def __post_init__(self) -> None:
         count, shape = len(self.source), self.camera.shape
@@ -118,6 +152,13 @@ class Recording:
         self.timestamps = check_timestamps(self.timestamps, count, self.path)
         self.joints = check_joints(self.joints, count, "joints", self.path)
         self.reference_joints = check_joints(self.reference_joints, count, "reference_joints", self.path)
+        self.stored_frames = count
+        self._kept = np.flatnonzero(np.diff(self.timestamps, prepend=-np.inf) > 0)
+        if len(self._kept) < count:
+            self.source, self.timestamps = SelectedFrames(self.source, self._kept), self.timestamps[self._kept]
+            for name in ("joints", "reference_joints"):
+                if getattr(self, name) is not None:
+                    setattr(self, name, getattr(self, name)[..., self._kept, :, :])
         if self.background is not None:
             self.background = self.converter.convert(
                 np.asarray(self.background), self.camera, "background", check=False
@@ -180,10 +221,12 @@ class Recording:
     def give_joints_2d(self, rows: np.ndarray) -> None:
         """Take joints (T, 20, 3) or (N, T, 20, 3) found in the images as they were before they were flipped or turned.
 
-        They replace `image_joints`. A detector that saw mirrored images called the sides by each other's names.
+        T is `stored_frames`. They replace `image_joints`. A detector that saw mirrored images called the sides by each
+        other's names.
         """
-        joints = check_rows(rows, len(self), self.path)
+        joints = check_rows(rows, self.stored_frames, self.path)
         assert joints is not None
+        joints = joints[:, self._kept]
         if self.converter.mirrored:
             joints = mirrored_rows(joints, self.raw_camera.width)
         self.image_joints = rotated_rows(joints, self.raw_camera, self._turns)

@@ -29,13 +29,16 @@ def info(
     from toolkit.io.files import check_output
     from toolkit.output.rendering.survey_picture import save_picture
     from toolkit.people.description import describe
+    from toolkit.people.plausibility import HELP
     from toolkit.recordings.opening import open_upright
     from toolkit.sensing.sensing_settings import SensingSettings
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
-    opened = open_upright(recording, **reading.options())
     judge = PoseDatabase.load(DEFAULT_DATABASE).regressor
+    opened = open_upright(recording, judge, **reading.options())
     look = describe(opened, SensingSettings(**given(segment=segment)), judge)
     save_picture(look, target)
     say("\n".join(look.lines))
+    for concern in look.concerns:
+        say(f"doubt: {concern.text}; {HELP}")
     say(f"picture: {target} (frame {look.frame})")

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import gc
 import io
+import os
 import sys
-from typing import Annotated
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any, TextIO
 
 import typer
 
@@ -32,8 +36,8 @@ from toolkit.app.cli import (
     track,
 )
 from toolkit.app.cli.examples import add_examples
-from toolkit.io.display_names import shown
-from toolkit.io.errors import DepthMocapError, UsageError
+from toolkit.io.display_names import printable, shown
+from toolkit.io.errors import DepthMocapError, PlausibilityWarning, UsageError
 
 app = typer.Typer(
     name="depthmocap",
@@ -89,11 +93,19 @@ COLLECTED = 100_000
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command. Exit code 0 is success, 1 failure, 2 wrong use; an error is one sentence."""
+    """Run the command; an error is one sentence.
+
+    Exit codes: 0 success, 1 failure, 2 wrong use, 3 success without a tracked person. A closed terminal or pipe does
+    not stop the work and does not change the exit code.
+    """
     gc.set_threshold(COLLECTED)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # file names may contain invalid UTF-8
+    with _standard_streams(), warnings.catch_warnings():
+        warnings.simplefilter("always", PlausibilityWarning)
+        warnings.showwarning = _show_warning
+        _run(arguments)
+
+
+def _run(arguments: list[str] | None) -> None:
     try:
         app(args=arguments, prog_name="depthmocap")
     except DepthMocapError as error:
@@ -106,6 +118,69 @@ def main(arguments: list[str] | None = None) -> None:
     except MemoryError:
         print("depthmocap: not enough memory; use fewer or smaller inputs", file=sys.stderr)
         sys.exit(1)
+
+
+class _LossyStream(io.TextIOBase):
+    """A standard stream that drops what its terminal or pipe no longer takes."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text, or nothing where the other end is closed."""
+        self._do(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush, or do nothing where the other end is closed."""
+        self._do(self._stream.flush)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def isatty(self) -> bool:
+        """Return whether a terminal shows it."""
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        """Return the descriptor of the stream."""
+        return self._stream.fileno()
+
+    def _do(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except OSError:  # what is left in its buffer must not fail at the end of the process
+            handle = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(handle, self._stream.fileno())
+            os.close(handle)
+
+
+@contextmanager
+def _standard_streams() -> Iterator[None]:
+    """Have the standard streams take everything while the block runs, even where their other end is closed."""
+    before = sys.stdout, sys.stderr
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        stream = getattr(sys, name)
+        if stream is None:  # it was closed at the start: no other file may get its descriptor
+            handle = os.open(os.devnull, os.O_WRONLY)
+            if handle != number:
+                os.dup2(handle, number)
+                os.close(handle)
+            stream = open(number, "w", closefd=False)  # noqa: SIM115
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be no UTF-8
+        setattr(sys, name, _LossyStream(stream))
+    try:
+        yield
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        sys.stdout, sys.stderr = before
+
+
+def _show_warning(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+    """Print a warning as one sentence on the standard error."""
+    print(f"depthmocap: warning: {printable(str(message))}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -117,7 +117,10 @@ def _line(words: tuple[str, ...]) -> str:
 
 def _short(path: Path) -> str:
     """Return a path relative to the current folder if it lies in it, else the absolute path."""
-    here = Path.cwd()
+    try:
+        here = Path.cwd()
+    except OSError:  # it has been removed
+        return str(path)
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 

@@ -139,13 +139,14 @@ def _track_one(
     path: Path, options: dict[str, Any], run: Path, tracking: Tracking, guiding: SensorGuideOptions, resume: bool,
     how: dict[str, Any],
 ) -> None:  # fmt: skip
-    """One recording into `run`. Exit code 1 where it is not done."""
+    """One recording into `run`. Exit code 1 where it is not done, 3 where no person is tracked."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.kernels.precompile import compile_beside
 
     compile_beside()
     from toolkit.app.pipeline import track_recording
     from toolkit.recordings.opening import open_upright
+    from toolkit.tracking.tracker_protocol import judge_of
 
     guide, watcher = guiding.guide([path]), guiding.watcher([path])
     if watcher is not None:  # motions are told as they end, in the rows of the first pass
@@ -156,7 +157,7 @@ def _track_one(
         tracker = recipe.build(guide)
         bars(preparing, 1, 1)
         summary = track_recording(
-            open_upright(path, **options),
+            open_upright(path, judge_of(tracker), **options),
             tracker,
             run,
             resume=resume,
@@ -170,7 +171,7 @@ def _track_one(
         raise typer.Exit(1)
     if not summary.states["tracked"]:
         next_commands({("info", str(path)): "what the recording holds, and which option would help"})
-        return
+        raise typer.Exit(3)
     next_commands(
         {
             ("report", str(run), "--output", "report.html"): "one page: film, body in three dimensions, plots",
@@ -188,7 +189,7 @@ def _track_batch(
     folders: Folders,
     how: dict[str, Any],
 ) -> None:
-    """Several recordings; a line for each. Exit code 1 where one is not done."""
+    """Several recordings; a line for each. Exit code 1 where one is not done, 3 where one has no tracked person."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recordings
     from toolkit.app.pipeline.manifest import DONE
@@ -207,6 +208,8 @@ def _track_batch(
             say(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
     if any(row.status != DONE for row in rows):
         raise typer.Exit(1)
+    if not all(row.tracked for row in rows):
+        raise typer.Exit(3)
     next_commands(
         {
             ("report", str(output), "--output", "report.html"): "one page: films, bodies in three dimensions, plots",

@@ -8,7 +8,9 @@ run on a cluster.
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,12 +19,12 @@ from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.app.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.app.pipeline.run import track_recording
 from toolkit.app.pipeline.trackers import TrackerRecipe
-from toolkit.io.errors import DepthMocapError, RecordingError, UsageError
+from toolkit.io.errors import DepthMocapError, PlausibilityWarning, RecordingError, UsageError
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.io.workers import Task
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.tracking.tracker_protocol import Tracker
+from toolkit.tracking.tracker_protocol import Tracker, judge_of
 
 ROUNDS = 3
 """Maximum number of restarts after the death of a worker process."""
@@ -114,16 +116,21 @@ class _Job:
         """Track the recording and return its row, also after a failure."""
         start = time.perf_counter()
         try:
-            summary = track_recording(
-                open_upright(self.recording, **self.options), tracker, self.run, people=self.people,
-                resume=self.resume, warm_up=warm_up, progress=progress, joints=self.joints, made_of=self.recipe,
-            )  # fmt: skip
-        except Exception as error:  # an exception in a job would end the whole batch
+            with _recorded() as doubts:
+                summary = track_recording(
+                    open_upright(self.recording, judge_of(tracker), **self.options), tracker, self.run,
+                    people=self.people, resume=self.resume, warm_up=warm_up, progress=progress, joints=self.joints,
+                    made_of=self.recipe,
+                )  # fmt: skip
+        except Exception as error:  # a job that raised would end the whole batch
             reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
             return ManifestRow(self.recording, self.run, FAILED, reason, seconds=time.perf_counter() - start)
         status = INTERRUPTED if summary.interrupted else DONE
         spent = time.perf_counter() - start
-        return ManifestRow(self.recording, self.run, status, "", summary.text(), spent, summary.frames)
+        tracked = summary.states["tracked"]
+        return ManifestRow(
+            self.recording, self.run, status, "", summary.text(), spent, summary.frames, tracked, tuple(doubts)
+        )
 
 
 def _one_by_one(jobs: Sequence[_Job], tracker: Tracker, progress: RecordingProgress) -> Iterator[ManifestRow]:
@@ -146,11 +153,29 @@ def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[Manifes
             with _threads(workers):
                 tasks = [joblib.delayed(Task.of(_in_worker))(job) for job in pending.values()]
                 for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(tasks):
+                    for doubt in row.warnings:
+                        warnings.warn(PlausibilityWarning(doubt), stacklevel=2)
                     del pending[row.recording]
                     yield row
             return
         except TerminatedWorkerError:
             continue
+
+
+@contextmanager
+def _recorded() -> Iterator[list[str]]:
+    """The texts of all warnings about recordings and tracks that are shown within the block."""
+    texts: list[str] = []
+    with warnings.catch_warnings():
+        shown = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, PlausibilityWarning):
+                texts.append(str(message))
+            shown(message, category, *where, **more)
+
+        warnings.showwarning = show
+        yield texts
 
 
 def _threads(workers: int | None) -> Any:
@@ -172,7 +197,10 @@ def _in_worker(job: _Job) -> ManifestRow:
     first = key not in _TRACKERS
     if first:
         _TRACKERS[key] = job.recipe.build()
-    return job.done(_TRACKERS[key], warm_up=first)
+    with warnings.catch_warnings():  # the calling process shows them
+        warnings.simplefilter("always", PlausibilityWarning)
+        warnings.showwarning = lambda *arguments, **named: None
+        return job.done(_TRACKERS[key], warm_up=first)
 
 
 def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any]) -> dict[Path, str]:

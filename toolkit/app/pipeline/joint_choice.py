@@ -56,7 +56,7 @@ def give_joints(recording: Recording, choice: JointChoice) -> None:
     """
     choice.check()
     if choice.folder is not None:
-        rows = read_joints(choice.folder, len(recording), recording.raw_camera, choice.size)
+        rows = read_joints(choice.folder, recording.stored_frames, recording.raw_camera, choice.size)
         recording.give_joints_2d(rows)
 
 

@@ -28,6 +28,8 @@ class ManifestRow:
     text : the summary for people, empty where it failed
     seconds : wall-clock time
     frames : rows of its track
+    tracked : frames in which a person is tracked, of all people together
+    warnings : reasons to doubt the recording or its track
     """
 
     recording: str
@@ -37,6 +39,8 @@ class ManifestRow:
     text: str = ""
     seconds: float = 0.0
     frames: int = 0
+    tracked: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 class Manifest:

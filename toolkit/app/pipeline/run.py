@@ -6,6 +6,7 @@ import logging
 import os
 import threading
 import time
+import warnings
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -17,7 +18,7 @@ import numpy as np
 from toolkit.app.pipeline.earlier import sightings_before
 from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_whose, info_of, tracks_of_same_run
 from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source, name_of
-from toolkit.app.pipeline.run_summary import RunSummary, summarised
+from toolkit.app.pipeline.run_summary import RunSummary, summarised, track_warnings
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.second import SecondPass
 from toolkit.app.pipeline.trackers import TrackerRecipe
@@ -30,6 +31,7 @@ from toolkit.io.progress import RecordingProgress, silent
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.joint_masks import JointSource
+from toolkit.people.plausibility import plausibility
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
 from toolkit.people.vertical import floor_height
@@ -132,6 +134,11 @@ def track_recording(
         The run folder cannot be written, or another process writes to it; the earlier rows stay.
     RecordingError
         A frame cannot be read; the rows before it stay.
+
+    Warns
+    -----
+    PlausibilityWarning
+        The recording or its track is probably not what was meant, see `plausibility` and `track_warnings`.
     """
     if watcher is not None and people != 1:
         raise UsageError("events need a single person; leave --people out")
@@ -168,6 +175,7 @@ def _track(
     sink = RunSink(folder, tracker, info, several=several, resume=resume)
     try:
         with log_file(folder), stop_request() as stop:
+            _warn_of(recording, tracker)
             second = _second_pass(job, folder, sink) if watcher is None else None
             frames = len(recording)
             if second is not None and resume and second.restore():
@@ -187,7 +195,17 @@ def _track(
         sink.abandon()
         raise
     stature = None if several else next((float(body.height) for body in bodies.values()), None)
-    return summarised(recording.name, folder, tracks, len(recording), unfinished=not complete, stature=stature)
+    summary = summarised(recording.name, folder, tracks, len(recording), unfinished=not complete, stature=stature)
+    for warning in track_warnings(summary, [float(body.height) for body in bodies.values()]):
+        warnings.warn(warning, stacklevel=4)
+    return summary
+
+
+def _warn_of(recording: Recording, tracker: Tracker) -> None:
+    """Warn of a recording that is not plausible, on the screen and in the run's log."""
+    for concern in plausibility(recording, judge_of(tracker)):
+        logger.warning("%s: %s", recording.name, concern.text)
+        warnings.warn(concern.warning(recording.name), stacklevel=5)
 
 
 def _first_pass(

@@ -8,14 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.io.errors import PlausibilityWarning
+from toolkit.people.plausibility import HELP
 from toolkit.tracks import EMPTY, LOST, STATE_NAMES, TRACKED, Track
 
-LOW_CONFIDENCE = 0.1
+LOW_CONFIDENCE = 0.4
 """Minimum mean confidence of the observed joints; below it the body often does not fit the depth."""
 LOW_ADVICE = (
-    "look at it with `depthmocap render`; --intrinsics, --depth-unit or --up may be wrong, and a --database of such "
-    "motions or the person's own --body may help"
+    "check the film of `depthmocap render`; --intrinsics, --depth-unit, --up or --segment may be wrong; a --database "
+    "of such motions, or the person's own --body, may help"
 )
+STATURES = (0.95, 2.1)
+"""Metres: a child of two years, and the tallest man in 2,000; fitted bodies beyond are mostly wrong units or lenses."""
 
 
 @dataclass(frozen=True)
@@ -60,14 +64,32 @@ class RunSummary:
         states = ", ".join(f"{count} {name}" for name, count in self.states.items() if count)
         people = "" if self.people == 1 else f" of {self.people} people"
         hint = "; continue with --resume" if self.interrupted else ""
-        if not self.states["tracked"]:
-            hint += "; no person was tracked: look at the recording with `depthmocap info`, try --segment or --up"
-        elif self.confidence < LOW_CONFIDENCE:
-            hint += f"; low confidence: {LOW_ADVICE}"
         sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
         sure += f", {self.stature:.2f} m tall" if self.states["tracked"] and self.stature is not None else ""
         spent = f", {self.frame_ms:.1f} ms a frame ({stages})" if self.stage_ms else ""
         return f"{self.run}: {count} frames{people}: {states or 'no person seen'}{sure}{spent}{hint}"
+
+
+def track_warnings(summary: RunSummary, statures: Sequence[float]) -> list[PlausibilityWarning]:
+    """Return the reasons to doubt a track: nothing is tracked, its confidence is low, a body has no person's size.
+
+    Parameters
+    ----------
+    statures : metres, of the fitted bodies
+    """
+    texts = []
+    if not summary.states["tracked"]:
+        texts.append(
+            "no person was tracked; `depthmocap info` shows what the recording holds, and --segment, --depth-unit, "
+            "--rotate or --up may help"
+        )
+    elif summary.confidence < LOW_CONFIDENCE:
+        texts.append(f"the mean confidence is {summary.confidence:.2f}; {LOW_ADVICE}")
+    low, high = STATURES
+    odd = [f"{stature:.2f}" for stature in statures if not low <= stature <= high] if not texts else []
+    if odd:
+        texts.append(f"a fitted body is {' and '.join(odd)} m tall; check --intrinsics and --depth-unit")
+    return [PlausibilityWarning(f"{summary.name}: {text}; {HELP}") for text in texts]
 
 
 def summarised(

@@ -137,6 +137,7 @@ def recording_of_source(
         stored_up=says.up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
         find_vertical=find_vertical,
         options=options.given(),
+        times_assumed=says.timestamps is None and options.frame_rate is None,
     )
 
 

@@ -1,0 +1,331 @@
+"""Plausibility of a recording: size of people, unit, intrinsics, orientation and times, checked before it is tracked.
+
+A wrong unit, the intrinsics of another image size or a camera upside down raise no error by themselves: the tracker
+fits a body to whatever surface there is. The checks compare the recording with what is known of people and cameras.
+The person classifier of the pose database scores heads: in 18 real recordings of people who are cut out it scores 2.6
+to 3.5 log odds in upright images at true scale, at most 2.6 at half the scale and at most 2.4 upside down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from toolkit.io.errors import PlausibilityWarning
+from toolkit.people.detection import find_heads
+from toolkit.people.hypothesis import PersonClassifier, judged_head
+from toolkit.people.surroundings import first_look, tolerances
+from toolkit.people.view import CoarseCamera
+from toolkit.sensing.camera import DEFAULT_UP, Camera
+from toolkit.sensing.conversion import DEPTH_UNITS, unit_in_metres
+from toolkit.sensing.image_sizes import size_of_centre
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
+
+HELP = "see docs/troubleshooting.md"
+"""The end of every warning: the page with symptoms, causes and options."""
+Kind = Literal["intrinsics", "unit", "size", "orientation", "times", "frames"]
+
+
+@dataclass(frozen=True)
+class PlausibilitySettings:
+    """Settings of the plausibility checks.
+
+    Attributes
+    ----------
+    seconds, frames : the first seconds of a recording that are sampled, and the number of samples
+    principal_point : largest distance of the principal point from the image centre, as a share of the image's width
+        or height; registered and binned images of 14 depth cameras stay below 0.06
+    exchanged : the same where cx and cy fit each other's side
+    sure, sure_in_room : log odds of a head from which on no other unit and no other orientation is tried, of people who
+        are cut out and in a room, where 12 real recordings have 1.7 to 3.1
+    person : log odds that a head needs in another unit or orientation
+    margin, margin_in_room : by how much it has to be better there
+    camera_height : metres above a visible floor that are evidence for the unit in a room where no person is seen
+    stature : metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms
+    unlike_person : log odds of a head below which what is cut out is not a person
+    fastest : m/s of a person between two frames; a sprinter reaches 12
+    jitter : metres that the centre of a person's surface may move at once, by noise and occlusion
+    fewest_jumps : share of the frames which have to be unconnected
+    """
+
+    seconds: float = 10.0
+    frames: int = 3
+    principal_point: float = 0.15
+    exchanged: float = 0.03
+    sure: float = 2.8
+    sure_in_room: float = 1.5
+    person: float = 2.3
+    margin: float = 0.5
+    margin_in_room: float = 1.5
+    camera_height: tuple[float, float] = (0.8, 2.6)
+    stature: tuple[float, float] = (0.95, 2.7)
+    unlike_person: float = 0.7
+    fastest: float = 12.0
+    jitter: float = 0.3
+    fewest_jumps: float = 0.5
+
+
+@dataclass(frozen=True)
+class Concern:
+    """One reason to doubt that a recording was read as it was meant.
+
+    Attributes
+    ----------
+    kind : what is doubtful
+    text : what was measured, and the option that helps
+    """
+
+    kind: Kind
+    text: str
+
+    def warning(self, name: str) -> PlausibilityWarning:
+        """Return the concern about the recording of that name as a warning."""
+        return PlausibilityWarning(f"{name}: {self.text}; {HELP}")
+
+
+@dataclass(frozen=True)
+class PersonEvidence:
+    """Evidence for people in sampled frames, under one unit and orientation.
+
+    Attributes
+    ----------
+    score : mean over the frames of the best log odds of a head, at least 0
+    stature : metres, median height of what is cut out and whole; None where nothing is
+    cut_out : True where most frames hold nothing but people
+    doubtful : True where the height of the camera above the floor speaks against unit and orientation
+    """
+
+    score: float
+    stature: float | None
+    cut_out: bool
+    doubtful: bool = False
+
+    def sure(self, settings: PlausibilitySettings) -> bool:
+        """Return True where the heads alone show that unit and orientation are right."""
+        return self.score >= (settings.sure if self.cut_out else settings.sure_in_room)
+
+    def worse_than(self, other: PersonEvidence, settings: PlausibilitySettings) -> bool:
+        """Return True where another unit or orientation is clearly better."""
+        margin = settings.margin if self.cut_out or self.doubtful else settings.margin_in_room
+        return other.score >= max(settings.person, self.score + margin)
+
+
+def plausibility(
+    recording: Recording,
+    classifier: PersonClassifier | None = None,
+    settings: PlausibilitySettings = PlausibilitySettings(),
+) -> tuple[Concern, ...]:
+    """Return the reasons to doubt a recording, the gravest first; none where everything is plausible.
+
+    Parameters
+    ----------
+    classifier : scores heads; without one the unit is checked by the stature of people who are cut out alone, and the
+        orientation is not checked
+    settings : thresholds
+
+    Raises
+    ------
+    RecordingError
+        A frame cannot be read.
+    """
+    intrinsics = intrinsics_concern(recording, settings)
+    frames = sampled_frames(recording, settings)
+    found = [intrinsics, *_people_concerns(recording, frames, classifier, settings, known=intrinsics is not None)]
+    found += [times_concern(recording)]
+    return tuple(concern for concern in found if concern is not None)
+
+
+def intrinsics_concern(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> Concern | None:
+    """Return a concern if the principal point lies far from the image centre or if cx and cy seem exchanged."""
+    camera = recording.raw_camera
+    centre = (camera.width - 1) / 2, (camera.height - 1) / 2
+    aside = abs(camera.cx - centre[0]) / camera.width, abs(camera.cy - centre[1]) / camera.height
+    exchanged = abs(camera.cy - centre[0]) / camera.width, abs(camera.cx - centre[1]) / camera.height
+    numbers = f"the principal point {camera.cx:g},{camera.cy:g} of {camera.width}x{camera.height} pixels"
+    if max(exchanged) < settings.exchanged < min(aside):
+        return Concern("intrinsics", f"{numbers} has cx and cy exchanged; give --intrinsics fx,fy,cx,cy")
+    if max(aside) <= settings.principal_point:
+        return None
+    size = size_of_centre(camera.cx, camera.cy)
+    like = f"; these look like the intrinsics of {size[0]}x{size[1]}" if size else ""
+    return Concern(
+        "intrinsics",
+        f"{numbers} is {100 * max(aside):.0f} % of the image away from its centre{like}: give the --intrinsics of this "
+        "image size",
+    )
+
+
+def times_concern(recording: Recording) -> Concern | None:
+    """Return a concern if frames were dropped because their timestamp repeats that of the frame before."""
+    repeated = recording.stored_frames - len(recording)
+    if not repeated:
+        return None
+    return Concern(
+        "times",
+        f"{repeated} of {recording.stored_frames} frames repeat the timestamp of the frame before and are left out; "
+        "write the time of each frame",
+    )
+
+
+def sampled_frames(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> list[np.ndarray]:
+    """Return frames spread over the first seconds that hold a measurement: uint16 (H, W), millimetres, each."""
+    end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + settings.seconds))
+    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), settings.frames)).astype(np.int64))
+    frames = [recording.depth(int(i)) for i in numbers]
+    return [frame for frame in frames if frame.any()]
+
+
+def person_evidence(
+    frames: Sequence[np.ndarray],
+    camera: Camera,
+    up_camera: np.ndarray,
+    classifier: PersonClassifier | None,
+    *,
+    scale: float = 1.0,
+) -> PersonEvidence:
+    """Return the evidence for people in frames (uint16 (H, W), millimetres) whose depth is multiplied by `scale`.
+
+    `camera` and `up_camera` (3,) are those of the frames.
+    """
+    lens = CoarseCamera(camera.undistorted(), up_camera, SensingSettings())
+    scores, statures, cut_out = [], [], 0
+    for frame in frames:
+        depth = lens.coarse(frame if scale == 1.0 else np.minimum(np.rint(frame * scale), 65535.0))
+        surroundings = first_look(depth, lens)
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
+        view = lens.view(depth, foreground, surroundings.still)
+        cut_out += surroundings.cut_out
+        if (stature := _stature(depth, view.points[..., 1])) is not None:
+            statures.append(stature)
+        if classifier is not None:
+            heads = find_heads(view, lens, cut_out=surroundings.cut_out)
+            judged = [judged_head(view, lens, head.place, classifier) for head in heads]
+            scores.append(max([0.0, *(log_odds for log_odds in judged if log_odds is not None)]))
+    return PersonEvidence(
+        float(np.mean(scores)) if scores else 0.0,
+        float(np.median(statures)) if statures else None,
+        2 * cut_out > len(frames),
+    )
+
+
+def _stature(depth: np.ndarray, heights: np.ndarray) -> float | None:
+    """Metres from the top to the bottom of the largest surface of a coarse frame (h, w); None where the image border
+    cuts it off, as it does in a room, or where most of what is measured lies elsewhere.
+    """
+    import cv2
+
+    count, labels, stats, _ = cv2.connectedComponentsWithStats((depth > 0).astype(np.uint8), connectivity=8)
+    if count < 2:
+        return None
+    largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
+    left, top, width, height, area = (int(n) for n in stats[largest])
+    if 2 * area < np.count_nonzero(depth):
+        return None
+    if top == 0 or left == 0 or top + height == depth.shape[0] or left + width == depth.shape[1]:
+        return None
+    own = heights[labels == largest]
+    return float(np.percentile(own, 99) - np.percentile(own, 1))
+
+
+def _people_concerns(
+    recording: Recording,
+    frames: Sequence[np.ndarray],
+    classifier: PersonClassifier | None,
+    settings: PlausibilitySettings,
+    *,
+    known: bool,
+) -> list[Concern]:
+    """Concerns by the people who are seen: the unit, the orientation, their size; `known`: the intrinsics are wrong."""
+    if not frames or known:
+        return []
+    own = person_evidence(frames, recording.camera, recording.up_camera, classifier)
+    fits = own.stature is None or settings.stature[0] <= own.stature <= settings.stature[1]
+    floor = None if own.cut_out else _floor_fits(recording, settings)
+    if fits and floor is not False and (classifier is None or floor or own.sure(settings)):
+        return []
+    own = replace(own, doubtful=floor is False)
+    unit = _fitting_unit(recording, frames, own, classifier, settings)
+    if unit:
+        present = recording.converter.unit
+        size = unit_in_metres(present) / DEPTH_UNITS[unit]
+        text = f"people have {size:.2g} times life size with --depth-unit {present}; give --depth-unit {unit}"
+        return [Concern("unit", text)]
+    turns = better_turns(frames, recording.camera, classifier, settings)
+    if turns:
+        return [Concern("orientation", f"people stand upright in turned images; give --rotate {90 * turns}")]
+    if own.stature is not None and not fits:
+        size_text = f"the person measures {own.stature:.2f} m from head to foot"
+        return [Concern("size", f"{size_text}; check --depth-unit and the focal length in --intrinsics")]
+    if own.cut_out and own.score < settings.unlike_person:
+        return [
+            Concern(
+                "size",
+                "what is measured does not have the shape of a person; check --depth-unit, --rotate and --intrinsics, "
+                "and that the images hold depth, neither disparity nor infra-red",
+            )
+        ]
+    return []
+
+
+def _floor_fits(recording: Recording, settings: PlausibilitySettings) -> bool | None:
+    """Return whether the camera stands as high above the floor as cameras do in rooms; None where no floor is seen."""
+    height = recording.vertical.height
+    low, high = settings.camera_height
+    return None if height is None else low <= height <= high
+
+
+def _fitting_unit(
+    recording: Recording,
+    frames: Sequence[np.ndarray],
+    own: PersonEvidence,
+    classifier: PersonClassifier | None,
+    settings: PlausibilitySettings,
+) -> str:
+    """The unit of depth in which people have the size of people, by its name in `DEPTH_UNITS`; "" where none is better.
+
+    Without a classifier it is the largest unit in which a person who is cut out has a person's stature.
+    """
+    present = unit_in_metres(recording.converter.unit)
+    small, large = settings.stature
+    best = ("", own)
+    for name, metres in DEPTH_UNITS.items():
+        scale = metres / present
+        if abs(scale - 1.0) < 0.01 or (own.stature is not None and not small <= own.stature * scale <= large):
+            continue
+        if classifier is None:
+            if own.stature is not None and not best[0]:
+                best = (name, own)
+            continue
+        there = person_evidence(frames[:2], recording.camera, recording.up_camera, classifier, scale=scale)
+        if (there.score >= settings.person and own.worse_than(there, settings)) and there.score > best[1].score:
+            best = (name, there)
+    return best[0]
+
+
+def better_turns(
+    frames: Sequence[np.ndarray],
+    camera: Camera,
+    classifier: PersonClassifier | None,
+    settings: PlausibilitySettings = PlausibilitySettings(),
+) -> int:
+    """Return the quarter turns clockwise after which people stand upright in frames (uint16 (H, W), millimetres).
+
+    0 where they stand upright as the images are, where no turn is clearly better, and without a classifier.
+    """
+    if classifier is None or not frames:
+        return 0
+
+    def evidence(turns: int) -> PersonEvidence:
+        turned = [np.ascontiguousarray(np.rot90(frame, -turns)) for frame in frames]
+        return person_evidence(turned, camera.rotated(turns), np.array(DEFAULT_UP), classifier)
+
+    own = evidence(0)
+    if own.sure(settings):
+        return 0
+    others = {turns: evidence(turns) for turns in (1, 2, 3)}
+    best = max(others, key=lambda turns: others[turns].score)
+    return best if own.worse_than(others[best], settings) else 0
