@@ -32,7 +32,6 @@ CEILING: dict[str, tuple[int, int]] = {
     "toolkit/landmarks": (2, 3),
     "toolkit/mocap": (0, 9),
     "toolkit/motion": (0, 7),
-    "toolkit/people": (0, 2),
     "toolkit/retrieval": (7, 50),
     "toolkit/sensing": (2, 7),
     "toolkit/simulation": (3, 26),

@@ -1,1 +1,5 @@
-"""Data sets of others: their registry, the folder that holds them, and the download."""
+"""Data sets of others.
+
+Registry with sources, licences and hashes, the data folder, the download.
+May import `io` only.
+"""

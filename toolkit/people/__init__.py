@@ -1,1 +1,5 @@
-"""Who is in view: the depth of each person, and the pixels that say nothing about them."""
+"""People in a frame: detection, segmentation, identities.
+
+A `PeopleFinder` returns sightings: the depth of each person and the unobserved pixels; vertical and floor.
+May import `sensing`, `body`, `kernels` and `io`.
+"""

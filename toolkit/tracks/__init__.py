@@ -1,6 +1,7 @@
 """Tracks: their type and their files in a run folder.
 
 A run folder holds `track.npz` (exactly one row per tracked frame), `run.json`, `config.yaml` and `log.txt`.
+May import `recordings`, `people`, `sensing`, `body` and packages below.
 """
 
 from toolkit.tracks.run_info import RUN_FILE, RunInfo

@@ -19,7 +19,7 @@ from toolkit.io.files import is_file
 MODEL_FILE = "pose_landmark_full.tflite"
 MODEL_SHA256 = "e9a5c5cb17f736fafd4c2ec1da3b3d331d6edbe8a0d32395855aeb2cdfd64b9f"
 WITHOUT = "or choose --joints FOLDER (of OpenPose JSON) or --joints none"
-"""What those may do who cannot have the model."""
+"""Alternatives without the model, for messages."""
 
 SIDE = 256
 """Width and height of the network's input, pixels."""
