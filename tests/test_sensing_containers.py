@@ -137,7 +137,7 @@ def test_a_file_without_usable_depth_says_what_it_holds(tmp_path: Path) -> None:
 def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = ros_recording(tmp_path / "take.bag")
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
-    with pytest.raises(UsageError, match=r"pip install rosbags"):
+    with pytest.raises(UsageError, match=r"pip install .depthmocap.ros"):
         open_recording(path)
     monkeypatch.setitem(sys.modules, "lzfse", None)
     with pytest.raises(UsageError, match=r"pip install lzfse"):

@@ -174,7 +174,7 @@ def test_an_unknown_option_lists_the_known_ones(tmp_path):
 
 
 def test_an_unknown_format_lists_the_known_ones(tmp_path):
-    with pytest.raises(UsageError, match="npz, utd_mhad, ros, mkv, .*png, cloud, raw"):
+    with pytest.raises(UsageError, match="npz, npy, utd_mhad, ros, mkv, .*png, cloud, raw"):
         open_recording(write(tmp_path / "a.npz"), format="oni")
 
 

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers import cloud, mkv, npz, png, raw, record3d, ros, stray, tum, utd_mhad
+from toolkit.recordings.readers import cloud, mkv, npy, npz, png, raw, record3d, ros, stray, tum, utd_mhad
 from toolkit.sensing.recording import Recording
 
 Reader = Callable[[Path, ReaderOptions], Recording]
 
 READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
     "npz": (npz.matches, npz.read),
+    "npy": (npy.matches, npy.read),
     "utd_mhad": (utd_mhad.matches, utd_mhad.read),
     "ros": (ros.matches, ros.read),
     "mkv": (mkv.matches, mkv.read),
@@ -41,11 +42,16 @@ def reader_for(path: Path, name: str | None) -> Reader:
         if name not in READERS:
             raise UsageError(f"unknown recording format {name!r}; there are: {', '.join(READERS)}")
         return READERS[name][1]
+    if path.suffix == ".oni":
+        raise RecordingError(
+            f"{path} is a recording of OpenNI, which is not read; save its frames as 16-bit PNG with OpenNI's tools, "
+            "and give the folder with --intrinsics"
+        )
     for matches, read in READERS.values():
         if matches(path):
             return read
     raise RecordingError(
-        f"{path} has no supported format; supported are .npz, .db3, .bag, .mcap, .mkv and .r3d files, "
+        f"{path} has no supported format; supported are .npz, .npy, .db3, .bag, .mcap, .mkv and .r3d files, "
         "a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, of TUM RGB-D or of a Stray Scanner, a .pcd or .ply file "
         "or a folder of them, or a folder of raw uint16 frames (--format raw); name each recording of a folder of many"
     )

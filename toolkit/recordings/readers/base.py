@@ -20,6 +20,7 @@ from toolkit.people.vertical import find_vertical
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.image_sizes import USUAL_LENSES
 from toolkit.sensing.recording import FrameSource, Recording
 
 LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
@@ -160,8 +161,17 @@ def chosen_camera(
         return _camera_from_json(Path(options.intrinsics), size)
     intrinsics = options.intrinsics if options.intrinsics is not None else stored
     if intrinsics is None:
-        raise RecordingError(f"{path} has no intrinsics; give --intrinsics fx,fy,cx,cy in pixels or a JSON file")
+        raise RecordingError(f"{path} has no intrinsics; {_usual_intrinsics(size)}")
     return Camera.from_intrinsics(np.asarray(intrinsics), size, distortion)
+
+
+def _usual_intrinsics(shape: tuple[int, int]) -> str:
+    """Return the advice for a recording without intrinsics: the usual ones of its (height, width), else their form."""
+    lenses = USUAL_LENSES.get((shape[1], shape[0]), ())
+    if not lenses:
+        return "give --intrinsics fx,fy,cx,cy in pixels or a JSON file"
+    usual = " or ".join(f"--intrinsics {','.join(f'{n:g}' for n in values)} ({name})" for name, values in lenses)
+    return f"give {usual}, usual for {shape[1]}x{shape[0]} pixels, or a JSON file with those of your camera"
 
 
 @contextmanager
@@ -281,7 +291,10 @@ def read_depth_png(path: Path) -> np.ndarray:
     image = _read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         what = f"{image.dtype} of shape {image.shape}"
-        raise RecordingError(f"{path} is {what}; depth is one channel of 16 bits: name the folder of the depth images")
+        raise RecordingError(
+            f"{path} is {what}, a picture and no depth; depth is one channel of 16 bits: name the folder of the depth "
+            "images"
+        )
     return image
 
 

@@ -87,6 +87,11 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
             raise RecordingError(f"{path} cannot be read as a point cloud; it is truncated or no PCD or PLY") from error
     if not len(points):
         raise RecordingError(f"{path} holds no point; it is empty, truncated or no PCD or PLY")
+    if len(points) >= GRID_POINTS and (points[:, 1:] == np.rint(points[:, 1:])).all() and np.ptp(points[:, 1:]) > 0:
+        raise RecordingError(
+            f"{path} has whole numbers as y and z: pixel numbers, no places; multiply the rays of its camera by "
+            "the distance x and save depth images as .npy"
+        )
     colors = cloud.point.colors.numpy() if "colors" in cloud.point else None
     return usable_cloud(points, colors, _grid_of(header, len(points)), axes, str(path))
 

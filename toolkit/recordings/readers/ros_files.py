@@ -102,7 +102,7 @@ class _BagMessages:
             from rosbags.rosbag2 import Reader as Reader2
         except ImportError as error:
             raise UsageError(
-                f"to read {path} the package rosbags is needed; install it with: pip install rosbags"
+                f"to read {path} the package rosbags is needed; install it with: pip install 'depthmocap[ros]'"
             ) from error
         self._path = path
         self.cdr = path.suffix.lower() != ".bag"

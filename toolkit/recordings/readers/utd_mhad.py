@@ -81,7 +81,10 @@ def _skeleton_path(path: Path, options: ReaderOptions) -> Path | None:
 def _load(path: Path, key: str) -> np.ndarray:
     stored = read_matlab(path, RecordingError)
     if key not in stored:
-        raise RecordingError(f"{path} has no {key!r}; is it a UTD-MHAD file?")
+        raise RecordingError(
+            f"{path} has no {key!r}, so it is no file of UTD-MHAD; it has {', '.join(sorted(stored)) or 'nothing'}: "
+            "save its depth as .npy (frames, height, width) and give --intrinsics"
+        )
     array = stored[key]
     if isinstance(array, list) or array.ndim != 3:
         found = "cells" if isinstance(array, list) else f"shape {array.shape}"
