@@ -62,11 +62,6 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
-def edge_lengths(body: Body) -> np.ndarray:
-    first, second = edges_of(body.faces).T
-    return np.linalg.norm(body.vertices[first] - body.vertices[second], axis=1)
-
-
 @pytest.fixture(scope="module")
 def body() -> Body:
     return load_body()
@@ -158,41 +153,11 @@ def test_every_mesh_is_closed_with_its_faces_outward(name: str) -> None:
         assert 0.015 < volume(body.vertices, body.faces) < 0.12, "a person in cubic metres, faces outward"
 
 
-@pytest.mark.parametrize("name", ShapeSpace.load().named)
-def test_the_tracker_mesh_covers_each_limb_evenly(name: str) -> None:
-    body = load_body(name)
-    assert 1150 <= len(body.vertices) <= 1250
-    lengths = edge_lengths(body)
-    assert np.quantile(lengths, 0.99) < 2.2 * np.median(lengths)
-    sides = lengths.reshape(3, -1)
-    corner = [body.vertices[body.faces[:, k]] for k in range(3)]
-    area = 0.5 * np.linalg.norm(np.cross(corner[1] - corner[0], corner[2] - corner[0]), axis=1)
-    quality = 4 * np.sqrt(3) * area / (sides**2).sum(axis=0)
-    assert np.median(quality) > 0.9 and np.quantile(quality, 0.02) > 0.5, "1 is an equilateral triangle"
-    per_part = np.bincount(body.part, minlength=len(skeleton.JOINTS))
-    assert per_part[skeleton.JOINT_NAMES.index("cervical")] < 100, "the head is not crowded"
-    for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
-        assert per_part[skeleton.JOINT_NAMES.index(f"left_{part}")] >= 40
-
-
 @settings(max_examples=8)
 @given(st.lists(st.floats(-3, 3), min_size=16, max_size=16))
 def test_shape_coefficients_come_back_from_their_body(coefficients: list[float]) -> None:
     space = ShapeSpace.load()
     np.testing.assert_allclose(space.project(space.body(coefficients)), coefficients, atol=1e-5)
-
-
-def test_the_space_of_some_vertices_makes_of_a_body_what_the_whole_space_makes_of_them() -> None:
-    space, some, shape = ShapeSpace.load(), np.array([700, 3, 3, 1200]), np.linspace(-1.0, 2.0, 16)
-    part, whole = space.at(some).body(shape), space.body(shape)
-    for own, all_of_it in (
-        (part.vertices, whole.vertices[some]),
-        (part.skin_joints, whole.skin_joints[some]),
-        (part.skin_weights, whole.skin_weights[some]),
-        (part.joints, whole.joints),
-        (part.sites, whole.sites),
-    ):
-        np.testing.assert_array_equal(own, all_of_it)
 
 
 @pytest.mark.parametrize(
@@ -217,13 +182,6 @@ def test_a_subject_is_finer_and_skinned_by_other_weights_than_the_tracker(body: 
     np.testing.assert_allclose(subject.joints, body.joints, atol=5e-3)
     nearest = np.linalg.norm(body.vertices[:, None] - subject.vertices[None, ::4], axis=2).argmin(axis=1)
     assert (subject.part[::4][nearest] == body.part).mean() > 0.85
-
-
-def test_scaling_scales_positions_and_records_the_factor(body: Body) -> None:
-    larger = ShapeSpace.load().body(body.shape, scale=1.2)
-    np.testing.assert_allclose(larger.vertices, 1.2 * body.vertices)
-    np.testing.assert_allclose(larger.joints, 1.2 * body.joints)
-    assert larger.scale == pytest.approx(1.2)
 
 
 def test_stretching_changes_the_named_bones_and_nothing_else(body: Body) -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import os
 import shlex
 import signal
@@ -15,7 +14,6 @@ import typer
 
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from tests.run_helpers import run
-from toolkit.app.cli import bench
 from toolkit.app.cli.examples import EXAMPLES
 from toolkit.app.cli.main import app
 from toolkit.app.pipeline import TrackerRecipe
@@ -129,25 +127,6 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert fake.asked == asked  # type: ignore[attr-defined]
 
 
-def test_several_recordings_go_to_folders_by_stem_and_a_failure_is_named(
-    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
-) -> None:
-    good = write_recording(tmp_path / "good.npz")
-    (tmp_path / "bad.npz").write_bytes(b"nothing")
-    output = tmp_path / "runs"
-    assert run("track", tmp_path / "bad.npz", good, "--database", "d.npz", "--output", output) == 1
-    assert len(Track.load(output / "good")) == 12
-    assert "bad.npz: " in capsys.readouterr().err
-
-
-def test_reader_options_reach_the_recording_and_the_run(tmp_path: Path, fake: FakeTracker) -> None:
-    recording = write_recording(tmp_path / "take.npz")
-    options = ["--up", "0,-0.9,-0.1", "--mirrored", "--depth-unit", "mm"]
-    assert run("track", recording, "--database", "d", "--output", tmp_path / "run", *options) == 0
-    read = json.loads((tmp_path / "run" / "run.json").read_text())["reader_options"]
-    assert read["mirrored"] is True and read["up_camera"] == [0.0, -0.9, -0.1]
-
-
 def test_ctrl_c_is_exit_code_1_and_says_how_to_go_on(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -178,19 +157,6 @@ def test_evaluate_prints_one_table_and_writes_files(
     printed = capsys.readouterr().out
     assert "one" in printed and "mean of 2" in printed
     assert sorted(p.name for p in (tmp_path / "eval").iterdir()) == ["table.csv", "table.json"]
-
-
-def test_a_benchmark_runs_with_its_own_arguments(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "speed.py").write_text("import sys\nif __name__ == '__main__':\n    print('measured', sys.argv[1:])\n")
-    monkeypatch.setattr(bench, "FOLDER", tmp_path)
-    monkeypatch.setattr(sys, "argv", sys.argv)
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    assert run("bench", "speed", "--frames", "3") == 0
-    assert capsys.readouterr().out.strip() == "measured ['--frames', '3']"
-    assert run("bench") == 0
-    assert capsys.readouterr().out.strip() == "speed"
 
 
 def commands() -> Iterator[tuple[str, Any]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,12 +12,7 @@ import yaml
 from scripts.write_configs import HEADS, attributes_of, config_text
 from toolkit.app.config import load_settings, settings_text
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
-from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
-from toolkit.trackers.lopez2011.head_hands import HeadHandSettings
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
-from toolkit.trackers.qammaz.discrepancy import DiscrepancySettings
-from toolkit.trackers.qammaz.swarm import SwarmSettings
-from toolkit.trackers.qammaz.swarm_search import SwarmSearchSettings
 from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -72,20 +66,3 @@ def test_what_is_written_beside_a_run_makes_the_same_settings_again(kind: type, 
         (tmp_path / "config.yaml").write_text(settings_text(settings), encoding="utf-8")
         assert load_settings(kind, tmp_path / "config.yaml") == settings
     assert load_settings(kind, None, changed).fitting == replace(kind().fitting, iterations=9)
-
-
-def test_what_the_hybrid_tracker_hands_to_its_searches_comes_from_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is built inside: a changed constant arrives."""
-    from toolkit.trackers.hybrid import tracker as room
-
-    given: dict[str, tuple[Any, ...]] = {}
-    for name in ("HeadHandSearch", "SwarmSearch", "DatabaseLookup", "upper_bodies"):
-        monkeypatch.setattr(room, name, lambda *parts, name=name, **_: given.setdefault(name, parts))
-    settings = HybridSettings(
-        hypotheses=("head_hands", "swarm"), swarm=SwarmSettings(particles=5), search=SwarmSearchSettings(tries=2),
-        discrepancy=DiscrepancySettings(width=20), head_hands=HeadHandSettings(particles=ParticleSettings(count=8)),
-    )  # fmt: skip
-    tracker = room.HybridTracker(SimpleNamespace(regressor=None, searched_by=lambda _: None), settings)  # type: ignore[arg-type]
-    tracker.searches(SimpleNamespace(placer=None), None)  # type: ignore[arg-type]
-    assert given["HeadHandSearch"][0] is settings.head_hands
-    assert given["SwarmSearch"][:3] == (settings.search, settings.swarm, settings.discrepancy)

@@ -243,21 +243,6 @@ def test_real_mocap_becomes_a_database_with_plausible_people(data_folder: Path, 
     assert entry["centre_mm"] < 50 and entry["facing_degrees"] < 12
 
 
-def test_a_folder_of_the_user_beside_the_output_stays_as_it_is(mocap: Path, tmp_path: Path) -> None:
-    (tmp_path / "poses.work").mkdir()
-    (tmp_path / "poses.work" / "thesis.txt").write_text("years of work")
-    build_database([mocap], tmp_path / "poses.npz", parts=None)
-    assert [p.name for p in (tmp_path / "poses.work").iterdir()] == ["thesis.txt"]
-    assert sorted(p.name for p in tmp_path.iterdir() if p.name.startswith("poses")) == ["poses.npz", "poses.work"]
-
-
-def test_mocap_in_the_folder_of_the_work_s_name_is_not_removed(mocap: Path, tmp_path: Path) -> None:
-    mocap.rename(tmp_path / "mo.work")
-    before = sorted(p.name for p in (tmp_path / "mo.work").iterdir())
-    build_database([tmp_path / "mo.work"], tmp_path / "mo.npz", parts=None)
-    assert sorted(p.name for p in (tmp_path / "mo.work").iterdir()) == before
-
-
 def test_a_database_does_not_replace_its_source(tmp_path: Path) -> None:
     write_bvh(tmp_path / "clip.npz", seed=0)
     with pytest.raises(UsageError, match="would be overwritten"):

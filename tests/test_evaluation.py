@@ -15,9 +15,8 @@ from tests.support.bootstrap import paired_bootstrap
 from toolkit.body import skeleton
 from toolkit.evaluation import agreement, evaluate
 from toolkit.evaluation import joint_errors as joints
-from toolkit.evaluation import score_report as report
 from toolkit.evaluation.extrema_scores import all_found
-from toolkit.io.errors import RecordingError, TrackError, UsageError
+from toolkit.io.errors import RecordingError, UsageError
 from toolkit.io.files import sha256_of
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
@@ -226,28 +225,6 @@ def test_a_recording_that_changed_since_is_not_evaluated(tmp_path: Path) -> None
         evaluate.evaluate_runs([run])
 
 
-def test_a_folder_of_runs_is_taken_as_its_runs(tmp_path: Path) -> None:
-    for name in ("b", "a"):
-        write_run(tmp_path, standing(), name=name, joints=standing())
-    table = evaluate.evaluate_runs([tmp_path], surface=False)
-    assert [row.recording for row in table] == ["a", "b"]
-    with pytest.raises(TrackError):
-        evaluate.evaluate_runs([tmp_path / "nothing"])
-
-
-def test_the_mean_weights_recordings_alike_and_ignores_what_a_run_lacks(tmp_path: Path) -> None:
-    truth = standing()
-    runs = [
-        write_run(tmp_path, truth[:2], name="short", joints=truth),
-        write_run(tmp_path, truth + np.float32([0.1, 0, 0]), name="long", joints=truth),
-        write_run(tmp_path, truth, name="blind"),
-    ]
-    table = evaluate.evaluate_runs(runs, surface=False)
-    assert table.mean().error_mm == pytest.approx(50, abs=0.1)
-    assert table.mean().frames == 14
-    np.testing.assert_allclose(table.figures("error_mm"), [0, 100, np.nan], atol=0.1)
-
-
 def test_the_table_is_printed_and_written_as_csv_and_json(tmp_path: Path) -> None:
     truth = standing()
     runs = [write_run(tmp_path, truth, name=n, joints=truth) for n in ("one", "two")]
@@ -263,18 +240,6 @@ def test_the_table_is_printed_and_written_as_csv_and_json(tmp_path: Path) -> Non
     read = json.loads((tmp_path / "table.json").read_text())
     assert read["mean"]["error_mm"] == 0.0 and read["runs"][1]["agreement"] is None
     assert len(read["curve_thresholds_mm"]) == len(read["mean"]["curve"])
-
-
-def test_plots_are_written_where_there_is_anything_to_plot(tmp_path: Path) -> None:
-    truth = standing()
-    table = evaluate.evaluate_runs([write_run(tmp_path, truth, joints=truth)], surface=False)
-    for draw in (report.plot_accuracy, report.plot_errors):
-        draw(table, tmp_path / "plot.png")
-        assert (tmp_path / "plot.png").stat().st_size > 5000
-        (tmp_path / "plot.png").unlink()
-    blind = evaluate.evaluate_runs([write_run(tmp_path, truth, name="blind")], surface=False)
-    files = report.write_evaluation(blind, tmp_path / "scores")
-    assert [file.name for file in files] == ["table.csv", "table.json"]
 
 
 def write_people(folder: Path, found: list[np.ndarray], truth: np.ndarray) -> Path:
@@ -308,13 +273,6 @@ def test_whoever_is_in_the_truth_and_was_not_found_is_a_metre_off(tmp_path: Path
     assert [row.recording for row in table] == ["take/person_01", "take/not found"]
     np.testing.assert_allclose(table.figures("error_mm"), [0.0, 1000.0], atol=1e-2)
     assert table.rows[1].a100 == 0.0 and table.rows[1].lost == 1.0
-
-
-def test_a_track_of_nobody_in_the_truth_has_no_error(tmp_path: Path) -> None:
-    table = evaluate.evaluate_runs(
-        [write_people(tmp_path, [standing() + np.float32(0.3), standing()], standing()[None])]
-    )
-    assert table.rows[0].error_mm is None and table.rows[1].error_mm == pytest.approx(0.0, abs=1e-2)
 
 
 def test_one_track_on_a_recording_of_several_is_compared_with_whom_it_follows(tmp_path: Path) -> None:

@@ -12,13 +12,11 @@ from tests.fitting_helpers import Fit
 from tests.support.plain_fitting import PlainPlacer
 from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.body.shape import load_body
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.fitting.priors import GaussianPrior
-from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import JointTerm
 from toolkit.io.errors import SettingsError
 from toolkit.sensing.camera import Camera, level_rotation
@@ -216,18 +214,6 @@ def test_no_measured_point_belongs_to_a_link_that_is_out_of_view(body: Body) -> 
 # Distance and confidence
 
 
-@pytest.mark.parametrize("samples", [0, 400])
-def test_a_pose_beyond_the_bound_is_given_up_and_no_other(body: Body, samples: int) -> None:
-    fit = Fit(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
-    cloud = cloud_of(body, standing())
-    scene = Scene(cloud, cloud.points[:: len(cloud) // 20][:20].astype(np.float64), samples)
-    pose = perturbed(standing(), 3)
-    distance = fit.distance(pose, scene)
-    assert fit.compare(pose, scene, 1.001 * distance).distance == distance
-    for bound in (0.0, 0.3 * distance, 0.7 * distance, 0.999 * distance):
-        assert fit.compare(pose, scene, bound).distance == np.inf
-
-
 def test_the_true_pose_is_nearest_to_its_image(body: Body, fit: Fit) -> None:
     truth = standing()
     scene = scene_of(body, truth)
@@ -252,18 +238,6 @@ def test_confidence_lies_in_its_range_and_is_low_for_hidden_joints(body: Body, f
     assert confidence.shape == (20,)
     assert ((confidence >= 0) & (confidence <= 1)).all()
     assert confidence[left] < 0.85 < 0.95 < confidence[right]
-
-
-def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fit: Fit) -> None:
-    scene = scene_of(body, standing())
-    wrong = standing(left_shoulder_rz=1.2)
-    wrist = skeleton.REPORTED.index("left_wrist")
-    assert (
-        fit.confidence(fit.compare(wrong, scene))[wrist]
-        < 0.85
-        < 0.95
-        < fit.confidence(fit.compare(standing(), scene))[wrist]
-    )
 
 
 @pytest.mark.parametrize("samples", [0, SETTINGS.cloud_samples])
@@ -298,23 +272,6 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, point
 
 
 # Shape
-
-
-@pytest.mark.parametrize("size", [-1.3, 1.3], ids=["short or tall", "tall or short"])
-def test_the_learnt_body_comes_near_the_height_of_the_person(size: float) -> None:
-    space = ShapeSpace.load()
-    person, neutral = space.body([size, 0.4, -0.3]), space.body()
-    assert abs(person.height - neutral.height) > 0.08
-    poses = [standing(), standing(left_hip_rx=-0.6, left_knee_rx=0.6), standing(root_ry=0.4, right_shoulder_rz=0.0)]
-    fit = Fit(neutral, CAMERA, HORIZONTAL, SETTINGS)
-    estimator = ShapeEstimator(neutral, ShapeSettings(), fit.placer, mesh_terms(SETTINGS))
-    for truth in poses * 3:
-        scene = scene_of(person, truth)
-        fit.body = estimator.observe(fit.refine(perturbed(truth, 1, 0.03), scene), scene)
-    body = fit.body
-    assert abs(body.height - person.height) < 0.5 * abs(neutral.height - person.height)
-    assert (np.abs(body.shape) <= ShapeSettings().limit).all()
-    assert estimator.body is body
 
 
 @pytest.mark.parametrize("values", [{"iterations": 0}, {"neighbours": 0}, {"neighbours": 10}])

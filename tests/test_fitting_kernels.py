@@ -48,17 +48,6 @@ def body() -> Body:
 # The body before the camera
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_placed_body_is_the_body_s_own_pose_turned_to_the_camera(body: Body, seed: int) -> None:
-    pose = some_pose(seed)
-    posed, own = placed(body, pose), body.place(pose)
-    assert posed.vertices == pytest.approx(body.vertex_positions(pose) @ TILTED, abs=1e-12)
-    assert posed.origins == pytest.approx(own.origins @ TILTED, abs=1e-12)
-    assert posed.rotations == pytest.approx(np.einsum("ba,jbc->jac", TILTED, own.rotations), abs=1e-12)
-    turned = np.einsum("vs,vsab,vb->va", body.skin_weights, posed.rotations[body.skin_joints], body.normals)
-    assert posed.normals == pytest.approx(turned / np.linalg.norm(turned, axis=1, keepdims=True), abs=1e-12)
-
-
 # The z-buffer
 
 
@@ -192,25 +181,6 @@ def test_a_vertex_is_seen_where_it_faces_the_camera_and_nothing_is_before_it(ver
         np.array([0]), np.array([vertex]), unit, depth, intrinsics, evidence, intrinsics, 0.1, 0.03, out
     )
     assert out[0] == seen
-
-
-def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: Body) -> None:
-    from open3d.core import Tensor
-    from open3d.t.geometry import RaycastingScene
-
-    posed = placed(body, some_pose(4))
-    visible = posed.visible(0.1, 0.03, np.zeros(CAMERA.shape, np.float32), np.array(CAMERA.intrinsics))
-    scene = RaycastingScene()
-    scene.add_triangles(
-        Tensor.from_numpy(posed.vertices.astype(np.float32)), Tensor.from_numpy(posed.placer.faces.astype(np.uint32))
-    )
-    points = posed.vertices[posed.placer.chosen]
-    rays = np.concatenate([np.zeros_like(points), points], axis=1).astype(np.float32)
-    before = (1.0 - scene.cast_rays(Tensor.from_numpy(rays))["t_hit"].numpy()) * points[:, 2]  # metres of z
-    facing = -np.einsum("nc,nc->n", posed.normals[posed.placer.chosen], points) / np.linalg.norm(points, axis=1)
-    expected = (facing >= 0.1) & (before < 0.03)
-    assert 60 < visible.sum() < len(visible) - 60
-    assert (visible == expected).mean() > 0.97
 
 
 def test_samples_meet_the_nearest_drawn_point_and_its_nearest_corner(body: Body) -> None:
@@ -431,22 +401,3 @@ def test_the_support_of_joints_is_that_of_the_plain_sums(gaps: np.ndarray, obser
 
 
 # Distances of a compared pose
-
-
-@settings(deadline=None)
-@given(st.integers(0, 1000), st.floats(0.01, 0.2))
-def test_mean_gaps_are_capped_means(seed: int, cap: float) -> None:
-    rng = np.random.default_rng(seed)
-    points, nearest = rng.normal(0.0, 0.1, (2, 30, 3))
-    nearest[rng.random(30) < 0.2] = np.nan
-    visible, vertex = rng.random(30) < 0.6, rng.integers(-1, 5, 30)
-    away, gaps = np.linalg.norm(points - nearest, axis=1), np.empty(30)
-    expected = np.fmin(away[visible], cap).mean() if visible.any() else cap
-    assert pairs.vertex_gaps(points, nearest, visible, cap, gaps) == pytest.approx(expected)
-    np.testing.assert_allclose(gaps, away)
-    assert pairs.vertex_gaps(points, nearest, np.zeros(30, dtype=np.bool_), cap, gaps) == cap
-    samples = np.nan_to_num(nearest, nan=0.3)
-    capped = np.where(vertex >= 0, np.fmin(np.linalg.norm(points - samples, axis=1), cap), cap)
-    assert pairs.sample_gaps(points, vertex, samples, cap, gaps) == pytest.approx(capped.mean())
-    np.testing.assert_allclose(gaps, capped)
-    assert pairs.sample_gaps(points[:0], vertex[:0], samples[:0], cap, gaps[:0]) == 0.0

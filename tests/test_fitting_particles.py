@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
@@ -13,12 +12,11 @@ from toolkit.kernels.fit import particles as kernel
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011 import filter as room
-from toolkit.trackers.lopez2011 import initial
 from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
 from toolkit.trackers.lopez2011.filter import UpperFilter
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
-from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands, standing_pose
+from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands
 from toolkit.trackers.lopez2011.proposals import NEAR, diffusion
 from toolkit.trackers.lopez2011.sizing import shoulder_breadth, sized_body
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
@@ -107,15 +105,6 @@ def test_a_raised_hand_is_found_by_a_hanging_arm_through_its_candidate(upper: Up
     assert hands_off(upper, blind, truth)[0] > 0.3
 
 
-def test_alpha_of_one_is_the_filter_without_candidates_draw_for_draw(upper: UpperBody) -> None:
-    truth = pose_of(left_elbow_ry=-0.5)
-    depth = depth_of(upper, truth)
-    plain = filtered(upper, pose_of(), frame_of(depth, place_hands(upper, truth)[:0]), 2, alpha=1.0)
-    # The candidates move the window in which an arm is weighed, so they are where the arm is anyway.
-    same = filtered(upper, pose_of(), frame_of(depth), 2, alpha=0.5)
-    np.testing.assert_array_equal(plain, same)
-
-
 def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_floor(upper: UpperBody) -> None:
     pose = pose_of()
     left, right = place_hands(upper, pose)
@@ -127,25 +116,6 @@ def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_flo
     distance = np.linalg.norm(left - right)
     expected = max(np.exp(-distance / NEAR), settings_.floor) * settings_.held
     assert weights[1] / weights[0] == pytest.approx(expected)
-
-
-def test_neither_arm_is_favoured_in_a_mirror(upper: UpperBody) -> None:
-    truth = pose_of(left_elbow_ry=-0.8)
-    mirrored = pose_of(right_elbow_ry=0.8)
-    errors = np.array(
-        [
-            (
-                hands_off(upper, filtered(upper, pose_of(), frame_of(depth_of(upper, truth)), 6, seed, 0), truth),
-                hands_off(upper, filtered(upper, pose_of(), frame_of(depth_of(upper, mirrored)), 6, seed, 1), mirrored)[
-                    ::-1
-                ],
-            )
-            for seed in range(6)
-        ]
-    )
-    difference = errors[:, 0] - errors[:, 1]
-    spread = errors.std(axis=(0, 1)) / np.sqrt(len(errors))
-    assert (np.abs(difference.mean(axis=0)) < 4 * spread + 0.01).all()
 
 
 def effectors_of(points: np.ndarray) -> Effectors:
@@ -168,30 +138,6 @@ def test_a_first_pose_has_head_and_hands_where_they_were_found(upper: UpperBody,
     assert np.linalg.norm(found - crown) < (0.08 if labelled else 0.15)
     assert hands_off(upper, first.pose, truth).max() < 0.12
     assert first.score > -ParticleTrackerSettings().lost_cost
-
-
-@pytest.mark.parametrize(("turned", "leaning"), [(0.0, 0.0), (0.6, 0.35), (-0.6, 0.7)])
-def test_whoever_is_turned_and_leans_is_so_about_the_crown(upper: UpperBody, turned: float, leaning: float) -> None:
-    head = np.array([0.3, 0.2, -1.4])
-    pose = standing_pose(upper, head, turned, leaning)
-    crown = upper.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head")]
-    np.testing.assert_allclose(crown, head, atol=1e-9)
-    yaw = np.arctan2(-head[0], -head[2]) + turned
-    expected = Rotation.from_rotvec([0.0, yaw, 0.0]) * Rotation.from_rotvec([leaning, 0.0, 0.0])
-    np.testing.assert_allclose(pose[skeleton.ROOT_ROTATION], expected.as_rotvec(), atol=1e-9)
-
-
-def test_somebody_who_leans_towards_the_camera_is_found(upper: UpperBody) -> None:
-    truth = pose_of(root_rx=0.6)
-    crown = upper.body.end_effector_positions(truth)[skeleton.END_EFFECTORS.index("head")]
-    effectors = effectors_of(np.stack([crown, *place_hands(upper, truth)]))
-    frame = frame_of(depth_of(upper, truth), effectors.points)
-    first = initial_pose(
-        upper, UpperFilter(ParticleSettings()), effectors, None, frame, InitialSettings(), np.random.default_rng(0)
-    )
-    assert first is not None
-    joints = [upper.body.joint_positions(pose)[:4] for pose in (first.pose, truth)]
-    assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 0.08
 
 
 def test_the_estimate_is_what_both_arms_layers_explain_best(upper: UpperBody, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,20 +207,3 @@ def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None
         chosen = np.empty(count, dtype=np.int64)
         kernel.systematic(weights, rng.random(), chosen)
         states = states[chosen]
-
-
-def test_an_arm_reaches_for_the_candidates_of_its_own_side_only(
-    upper: UpperBody, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pose = pose_of()
-    head, left, right = np.array([[0.0, 0.3, -1.5], [0.6, -0.4, -1.5], [-0.5, -0.3, -1.4]])
-    asked: dict[int, list[list[float]]] = {}
-
-    def best_arm(upper, pose, side, targets, frame, *, resting):
-        asked[side] = targets.tolist()
-        return pose
-
-    monkeypatch.setattr(initial, "_best_arm", best_arm)
-    start = initial.unlabelled_start(upper, np.stack([right, head, left]), head, pose, None)
-    assert asked == {0: [left.tolist()], 1: [right.tolist()]}
-    assert start.wanted.tolist() == [head.tolist()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Callable
@@ -100,35 +99,6 @@ def test_a_run_of_people_whose_folders_are_links_is_refused(tmp_path: Path) -> N
         load_people(run)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda people: people * 600, "some of them twice"),
-        (lambda people: [{**people[0], "folder": "../other"}], "plain names"),
-        (lambda people: [{**people[0], "stature": "tall"}], "stature is 'tall'"),
-        (lambda people: [{**people[0], "first_frame": -1}], "outside"),
-        (lambda people: [{**people[0], "evidence": {"looks": -1}}], "outside"),
-        (lambda people: None, "people is empty"),
-    ],
-)
-def test_people_who_cannot_be_are_one_sentence(
-    tmp_path: Path, change: Callable[[list[dict[str, object]]], object], words: str
-) -> None:
-    run = write_people(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
-    people = json.loads((run / "people.json").read_text())["people"]
-    (run / "people.json").write_text(json.dumps({"people": change(people)}))
-    with pytest.raises(TrackError, match=words):
-        load_people(run)
-
-
-@pytest.mark.parametrize("place", ["/", "/dev/zero", "/dev/stdin"])
-def test_a_run_that_names_the_whole_disk_as_its_recording_ends_at_once(tmp_path: Path, place: str) -> None:
-    run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
-    replace(RunInfo.load(run), recording=place).save(run)
-    with pytest.raises(DepthMocapError):
-        RunInfo.load(run).open_recording()
-
-
 STATES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "another shape": lambda value: np.zeros((2, 2), value.dtype),
     "text": lambda value: np.full(value.shape, "x"),
@@ -149,15 +119,6 @@ def test_a_state_of_other_contents_under_a_right_checksum_is_one_sentence(
         np.savez(begun / "state.npz", **odd, **{CHECKSUM: np.array(checksum_of(odd))})
         with pytest.raises(TrackError, match="the state of the"):
             go_on(stopped, begun)
-
-
-def test_a_state_without_the_rows_before_it_is_left_and_all_is_found_again(stopped: Path, begun: Path) -> None:
-    partial = begun / "track.partial"
-    with partial.open("r+b") as stream:
-        header = stream.readline()
-        stream.truncate(len(header) + 1)
-    fresh = begun.with_name("fresh")
-    np.testing.assert_array_equal(go_on(stopped, begun), go_on(stopped, fresh))
 
 
 def test_a_recording_that_would_unpack_to_gigabytes_is_refused_before_it_does(tmp_path: Path) -> None:

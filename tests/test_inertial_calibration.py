@@ -15,7 +15,7 @@ from tests.inertial_scenes import FIVE, motion_of, sensors_of
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
-from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration
+from toolkit.inertial.calibration import GOOD, REFUSED, WEAK
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.solvers import SynchronisedSegment
 from toolkit.inertial.stream import Sensors
@@ -166,22 +166,6 @@ def test_the_clock_is_improved_by_what_the_calibration_leaves_over():
     assert abs(found.offset - simulated.offset) < 0.006
 
 
-def test_an_own_heading_is_found_for_every_sensor_and_take():
-    simulated, take = take_of(limbs=ARMS)
-    streams = [
-        replace(s, rotations=quat.multiply(quat.exponential([0, 0, 0.5 * k]), s.rotations))
-        for k, s in enumerate(take.sensors)
-    ]
-    turned = replace(
-        take, sensors=replace(take.sensors, streams=tuple(streams)), motion=replace(take.motion, name="other")
-    )
-    found = calibrate([take, turned], CalibrationSettings(heading="own"))
-    for k, limb in enumerate(ARMS):
-        assert np.degrees(quat.angle(found.mounting(limb), simulated.mounting[limb])) < 0.5
-        one, two = (np.array(found.takes[name].worlds[limb]) for name in (take.motion.name, "other"))
-        assert np.degrees(quat.angle(two, quat.multiply(quat.exponential([0, 0, 0.5 * k]), one))) < 0.5
-
-
 def upright_motion(tilt: float) -> TrackedMotion:
     """Somebody who turns on the spot and nods by so many degrees."""
     motion = motion_of()
@@ -253,13 +237,6 @@ def test_a_sensor_that_does_not_belong_to_the_track_is_refused():
     assert found.sensors["left_forearm"].status == REFUSED
     assert "check placement and clock" in found.sensors["left_forearm"].reason
     assert found.usable == ("right_forearm",)
-
-
-@pytest.mark.parametrize("content", ("", "{}", "[1, 2]", '{"method": "robust", "sensors": {"pelvis": {}}}'))
-def test_a_damaged_calibration_file_is_refused(tmp_path, content):
-    (tmp_path / "calibration.json").write_text(content)
-    with pytest.raises(InertialError, match="inertial calibrate"):
-        Calibration.load(tmp_path / "calibration.json")
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
 from toolkit.app.cli.main import main
@@ -20,7 +18,7 @@ from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
 from toolkit.inertial.workflow import load_sensors
 from toolkit.io.errors import InertialError
-from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
+from toolkit.kernels.motion.inertial import integrate
 from toolkit.simulation.inertial import DECLINATION, SensorNoise, earth_field, simulate_sensors
 from toolkit.simulation.simulate import simulate_recording
 
@@ -94,21 +92,6 @@ def test_the_earths_field_dips_and_declines_and_its_declination_is_taken_out():
     assert abs(off[DECLINATION]) < 5.0
 
 
-def test_the_correlation_kernel_is_a_full_scan():
-    rng = np.random.default_rng(0)
-    a, b = rng.normal(size=60), rng.normal(size=80)
-    ka, kb = rng.random(60) < 0.9, rng.random(80) < 0.9
-    lags = np.arange(-70, 90)
-    out = np.empty(len(lags))
-    correlation_over_lags(a, ka, b, kb, lags, 20, out)
-    for lag, value in zip(lags, out, strict=True):
-        rows = [i for i in range(60) if 0 <= i + lag < 80 and ka[i] and kb[i + lag]]
-        if len(rows) < 20:
-            assert np.isnan(value)
-        else:
-            np.testing.assert_allclose(value, np.corrcoef(a[rows], b[np.array(rows) + lag])[0, 1], atol=1e-9)
-
-
 @pytest.mark.parametrize("name", ("semaphore", "archery", "knee_to_elbow"))
 @pytest.mark.parametrize("noise", ("none", "mtx", "phone"))
 def test_the_clock_is_found_against_true_poses(name, noise):
@@ -116,23 +99,6 @@ def test_the_clock_is_found_against_true_poses(name, noise):
     clock = synchronise(motion_of(name), simulated.sensors)
     middle = 0.5 * motion_of(name).times[-1] * (simulated.rate - 1.0)
     assert abs(clock.offset - simulated.offset - middle) < 0.01
-
-
-@settings(max_examples=8, deadline=None)
-@given(st.floats(-2.5, 2.5))
-def test_shifting_the_sensors_clock_shifts_the_offset(shift):
-    simulated = sensors_of(limbs=("left_shin", "right_forearm"))
-    moved = [replace(stream, times=stream.times + shift) for stream in simulated.sensors]
-    base = synchronise(motion_of(), simulated.sensors).offset
-    found = synchronise(motion_of(), Sensors(tuple(moved))).offset
-    assert abs(found - base - shift) < 0.006
-
-
-def test_a_clock_that_starts_at_another_epoch_is_found():
-    simulated = sensors_of(noise="mtx")
-    moved = [replace(stream, times=stream.times + 1.7e9) for stream in simulated.sensors]
-    clock = synchronise(motion_of(), Sensors(tuple(moved)))
-    assert abs(clock.offset - 1.7e9 - simulated.offset) < 0.02
 
 
 def test_the_ratio_of_clocks_is_found_where_it_is_free_and_said():

@@ -11,15 +11,12 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
-from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
+from tests.landmark_helpers import cloud_of, figure, paint
 from toolkit.io.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
-from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
-from toolkit.landmarks.graph import Graph, Workspace, grid_graph
+from toolkit.landmarks.graph import Graph, grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
-from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
 
 SETTINGS = LandmarkSettings()
 
@@ -280,21 +277,6 @@ def test_an_empty_cloud_and_wrong_arguments_are_refused_in_one_sentence() -> Non
             LandmarkSettings(**wrong)
 
 
-def test_a_workspace_that_saw_other_clouds_changes_nothing() -> None:
-    workspace = Workspace()
-    for seed in range(3):
-        depth = person(np.random.default_rng(seed))
-        depth[: 40 * seed] = 0.0
-        cloud = cloud_of(depth)
-        graphs = (grid_graph(cloud, SETTINGS, workspace), grid_graph(cloud, SETTINGS))
-        kept, fresh = (
-            extrema_of_graph(graph, cloud.points, 20, 7, own)
-            for graph, own in zip(graphs, (workspace, None), strict=True)
-        )
-        for name in ("nodes", "points", "distances", "from_source", "visited"):
-            assert np.array_equal(getattr(kept, name), getattr(fresh, name))
-
-
 def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:
     depth = figure()
     paint(depth, (-0.05, -0.35), (0.05, -0.25), 2.3)
@@ -305,37 +287,3 @@ def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:
     torso = np.flatnonzero(cloud.points[:, 2] < -2.5)
     hips = centre - [0.0, SETTINGS.source_drop, 0.0]
     assert source == torso[np.linalg.norm(cloud.points[torso] - hips, axis=1).argmin()]
-
-
-@pytest.mark.data("utd-mhad")
-def test_on_real_recordings_the_fast_extrema_are_those_of_algorithm_1(data_folder) -> None:
-    from scipy.io import loadmat
-
-    names = ("a1_s1_t1", "a8_s3_t1", "a21_s4_t1", "a27_s1_t1")
-    paths = [p for p in (data_folder / "depth" / "utd_mhad" / f"{name}_depth.mat" for name in names) if p.exists()]
-    assert paths
-    for path in paths:
-        depth = loadmat(path)["d_depth"][:, ::-1, 30].astype(np.float32) / 1000
-        assert depth.shape == (CAMERA.height, CAMERA.width)
-        cloud = cloud_of(depth)
-        graph = grid_graph(cloud, SETTINGS)
-        found = geodesic_extrema(cloud, 20)
-        assert (found.nodes.tolist(), found.visited.tolist()) == algorithm_1(graph, found.source, 20)[::2]
-
-
-@pytest.mark.parametrize(("side", "rows", "cut"), [(0, 4, False), (0, 14, True), (79, 4, False), (79, 14, True)])
-def test_an_arm_that_leaves_by_a_side_is_no_cut_and_a_trunk_is(side: int, rows: int, cut: bool) -> None:
-    depth = np.zeros((60, 80), dtype=np.float32)
-    depth[15:50, 30:50] = 2.0
-    depth[20 : 20 + rows, min(side, 40) : max(side, 40) + 1] = 2.0
-    cloud = Cloud.from_depth(depth, Camera(100.0, 100.0, 39.5, 29.5, 80, 60), np.diag((1.0, -1.0, -1.0)))
-    nodes = np.searchsorted(cloud.pixels, [21 * 80 + side, 40 * 80 + 40])
-    assert on_cuts(cloud, nodes, None).tolist() == [cut, False]
-
-
-def test_a_leg_that_leaves_by_the_lower_border_is_cut_however_narrow() -> None:
-    depth = np.zeros((60, 80), dtype=np.float32)
-    depth[10:50, 30:50] = 2.0
-    depth[50:, 38:40] = 2.0
-    cloud = Cloud.from_depth(depth, Camera(100.0, 100.0, 39.5, 29.5, 80, 60), np.diag((1.0, -1.0, -1.0)))
-    assert on_cuts(cloud, np.searchsorted(cloud.pixels, [59 * 80 + 38]), None).tolist() == [True]

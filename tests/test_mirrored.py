@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.test_inertial_calibration import take_of
-from tests.test_stabilising_priors import BODY, classes_of, example_of, hiding
+from tests.test_stabilising_priors import BODY, example_of
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.database.canonical import mirrored
@@ -18,14 +18,8 @@ from toolkit.inertial.suspicions import mirrored_take, other_side
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion
 from toolkit.retrieval.annotation.classes import learn_classes
-from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
-from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
-from toolkit.retrieval.priors.allocation import allocate, unknown_rows
-from toolkit.retrieval.priors.expectation import GapContext, fill
-from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
-from toolkit.retrieval.priors.marks import marks_of_classes, tracking_priors
+from toolkit.retrieval.features.relational import MIRROR, relational_features
 
 NAMES = ("knee_to_elbow", "semaphore")
 
@@ -60,34 +54,6 @@ def test_a_class_learnt_from_a_mirrored_clip_is_the_mirrored_class():
         # "hand moving forwards" is measured against the left hip for both sides (F1, F2): it has no exact mirror image
         np.testing.assert_array_equal(learnt.template.values[2:], wanted.template.values[2:])
         np.testing.assert_allclose(learnt.motion.mean, wanted.motion.mean, atol=1e-9)
-
-
-@given(st.sampled_from(LIMBS), st.sampled_from(NAMES), st.integers(5, 40), st.integers(4, 25))
-@settings(max_examples=12, deadline=None)
-def test_a_mirrored_track_is_filled_with_the_mirrored_motion(limb, name, start, length):
-    example = example_of(name, 2)
-    count, across = len(example.poses), other_side(limb)
-    classes, others = classes_of(*NAMES), [mirrored_class(c) for c in classes_of(*NAMES)]
-    segments = [Segment(0.0, count / 30.0, name)]
-
-    def told(features: FeatureMatrix, poses: np.ndarray, known: list[MotionClass], hidden_limb: str) -> GapContext:
-        hidden = hiding(count, hidden_limb, start, start + length)
-        allocation = allocate(features, segments, known, unknown_rows(hidden, count))
-        return GapContext(poses, np.arange(count) / 30.0, hidden, allocation, known)
-
-    plain = told(example.features, example.poses, classes, limb)
-    turned = told(example.features.mirrored(), mirrored(example.poses), others, across)
-    (ours, source), (theirs, same) = (
-        fill(plain, Gap(limb, start, start + length)), fill(turned, Gap(across, start, start + length))
-    )  # fmt: skip
-    assert source == same
-    whole = np.zeros((2, length, skeleton.POSE_SIZE))
-    whole[:, :, ENTRIES[limb]] = ours.mean, ours.variance
-    mean, variance = mirrored(whole)[:, :, ENTRIES[across]]
-    np.testing.assert_allclose(theirs.mean, mean, atol=1e-9)
-    np.testing.assert_allclose(theirs.variance, np.abs(variance), atol=1e-9)
-    priors = tracking_priors(plain.allocation, classes, marks_of_classes(classes))
-    np.testing.assert_array_equal(tracking_priors(turned.allocation, others, marks_of_classes(others)), priors[MIRROR])
 
 
 @given(st.integers(0, 1000))

@@ -248,21 +248,6 @@ def test_motion_files_are_found_in_order_and_an_empty_folder_is_an_error(tmp_pat
         find_clips(tmp_path / "absent")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("length 0.45", "length 0", "length unit is 0"),
-        ("dof rx ry rz", "dof rx rx rz", "twice"),
-        ("direction 0.1 0.9 0.3", "direction 0.1 0.9", "has the direction"),
-        ("order TX", "order QX", "unknown degree of freedom 'qx'"),
-    ],
-)
-def test_a_skeleton_whose_numbers_cannot_be_is_named(tmp_path: Path, old: str, new: str, words: str) -> None:
-    assert old in ASF_ARM
-    with pytest.raises(MocapError, match=words):
-        read_asf(write(tmp_path / "a.asf", ASF_ARM.replace(old, new, 1)))
-
-
 BVH = """HIERARCHY
 ROOT Hips
 {

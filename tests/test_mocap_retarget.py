@@ -12,7 +12,6 @@ from tests.mocap_helpers import in_world, renamed, stick_body, with_rest_pose
 from toolkit.body import skeleton
 from toolkit.body.rotations.matrices import matrices, unit
 from toolkit.body.shape import load_body
-from toolkit.io.errors import RigError
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import find_clips, read_clip
@@ -167,23 +166,6 @@ def test_a_taller_source_moves_in_proportion_to_its_legs(tmp_path: Path) -> None
         end_sites={joint: tip * 1.25 for joint, tip in clip.end_sites.items()},
     )
     assert distances(retarget(tall, stick_body()).poses, poses).max() < 0.06
-
-
-def test_a_map_of_ones_own_is_read_and_a_broken_one_is_named(tmp_path: Path) -> None:
-    clip, poses = own_clip(tmp_path, "curl")
-    odd = renamed(clip, {name: f"bone_{i}" for i, name in enumerate(clip.joint_names)}, {})
-    lines = [f"  {name}: bone_{i}" for i, name in enumerate(clip.joint_names)]
-    path = tmp_path / "odd.yaml"
-    path.write_text("\n".join(["joints:", *lines, f"  head: bone_{clip.index('cervical')}"]) + "\n")
-    assert distances(retarget(odd, stick_body(), load_rig(odd, rig=str(path))).poses, poses).max() < 0.05
-    path.write_text("joints:\n  tail: bone_1\n")
-    with pytest.raises(RigError, match="unknown joint 'tail'"):
-        load_rig(odd, rig=str(path))
-    path.write_text("- 1\n")
-    with pytest.raises(RigError, match="odd.yaml"):
-        load_rig(odd, rig=str(path))
-    with pytest.raises(RigError, match="no joint map 'nobody'; there are acclaim"):
-        load_rig(odd, rig="nobody")
 
 
 @pytest.fixture(scope="module")

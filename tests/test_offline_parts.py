@@ -8,19 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit.app.stabilise.demands import DISAGREEMENT
-from toolkit.app.stabilise.retrack import GapGuide
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.evaluation.orientations import RunCheck
-from toolkit.fitting.priors import LimbPrior
 from toolkit.inertial.calibration import Calibration, Mounting
 from toolkit.inertial.distance import Distances, WrongStretch
 from toolkit.motion.contact import ground_of
-from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.gap_trajectories import KEPT, PRIOR_SPREAD, GapWays
-from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limb_entries import ENTRIES
 from toolkit.tracks import LOST, TRACKED
 
 BODY = load_body("neutral")
@@ -59,27 +52,6 @@ def test_the_ground_is_where_the_camera_saw_it_else_where_feet_rest_else_guessed
 
 
 # What is expected of hidden limbs while a recording is tracked again.
-
-
-def test_a_prior_holds_hidden_frames_only_and_gives_way_to_the_whole_pose_in_bad_ones() -> None:
-    times = np.arange(10) / 30
-    entries = ENTRIES["left_arm"]
-    gap, hidden = Gap("left_arm", 2, 7), np.array([False, True, True, True, False])
-    mean = np.arange(5.0)[:, None] + np.zeros(len(entries))
-    way = GapWays(gap, hidden, Bridge(mean, np.full_like(mean, 0.04)), (KEPT,), np.zeros((1, *mean.shape)))
-    whole: Any = {4: object()}
-    marked = {5: [SimpleNamespace(violation=lambda pose: 0.2), SimpleNamespace(violation=lambda pose: 0.1)]}
-    guide = GapGuide([way], whole, times, marked)  # type: ignore[arg-type]
-    priors = [guide.priors(float(time)) for time in times]
-    assert [len(terms) for terms in priors] == [0, 0, 0, 1, 1, 3, 0, 0, 0, 0]
-    first = priors[3][0]
-    assert isinstance(first, LimbPrior) and first.entries is entries
-    assert first.mean.tolist() == mean[1].tolist()
-    np.testing.assert_allclose(first.variance, 0.04 + PRIOR_SPREAD**2)
-    assert priors[4][0] is whole[4]
-    pose = np.zeros(skeleton.POSE_SIZE)
-    assert guide.contradicts(float(times[5]), pose) == pytest.approx(0.3 * DISAGREEMENT)
-    assert guide.contradicts(float(times[4]), pose) == 0.0
 
 
 # Colours of simulated people.

@@ -128,15 +128,6 @@ def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
     assert unobserved_pixels(whole[:, 2:4], own[:, 2:4], None) is None
 
 
-@pytest.mark.data("five-people")
-def test_five_people_in_a_real_room_are_five(data_folder):
-    recording = open_recording(data_folder / "depth/pcl/five_people.pcd")
-    sightings = MultiPersonFinder(recording.camera, recording.up_camera).find(recording.depth(0), 0.0, {})
-    assert len(sightings) == 5
-    distances = sorted(float(np.median(s.depth[s.depth > 0])) for s in sightings)
-    assert 1.6 < distances[0] and distances[-1] < 3.1
-
-
 def recorded(folder, frames, background=None):
     path = folder / "recording.npz"
     times = np.arange(len(frames)) / 30
@@ -178,15 +169,6 @@ def test_single_frames_of_real_rooms_hold_the_right_number(data_folder, name, co
     for k in (0, 1):
         depth = cv2.imread(str(data_folder / "depth/pairs" / name / f"depth{k}.png"), cv2.IMREAD_UNCHANGED)
         assert len(MultiPersonFinder(camera, UP).find((depth // 5).astype(np.uint16), 0.0, {})) == count
-
-
-@pytest.mark.data("skeltrack")
-def test_somebody_behind_is_found_without_a_visible_head(data_folder):
-    camera = Camera(575.8, 575.8, 319.5, 239.5, 640, 480)
-    for path in sorted((data_folder / "depth/skeltrack").glob("depth-data-*")):
-        depth = np.fromfile(path, dtype="<u2").reshape(480, 640)
-        expected = 2 if path.name.endswith("1399145206") else 1
-        assert len(MultiPersonFinder(camera, UP).find(depth, 0.0, {})) == expected
 
 
 VIEWS = [(0.0, 1.2), (0.3, 1.8)]
@@ -259,17 +241,6 @@ def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
     assert (without & chair).sum() > 0.8 * chair.sum()
     assert (known & chair).sum() < 0.35 * chair.sum(), "what is within 12 cm of the body stays"
     assert overlap(known & ~chair, who == 1) > 0.93
-
-
-def test_somebody_hidden_for_minutes_keeps_the_number():
-    finder, ids = MultiPersonFinder(KINECT, UP), []
-    places = [(0.95 - 0.1 * min(k, 9), 2.3) for k in range(30)] + [(0.05 + 0.1 * min(k, 9), 2.3) for k in range(15)]
-    for k, place in enumerate(places):
-        moment = k / 15 if k < 30 else 180.0 + k / 15
-        ids.append(tuple(s.id for s in finder.find(scene(KINECT, ((0.0, 3.4), place))[0], moment, {})))
-    assert min(len(i) for i in ids) == 1
-    assert ids[0] == (1, 2) and ids[-1] == (1, 2)
-    assert max(max(i, default=0) for i in ids) == 2, "nobody is taken for somebody new"
 
 
 def test_a_figure_that_never_moves_is_furniture_and_said_to_be(tmp_path):

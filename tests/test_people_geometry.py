@@ -11,16 +11,13 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.io.errors import SegmentationError
-from toolkit.people import stills
-from toolkit.people.candidates import in_a_mirror, shaped_alone
-from toolkit.people.detection import Head
+from toolkit.people.candidates import shaped_alone
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.selected_person import meant_person
-from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
+from toolkit.people.sharing import body_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import people_and_furniture
-from toolkit.people.structure import Plane
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -83,17 +80,6 @@ def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
     assert not shaped_alone(view, lens, head)
 
 
-@pytest.mark.parametrize(
-    ("place", "mirrored"),
-    [((0.5, 0.4, -4.0), True), ((0.5, 0.4, -2.0), False), ((1.5, 0.4, -4.0), False), ((0.5, 0.4, -3.2), False)],
-    ids=["the image", "the person", "beside it", "just behind the wall"],
-)
-def test_a_mirror_image_is_as_far_behind_the_wall_as_somebody_stands_before_it(place, mirrored):
-    lens, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
-    wall = Plane(np.array([0.0, 0.0, -1.0]), 3.0, 5.0)  # camera frame: z = 3 m
-    assert in_a_mirror(np.array(place), [np.array([0.5, 0.4, -2.0])], [wall], lens) == mirrored
-
-
 # Seeds.
 
 
@@ -115,20 +101,6 @@ def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_cla
         assert (own == 3 + number).mean() > 0.97
         assert not (own == 6 - number).sum() > 5, "pixels of one body's rim"
     assert not seeds[truth == 0].any()
-
-
-def test_torsos_that_stayed_are_seeds_and_outstretched_hands_are_not():
-    depth_mm, who = scene(KINECT, ((0.0, 2.5),))
-    lens, view = view_of(depth_mm)
-    stayed = np.where(whole(who, lens) == 1, 1, 0).astype(np.int32)
-    seeds = np.zeros(view.depth.shape, dtype=np.int32)
-    head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.5])
-    stayed_seeds(view, stayed, [head], seeds)
-    aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
-    near_axis, measured = aside < TORSO, stayed > 0
-    assert (seeds[measured & near_axis] == 1).all()
-    assert not seeds[measured & ~near_axis & (view.points[..., 1] < 0.0)].any()
-    assert (measured & ~near_axis).any()
 
 
 # People in a single image.
@@ -232,23 +204,3 @@ def test_the_vertical_of_a_file_says_how_often_the_image_has_to_be_turned(turns)
     assert quarter_turns(recording) == turns
     recording.options = {"rotate": 90}
     assert quarter_turns(recording) == 0
-
-
-def with_a_post(depth_mm: np.ndarray, left: float, right: float, top: float, bottom: float, z: float) -> np.ndarray:
-    """The image with an upright rectangle before all else, metres, camera frame (y down)."""
-    rays, out = KINECT.rays(), depth_mm.copy()
-    x, y = rays[..., 0] * z, rays[..., 1] * z
-    out[(x >= left) & (x <= right) & (y >= top) & (y <= bottom)] = round(1000 * z)
-    return out
-
-
-@pytest.mark.parametrize(("odds", "parts"), [(2.0, 0), (-2.0, 1)])
-def test_a_raised_hand_is_a_part_of_the_person_if_the_judge_says_that_it_is_of_one(monkeypatch, odds, parts):
-    depth_mm, _ = scene(KINECT, ((0.3, 2.5),))
-    head, hand = np.array([0.3, HEAD_HEIGHT - 1.2, -2.5]), np.array([-0.06, HEAD_HEIGHT - 1.2, -2.45])
-    arm = with_a_post(depth_mm, -0.1, -0.02, -0.5, -0.15, 2.45)
-    lens, view = view_of(with_a_post(arm, -0.1, 0.2, -0.2, -0.15, 2.45))
-    monkeypatch.setattr(stills, "find_heads", lambda *_, **__: [Head(hand, 1.0, True), Head(head, 1.0, False)])
-    people, furniture, labels = people_and_furniture(view, lens, judge=FakeJudge(odds))
-    assert [place.tolist() for place in people] == [head.tolist()] and len(furniture) == parts
-    assert labels[view.points[..., 0] < -0.04].max() == 1 + parts

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +26,7 @@ from toolkit.people.joint_masks import GivenJoints
 from toolkit.people.known_people import known_again, match_heads
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import Sighting
-from toolkit.people.structure import Plane
-from toolkit.people.surroundings import Surroundings, empty_scene
+from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import find_person
 from toolkit.people.tracks import KnownPerson
 from toolkit.recordings.opening import open_recording
@@ -64,23 +62,11 @@ def test_heads_go_to_people_by_least_total_distance():
     assert match_heads(people, heads, 0.1) == {0: 0, 1: 1}, "the nearest to the second alone would be the first head"
 
 
-@pytest.mark.parametrize(("way", "resting", "found"), [(0.3, True, {}), (0.3, False, {0: 0}), (0.1, True, {0: 0})])
-def test_a_head_where_nothing_ever_moved_is_a_chairs_unless_theirs_was_there(way, resting, found):
-    assert match_heads([somebody()], [HEAD + (way, 0.0, 0.0)], 0.1, [resting]) == found
-
-
 def test_whoever_comes_back_is_whom_the_height_fits_best_and_nobody_taller():
     people = [somebody((0.0, 0.3, -2.5), 1), somebody((0.1, 0.1, -2.5), 2)]
     assert known_again(people, np.array([0.2, 0.28, -2.5]), 5.0).id == 1
     assert known_again(people, np.array([0.2, 0.12, -2.5]), 5.0).id == 2
     assert known_again(people, np.array([0.2, 0.40, -2.5]), 5.0) is None
-
-
-def test_whoever_comes_back_may_sit_but_had_the_time_to_get_there():
-    people = [somebody()]
-    assert known_again(people, np.array([0.3, -0.2, -2.5]), 5.0).id == 1
-    far = np.array([3.0, 0.3, -2.5])
-    assert known_again(people, far, 1.0) is None and known_again(people, far, 1.1).id == 1
 
 
 # What hangs on nobody.
@@ -110,31 +96,6 @@ def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are
 
 
 # Mirrors.
-
-
-@pytest.mark.parametrize(("place", "count"), [(-1.0, 1), (0.3, 2)], ids=["mirrored", "somebody else"])
-def test_whoever_stands_behind_a_wall_where_a_mirror_shows_somebody_is_nobody(place, count):
-    empty = np.zeros((120, 160), dtype=np.float32)
-    wall = Plane(np.array([0.0, 0.0, -1.0]), 3.5, 6.0)
-    room = Surroundings(False, True, empty, empty, empty > 0, (wall,))
-    finder, depth = MultiPersonFinder(KINECT, UP, room), scene(KINECT, ((-1.0, 2.4), (place, 4.6)))[0]
-    seen = [len(finder.find(depth, k / 30, {})) for k in range(5)]
-    assert seen[-1] == count
-    without = MultiPersonFinder(KINECT, UP, Surroundings(False, True, empty, empty, empty > 0))
-    assert [len(without.find(depth, k / 30, {})) for k in range(5)][-1] == 2
-
-
-def test_who_comes_in_feet_first_keeps_their_number_when_the_head_is_seen():
-    """A leg of a person whom the image cuts is taken in without a head; the head above it is no second person."""
-    whole = scene(KINECT, ((0.0, 2.6),), height=1.2, wall=4.0, floor=True)[0]
-    empty = scene(KINECT, (), height=1.2, wall=4.0, floor=True)[0]
-    legs = whole.copy()
-    legs[:130] = empty[:130]
-    lens = MultiPersonFinder(KINECT, UP).lens
-    finder = MultiPersonFinder(KINECT, UP, replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-1.2))
-    seen = [[s.id for s in finder.find(legs if k < 12 else whole, k / 15, {})] for k in range(30)]
-    assert seen[11] == [1] and seen[12] == [1] and seen[-1] == [1]
-    assert finder.people[0].head_seen and len(finder.people) == 1
 
 
 # Who counts at once.

@@ -30,10 +30,9 @@ from toolkit.people.image_joints.pose_model import (
     cropped,
     refined,
 )
-from toolkit.people.image_joints.shaded import ENLARGED, lit, shaded
+from toolkit.people.image_joints.shaded import ENLARGED, shaded
 from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_recording
-from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.simulation.simulate import simulate_recording
@@ -93,18 +92,6 @@ def test_a_shaded_picture_shows_the_person_on_grey_lit_where_they_face_the_camer
     assert np.median(picture[large > 0][:, 0]) > 170
 
 
-@pytest.mark.parametrize("corner", [(0, 0), (11, 20), (28, 44)])
-def test_only_the_person_is_shaded_and_looks_as_in_the_whole_image(corner: tuple[int, int]) -> None:
-    camera = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
-    depth = np.zeros(camera.shape, dtype=np.float32)
-    row, column = corner
-    depth[row : row + 20, column : column + 20] = 2.0 + 0.01 * np.random.default_rng(0).random((20, 20))
-    slopes = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
-    apart = np.abs(shaded(depth, camera).astype(int) - lit(depth, slopes).astype(int))
-    assert apart.max() <= 1
-    assert (shaded(np.zeros_like(depth), camera) == 120).all()
-
-
 class FakeModel:
     """Finds the middle of what is bright, and says how often it was asked."""
 
@@ -137,15 +124,6 @@ def test_a_new_person_is_looked_for_twice_and_then_once_a_frame() -> None:
         assert abs(seen.joints.pixels[VISIBLE[0], 0] - (column + 19.5)) < 0.6
     assert model.crops[0].angle == 0.0 and model.crops[0].side == pytest.approx(1.25 * 120 * ENLARGED)
     assert model.crops[2].side == pytest.approx(2.5 * 60)
-
-
-def test_a_crop_that_has_lost_the_person_is_laid_anew() -> None:
-    model = FakeModel()
-    source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
-    source.add(frame_at(100)[0], [frame_at(100)[1]])
-    model.presence = 0.2
-    (seen,) = source.add(frame_at(100)[0], [frame_at(100)[1]])
-    assert seen.joints is None and len(model.crops) == 5 and source.export_state() == {}
 
 
 @pytest.mark.parametrize("factor", [1, 2])

@@ -141,24 +141,6 @@ def test_several_people_stand_on_one_page(tmp_path: Path, run: Path) -> None:
     assert shown["people"][0]["color"] != shown["people"][1]["color"]
 
 
-def test_errors_of_several_people_are_those_of_the_person_whom_each_track_follows(tmp_path: Path, run: Path) -> None:
-    poses = Track.load(run).pose
-    people = write_people(tmp_path / "people", poses)
-    tracks = [Track.load(people / f"person_{k:02d}") for k in (1, 2)]
-    truth = np.stack([tracks[1].joints + np.float32([0.05, 0, 0]), tracks[0].joints + np.float32([0.02, 0, 0])])
-    path = tmp_path / "two.npz"
-    depth = [np.full(KINECT.shape, 4000, np.uint16)] * FRAMES
-    save_recording(path, depth=depth, camera=KINECT, timestamps=tracks[0].timestamps, joints=truth)
-    for folder in (people / "person_01", people / "person_02"):
-        info = RunInfo.load(folder)
-        replace(info, recording=str(path), recording_sha256=sha256_of(path)).save(folder)
-    (plot,) = [p for p in data_of(write_report([people], tmp_path / "page.html"))[0]["plots"] if "error" in p["title"]]
-    assert [series["name"] for series in plot["series"]] == ["person_01", "person_02"]
-    assert plot["series"][1]["values"][0] is None
-    for series, expected in zip(plot["series"], (20.0, 50.0), strict=True):
-        np.testing.assert_allclose(series["values"][1:], expected, atol=0.2)
-
-
 def test_the_command_writes_the_page_and_prints_its_path(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

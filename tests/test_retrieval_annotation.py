@@ -11,7 +11,6 @@ from tests.retrieval_motions import random_motion
 from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
-from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
@@ -98,25 +97,6 @@ def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_spee
         assert abs(end - (40 + len(columns) - 1)) < block and abs(start[end] - 40) < block
 
 
-@given(
-    st.integers(0, 10_000), st.integers(1, 9), st.lists(st.tuples(st.integers(0, 40), st.integers(0, 40)), max_size=5)
-)
-@settings(max_examples=60, deadline=None)
-def test_pieces_compared_in_one_go_are_compared_as_if_each_were_alone(
-    seed: int, n: int, pieces: list[tuple[int, int]]
-) -> None:
-    rng = np.random.default_rng(seed)
-    template = random_template(rng, n)
-    document = FeatureMatrix("document", rng.random((40, 40)) < 0.5).words
-    found, expected = np.full(40, INF), np.full(40, INF)
-    dtw.search_pieces(*template.packed, document, np.array(pieces, dtype=np.int64).reshape(-1, 2), 0.4, 0.5, found)
-    for first, stop in pieces:
-        if first < stop:
-            hits = dtw.spread_hits(*template.distance(document[first:stop]), 0.4, 0.5)
-            expected[first:stop] = np.minimum(expected[first:stop], hits)
-    np.testing.assert_array_equal(found, expected)
-
-
 def test_every_hit_writes_its_cost_over_its_frames_as_published_and_the_cheaper_one_wins() -> None:
     cost = np.array([INF, 0.3, 0.05, 0.1, 0.2, 0.02, 0.3])
     start = np.array([-1, 0, 0, 1, 2, 2, 5])
@@ -150,17 +130,6 @@ def test_minima_are_the_last_frames_of_plateaus_below_both_sides_and_the_thresho
         if left > padded[i] and padded[i + 1] > padded[i] and padded[i] < threshold:
             expected.append(i - 1)
     assert dtw.minima_below(np.array(values, dtype=float), float(threshold)).tolist() == expected
-
-
-def test_two_movements_in_a_document_get_their_labels() -> None:
-    (first, a), (second, b) = noisy_class("swing", 1), noisy_class("bow", 2)
-    noise = np.random.default_rng(0).random((40, 30)) < 0.5
-    document = FeatureMatrix("both", np.concatenate([noise, a.values, noise, b.values, noise], axis=1))
-    annotation = Annotator([first, second]).annotate(document)
-    assert [segment.label for segment in annotation.segments] == ["swing", "bow"]
-    assert annotation.segments[0].start == pytest.approx(1.0, abs=0.2)
-    assert annotation.segments[1].end == pytest.approx((60 + len(a) + len(b)) / 30.0, abs=0.3)
-    assert all(segment.score > 0.9 for segment in annotation.segments)
 
 
 def test_intervals_restrict_a_class_to_their_frames_and_classes_without_any_are_not_searched() -> None:
@@ -215,20 +184,3 @@ def test_true_segments_that_overlap_or_end_before_they_start_are_refused() -> No
         check_truth([Segment(0, 2, "squat"), Segment(1, 3, "squat")], "doc")
     with pytest.raises(RetrievalError, match="from 2.0 s to 1.0 s"):
         check_truth([Segment(2.0, 1.0, "squat")], "doc")
-
-
-def test_documents_keep_their_clips_whole_and_join_them_without_a_jump() -> None:
-    parts = [(random_motion(i, reach=0.1), f"c{i}" if i != 1 else None) for i in range(3)]
-    document = assemble("doc", parts)
-    assert [segment.label for segment in document.segments] == ["c0", "c2"]
-    assert document.joins[0][0] == document.segments[0].end and document.joins[1][1] == document.segments[1].start
-    motion = document.motion
-    for (part, _), segment in zip(parts[::2], document.segments, strict=True):
-        first, stop = segment.frames(motion.frame_rate)
-        assert stop - first == len(part)
-        kept = relational_features(motion.sliced(first, stop)).values
-        assert np.mean(kept != relational_features(part).values) < 0.01
-    step = np.linalg.norm(np.diff(motion.joints, axis=0), axis=-1).max() * motion.frame_rate
-    inside = max(np.linalg.norm(np.diff(p.joints, axis=0), axis=-1).max() * p.frame_rate for p, _ in parts)
-    assert step < max(inside * 1.2, 3.0)
-    assert motion.joints[..., 1].min() > -1e-9

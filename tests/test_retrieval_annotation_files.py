@@ -13,7 +13,6 @@ import pytest
 from benchmarks._keyframe_corpus import THRESHOLDS, Fold, learn_threshold
 from toolkit.body.shape import load_body
 from toolkit.io.errors import RetrievalError
-from toolkit.io.spans import spans
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.output.export.bvh import export_bvh
 from toolkit.retrieval.annotation.annotation_report import read_segments, score, write_report
@@ -24,7 +23,6 @@ from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
-from toolkit.retrieval.templates import WILDCARD
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.retrieval.workflow.motions import load_motion
@@ -130,43 +128,6 @@ def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_clas
     assert intervals == [{"squat": [(17, 29)], "wave": [(0, 50)]}]
     with pytest.raises(RetrievalError, match="unknown class 'squat'"):
         preselect_in([FeatureMatrix("d", values)], [query], ("wave",))
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_alternatives_leave_the_union_of_what_each_leaves_document_by_document(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    documents = []
-    for number, frames in enumerate(rng.integers(30, 90, 3)):
-        values = np.zeros((40, frames), dtype=bool)
-        values[19:21, rng.integers(0, frames, (2, 4))] = True
-        values[19, [0, -1]] = values[20, [0, -1]] = True  # pieces that end where the next document begins
-        documents.append(FeatureMatrix(f"document {number}", values))
-    queries = [
-        KeyframeQuery((Keyframe("lower", ((name, 1),)),), (), lead, tail, "squat")
-        for name, lead, tail in (("F20", 9, 1), ("F21", 2, 3), ("F20", 1, 1))
-    ]
-    together = preselect_in(documents, queries, ("squat",))
-    for number, document in enumerate(documents):
-        left = np.zeros(len(document), dtype=bool)
-        for query in queries:
-            for start, stop in preselect_in(documents, [query], ("squat",))[number]["squat"]:
-                left[start:stop] = True
-        assert together[number] == {"squat": [(span.start, span.stop) for span in spans(left)]}
-
-
-def test_preselection_by_a_true_keyframe_changes_no_label_within_it(
-    classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]]
-) -> None:
-    features, truth = document
-    squat = next(c for c in classes if c.label == "squat").template
-    column = int((squat.values != WILDCARD).sum(axis=0).argmax())
-    rows = [row for row in range(14, 26) if squat.values[row, column] != WILDCARD]
-    keyframe = Keyframe("lower", tuple((f"F{row + 1}", int(squat.values[row, column])) for row in rows))
-    query = KeyframeQuery((keyframe,), (), column, len(squat) - 1 - column, "squat")
-    annotator = Annotator(classes)
-    narrowed = annotator.annotate(features, preselect_in([features], [query], annotator.labels)[0])
-    first, stop = truth[0].frames(30.0)
-    assert narrowed.frames[annotator.labels.index("squat"), first:stop].mean() > 0.8
 
 
 def test_a_report_holds_table_picture_and_page(

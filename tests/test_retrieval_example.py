@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,11 +10,7 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion
 from toolkit.kernels.motion import graded
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
-from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade
-from toolkit.retrieval.features.lengths import BodyLengths
-from toolkit.retrieval.features.motion import NAMED_JOINTS
-from toolkit.retrieval.features.places import PLACED, STEPS, places_of
 from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.example import SearchExample, search_example
@@ -124,41 +118,3 @@ def test_an_example_finds_what_was_recorded_at_another_rate(rate: float) -> None
     )[0]
     assert best.document == "random 11"
     assert (best.start, best.end) == (pytest.approx(2.0, abs=0.15), pytest.approx(4.0, abs=0.15))
-
-
-def test_an_example_cut_through_a_motion_finds_that_part_of_others() -> None:
-    whole = random_motion(11, seconds=3.0)
-    other = replace(whole, joints=whole.joints + np.random.default_rng(0).normal(0.0, 0.008, whole.joints.shape[1:]))
-    parts = [(random_motion(30, 3.0), None), (other, "it"), (random_motion(31, 3.0), None)]
-    document = assemble("long", parts)
-    segment = document.segments[0]
-    index = KeyframeIndex.build([relational_features(document.motion), relational_features(random_motion(32, 8.0))])
-    for start, stop in ((0, 45), (45, 90), (20, 70)):
-        best = search_example(index, SearchExample.of(relational_features(whole).sliced(start, stop)), limit=1)[0]
-        assert best.document == "long"
-        assert best.start == pytest.approx(segment.start + start / 30.0, abs=0.25)
-        assert best.end == pytest.approx(segment.start + stop / 30.0, abs=0.25)
-
-
-def test_places_of_limbs_forget_where_somebody_is_how_tall_and_which_way_they_face() -> None:
-    motion = random_motion(3, seconds=1.0)
-    turn = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
-    moved = replace(motion, joints=1.7 * motion.joints @ turn.T + [3.0, 0.5, -2.0])
-    frames = np.arange(len(motion))
-    here, there = (places_of(m, frames).astype(int) for m in (motion, moved))
-    assert np.abs(here - there).max() <= 1 and np.abs(here).max() > STEPS / 10
-    left_wrist, root = (NAMED_JOINTS.index(name) for name in ("left_wrist", "root"))
-    height = motion.joints[:, left_wrist, 1] - motion.joints[:, root, 1]
-    expected = np.clip(STEPS * height / BodyLengths.of(motion).body, -FULL, FULL)
-    np.testing.assert_allclose(here[3 * PLACED.index("left_wrist") + 1], expected, atol=0.51)
-
-
-def test_limbs_held_otherwise_cost_where_no_relation_changes() -> None:
-    motion = random_motion(7, seconds=4.0)
-    joints = motion.joints.copy()
-    joints[:, NAMED_JOINTS.index("left_elbow"), 2] += 0.02
-    features, other = relational_features(motion), relational_features(replace(motion, joints=joints))
-    indexed = replace(features, placed=other.placed)
-    index = KeyframeIndex.build([indexed])
-    costs = [search_example(index, SearchExample.of(e.sliced(30, 90)), 1)[0].cost for e in (features, indexed)]
-    assert costs[1] == 0.0 < costs[0]

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,17 +19,12 @@ from toolkit.retrieval.learning.genetic import (
     Quality,
     TrainingSet,
     evolve,
-    tightened,
-    with_best_distances,
 )
 from toolkit.retrieval.learning.queries import (
     LearningSettings,
-    frequent_keyframes,
     learn,
     query_of,
     training_clips,
-    variations,
-    votes_of,
 )
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
@@ -149,71 +143,6 @@ def test_keyframes_learned_from_two_actors_find_the_third(data_folder: Path) -> 
     learned = learn(classes, settings, np.random.default_rng(0), labels=["squat1Reps"], checks=checks)["squat1Reps"]
     assert learned.training.fitness == 1.0
     assert training_of(unseen, "squat1Reps").quality(learned.individual, 2.0).fitness > 0.9
-
-
-def test_distances_of_fixed_keyframes_are_fitted() -> None:
-    classes = clips(5)
-    training = training_of(classes, "both")
-    breeder = Breeder(strict_template(classes["both"]), np.random.default_rng(0))
-    scored = with_best_distances(training, breeder, [(10, 1, 1), (21, 2, 2)], QUICK)
-    assert scored.fitness == 1.0 and scored.individual.masks == (1, 2)
-
-
-def test_the_most_frequent_keyframes_stand_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    often = Individual((5, 20), (0b11, 0b100), (0b01, 0b100), (5,), (15,))
-    beside = replace(often, positions=(6, 19))
-    odd = Individual((12, 28), (1 << 30, 1 << 31), (0, 0), (5,), (15,))
-    votes, counts = votes_of([often, often, odd], 30)
-    assert counts[5] == 2 and votes[1, 0, 5] == 2 and votes[0, 1, 5] == 2
-    monkeypatch.setattr("toolkit.retrieval.learning.queries.MOST_KEYFRAMES", 2)
-    monkeypatch.setattr("toolkit.retrieval.learning.queries.SHARES", (0.5,))
-    (keyframes,) = frequent_keyframes([often, often, beside, odd], 30)
-    assert [(mask, value) for _, mask, value in keyframes] == [(0b11, 0b01), (0b100, 0b100)]
-    assert abs(keyframes[0][0] - 5) <= 2 and abs(keyframes[1][0] - 20) <= 2
-
-
-def test_candidates_are_compared_on_the_checks_and_the_best_come_first() -> None:
-    classes = clips(4)
-    learned = learn(
-        classes,
-        LearningSettings(genetic=QUICK, runs=4),
-        np.random.default_rng(0),
-        labels=["both"],
-        checks=clips(6, seed=9),
-    )["both"]
-    documents = [clip for part in (classes, clips(6, seed=9)) for members in part.values() for clip in members]
-    owners = [kind == "both" for part in (4, 6) for kind in KINDS for _ in range(part)]
-    judge = TrainingSet(documents, owners)
-    fitness = [judge.quality(candidate, 2.0).fitness for candidate in learned.ranked]
-    assert fitness == sorted(fitness, reverse=True) and set(learned.solutions) <= set(learned.ranked)
-    assert learned.individual == learned.ranked[0]
-    assert [query.label for query in learned.alternatives(2)] == ["both", "both"]
-    assert learned.alternatives(2)[0] == learned.query
-    assert learned.alternatives(1, tight=True) == [query_of(learned.tight[0], len(learned.template), "both")]
-
-
-def test_tightened_distances_find_as_much_and_are_no_greater_than_needed() -> None:
-    training = training_of(clips(5), "both")
-    loose = Individual((8, 16), (1, 2), (1, 2), (0,), (60,))
-    tight = tightened(training, loose)
-    assert (tight.masks, tight.minimum) == (loose.masks, loose.minimum) and tight.maximum[0] < 30
-    recall = training.quality(loose, 2.0).recall
-    assert training.quality(tight, 2.0).recall == recall
-    narrower = Individual((8, 16), (1, 2), (1, 2), (0,), (tight.maximum[0] - 1,))
-    assert training.quality(narrower, 2.0).recall < recall
-
-
-@pytest.mark.data("hdm05")
-def test_checks_lie_twice_as_far_from_the_clips_as_what_is_learned_from(data_folder: Path) -> None:
-    motion = load_motion(data_folder / "mocap" / "hdm05" / "HDM_bd_squat1Reps_001_120.amc")
-    classes, checks = training_clips({"squat": [motion]}, LearningSettings(proportions=(0.8,), speeds=(1.25,)))
-    assert [len(classes["squat"]), len(checks["squat"])] == [3, 2]
-    assert [matrix.name for matrix in checks["squat"]] == [
-        f"{motion.name} (lengths x 0.64)", f"{motion.name} (speed 1.5625)",
-    ]  # fmt: skip
-    own, longer, faster = classes["squat"]
-    assert len(longer) == len(own) and len(faster) == pytest.approx(len(own) / 1.25, abs=2)
-    assert variations(motion, (), ()) == []
 
 
 def test_learning_gives_the_same_queries_for_any_number_of_workers() -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -178,29 +177,3 @@ def test_a_file_that_is_no_whole_index_is_refused(documents: list[FeatureMatrix]
     save_archive(path, {"header": np.array("{}"), "words": np.zeros(3, np.uint64)})
     with pytest.raises(RetrievalError, match="is not a keyframe index, it has no document_starts"):
         KeyframeIndex.open(path)
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("grades", lambda a: a[:-1]),
-        ("grades", lambda a: a.astype(np.int16) + np.int16(200)),
-        ("grades", lambda a: a[:, :39].copy()),
-        ("places", lambda a: a[:-1]),
-        ("words", lambda a: a | np.uint64(1 << 40)),
-        ("words", lambda a: a.astype(np.int64)),
-        ("document_starts", lambda a: a + 1),
-        ("document_starts", lambda a: a[:-1]),
-        ("document_starts", lambda a: np.append(a[:-1], a[-1] + 3)),
-        ("document_starts", lambda a: a[[0, 2, 1, 3, 4]]),
-        ("names", lambda a: a[:-1]),
-        ("names", lambda a: (a[0], *a[:-1])),
-    ],
-)
-def test_arrays_that_do_not_fit_each_other_are_refused(
-    documents: list[FeatureMatrix], tmp_path: Path, name: str, change: Callable[..., np.ndarray]
-) -> None:
-    index = KeyframeIndex.build(documents)
-    replace(index, **{name: change(getattr(index, name))}).save(tmp_path / "motions.index")
-    with pytest.raises(RetrievalError, match="build it again|two documents have the name"):
-        KeyframeIndex.open(tmp_path / "motions.index")

@@ -17,7 +17,6 @@ from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import (
     CutClip,
-    documents_of,
     leave_one_out,
     train,
     turns_of,
@@ -122,13 +121,6 @@ def test_somebody_new_is_annotated(model: MotionModel, others: list[Motion]) -> 
     assert not model.annotate(relational_features(document.motion), least=0.999999).segments
 
 
-def test_two_repetitions_in_a_row_are_two_segments(model: MotionModel) -> None:
-    joints = performed(1, 70)
-    document = assemble("twice", [(joints, "move 1"), (joints, "move 1")])
-    found = model.annotate(relational_features(document.motion)).segments
-    assert [segment.label for segment in found] == ["move 1", "move 1"]
-
-
 def test_equal_seeds_learn_equal_models_and_a_file_gives_them_back(
     model: MotionModel, others: list[Motion], tmp_path: Path
 ) -> None:
@@ -177,18 +169,6 @@ def test_classes_of_one_clip_each_are_found_by_their_cost(others: list[Motion]) 
     model = train(clips, others, np.random.default_rng(0))
     np.testing.assert_array_equal(model.judges[0].weights, Judge.of_cost().weights)
     assert [s.label for s in model.annotate(relational_features(performed(2, 70))).segments] == ["move 2"]
-
-
-def test_hard_documents_hold_unlabelled_mirror_images_of_one_sided_classes() -> None:
-    clips = clips_of(people=1)
-    plain, hard = (
-        documents_of(clips, [], np.random.default_rng(0), hard=hard, symmetric=frozenset({"move 1"}))
-        for hard in (False, True)
-    )
-    assert sum(len(d.segments) for d in plain) == sum(len(d.segments) for d in hard) == len(clips)
-    frames = [sum(len(d.features) for d in part) for part in (plain, hard)]
-    mirrored = sum(len(clip.features) for clip in clips if clip.label == "move 2")
-    assert frames[1] > mirrored and len(hard[0].features) > sum(len(clip.features) for clip in clips)
 
 
 def test_clips_at_several_rates_and_a_class_with_one_clip_are_learned_together(others: list[Motion]) -> None:

@@ -12,15 +12,11 @@ import pytest
 
 from tests.container_files import (
     RosWriter,
-    element,
     frames,
-    mkv_block,
     mkv_frames,
     mkv_recording,
-    mkv_track,
     realsense_recording,
     ros_recording,
-    whole,
 )
 from tests.sensing_scenes import TOF, up_of_tilt
 from toolkit.io.errors import RecordingError, UsageError
@@ -171,28 +167,6 @@ def test_a_real_kinect_recording_opens_with_colour_registered_to_depth(data_fold
     known = (depth[:, 1:] > 0) & (depth[:, :-1] > 0) & color[:, 1:].any(axis=2) & color[:, :-1].any(axis=2)
     steps = np.abs(np.diff(color.astype(np.float64).mean(axis=2), axis=1))
     assert steps[jumps & known].mean() > 3 * steps[~jumps & known].mean()
-
-
-def test_a_short_frame_is_named_when_it_is_read(tmp_path: Path) -> None:
-    segment = element(0x1654AE6B, mkv_track(1, "DEPTH", b"b16g", (320, 288)))
-    blocks = mkv_block(1, 0, mkv_frames()[0].tobytes()) + mkv_block(1, 33, b"short")
-    segment += element(0x1F43B675, whole(0xE7, 0) + blocks)
-    (tmp_path / "a.mkv").write_bytes(element(0x1A45DFA3, b"") + element(0x18538067, segment))
-    recording = open_recording(tmp_path / "a.mkv", intrinsics=(250, 250, 160, 144))
-    with pytest.raises(RecordingError, match="frame 1 has 5 bytes"):
-        recording.depth(1)
-
-
-def test_a_laced_file_and_endless_nesting_are_refused(tmp_path: Path) -> None:
-    laced = element(0x1654AE6B, mkv_track(1, "DEPTH", b"b16g", (320, 288)))
-    laced += element(0x1F43B675, whole(0xE7, 0) + mkv_block(1, 0, b"xx", flags=0x02))
-    nested = b""
-    for _ in range(20):
-        nested = element(0x18538067, nested)
-    for segment, words in ((laced, "laced"), (nested, "nested")):
-        (tmp_path / "a.mkv").write_bytes(element(0x1A45DFA3, b"") + element(0x18538067, segment))
-        with pytest.raises(RecordingError, match=words):
-            open_recording(tmp_path / "a.mkv")
 
 
 # Phones

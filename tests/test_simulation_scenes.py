@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from toolkit.output.export.bvh import export_bvh
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
-from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, read_boxes
+from toolkit.simulation.furniture import SEATS, Box, read_boxes
 from toolkit.simulation.person import CHESTS, SimulatedPerson, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
@@ -146,16 +145,6 @@ def test_whoever_sits_without_a_seat_gets_a_chair() -> None:
     assert len(prepare([sitter]).performers) == 1
 
 
-@pytest.mark.parametrize("kind", OBSTACLES)
-def test_an_obstacle_hides_the_legs_and_touches_nobody(kind: str) -> None:
-    free, behind = (first_frame(SimulatedPerson(standing(), furniture=f), height=1.3) for f in ((), (kind,)))
-    hidden = (free.person == 0) & (behind.person < 0)
-    assert hidden.sum() > 0.1 * (free.person == 0).sum()
-    assert np.median(np.nonzero(hidden)[0]) > np.median(np.nonzero(free.person == 0)[0])
-    assert (behind.depth[hidden].astype(int) < free.depth[hidden] - 50).mean() > 0.9
-    np.testing.assert_array_equal(free.joints, behind.joints)
-
-
 @pytest.mark.parametrize("garment", GARMENTS)
 def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(garment: str) -> None:
     body = subject_body("average_female")
@@ -187,21 +176,6 @@ def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: s
     file.write_text(text)
     with pytest.raises(UsageError, match=words):
         read_boxes(file)
-
-
-@pytest.mark.parametrize(
-    ("told", "words"),
-    [
-        ({"furniture": ("throne",)}, "chair, stool, desk, table, crate"),
-        ({"clothes": ("armour",)}, "skirt, dress, coat"),
-        ({"stature": 0.3}, "no person is 0.3 m tall"),
-        ({"enters": -1.0}, "enters -1 is impossible; give 0 to 86400 seconds"),
-        ({"at": (np.nan, 0.0)}, "nan"),
-    ],
-)
-def test_what_nobody_can_be_is_refused(told: dict[str, Any], words: str) -> None:
-    with pytest.raises(UsageError, match=words):
-        prepare([SimulatedPerson(standing(), **told)])
 
 
 def test_the_command_records_an_empty_room_with_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -257,10 +231,3 @@ def test_glass_and_black_are_lost_and_what_is_plain_is_measured_as_without_mater
 
     assert measured(0.0) == 0.0 and measured(0.05) < 0.5
     assert measured(1.0) == measured(None) > 0.95
-
-
-def test_a_room_that_is_not_shown_or_not_known_is_refused() -> None:
-    with pytest.raises(UsageError, match="the room office:1 is not seen where people are cut out"):
-        CaptureSettings(room="office:1", furnished=False)
-    with pytest.raises(UsageError, match="no room is called 'garden'"):
-        CaptureSettings(room="garden:1")

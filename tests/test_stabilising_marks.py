@@ -21,9 +21,7 @@ from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS_OF_FEATURE
 from toolkit.retrieval.priors.marks import (
     DEMANDED,
-    Mark,
     load_marks,
-    marks_of,
     marks_of_classes,
     rests,
     tracking_priors,
@@ -65,14 +63,6 @@ def descended(term: ResidualTerm, pose: np.ndarray) -> np.ndarray:
             system.matrix[own] + 0.01 * np.eye(len(term.entries)), system.vector[term.entries]
         )
     return pose
-
-
-def test_long_runs_of_equal_entries_are_marked():
-    values = np.full((40, 12), WILDCARD)
-    values[6, 2:8], values[6, 8:12], values[25, 0:5], values[8, :] = 1, 0, 0, 1  # four equal entries are too few
-    assert marks_of(template(values)) == [Mark(7, True, 2, 8), Mark(26, False, 0, 5)]
-    values[[0, 14]] = 1
-    assert not {1, 15} & {mark.number for mark in marks_of(template(values))}  # only a file marks these
 
 
 def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
@@ -119,25 +109,6 @@ def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does
     assert violated
 
 
-@pytest.mark.parametrize(("number", "side"), ((1, "right"), (2, "left")))
-def test_a_hand_that_moves_to_the_front_is_pulled_before_its_place_of_shortly_before(number: int, side: str) -> None:
-    limb, times = f"{side}_arm", np.arange(5) / 30.0
-    demands = Demands(BODY, np.tile(STANDING, (5, 1)), times)
-    term = demands.term(limb, demanded(number, 1), 4)
-    assert term is not None and demands.term(limb, demanded(number, 0), 4) is None
-    elbow, shoulder = (skeleton.JOINT_NAMES.index(f"{side}_{joint}") for joint in ("elbow", "shoulder"))
-    humerus = float(np.linalg.norm(BODY.joints[elbow] - BODY.joints[shoulder]))
-    assert term.residuals(STANDING)[0] == pytest.approx(1.3 * humerus * 0.1, rel=0.02)  # F1: 1.3 HL/s, for 3 frames
-    system = system_of(term, STANDING)
-    steps = 1e-6 * np.eye(skeleton.POSE_SIZE)[term.entries]
-    numeric = [(term.energy(STANDING + step) - term.energy(STANDING - step)) / 2e-6 for step in steps]
-    np.testing.assert_allclose(system.vector[term.entries], numeric, atol=2e-5)
-    after = descended(term, STANDING)
-    assert term.violation(after) < 0.1 * term.violation(STANDING)
-    moved = BODY.joint_positions(after) - BODY.joint_positions(STANDING)
-    assert moved[skeleton.REPORTED.index(f"{side}_wrist")][2] > 0.02  # z is forwards
-
-
 @pytest.mark.parametrize("leg", FEET)
 @pytest.mark.parametrize("known", (False, True))
 def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
@@ -155,25 +126,6 @@ def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
     np.testing.assert_allclose(after[:, 1], standing[:, 1], atol=0.02)
     if known:
         np.testing.assert_allclose(after, standing, atol=0.03)
-
-
-def test_a_resting_sole_is_held_along_the_ground_and_to_its_floor() -> None:
-    sole = Sole.of(BODY, "left_leg")
-    term = floor_term(BODY, "left_leg", ENTRIES["left_leg"], -0.9, sole.at(BODY, STANDING))
-    moved = STANDING.copy()
-    moved[skeleton.ROOT_POSITION] = (0.1, 0.2, 0.3)
-    np.testing.assert_allclose(term.residuals(moved) - term.residuals(STANDING), [0.2, 0.2, 0.1, 0.3, 0.1, 0.3])
-
-
-def test_marks_of_a_file_take_the_place_of_those_of_their_classes(tmp_path):
-    values = np.full((40, 9), WILDCARD)
-    values[6] = 1
-    classes = [MotionClass("bend", template(values)), MotionClass("stand", template(values))]
-    (tmp_path / "marks.yaml").write_text("bend: [{feature: 26, value: 0, columns: [3, 7]}]\n")
-    found = load_marks(tmp_path / "marks.yaml", classes)
-    assert found == {"bend": [Mark(26, False, 2, 7)], "stand": [Mark(7, True, 0, 9)]}
-    (tmp_path / "marks.yaml").write_text("bend: []\n")
-    assert load_marks(tmp_path / "marks.yaml", classes)["bend"] == []
 
 
 @pytest.mark.parametrize(

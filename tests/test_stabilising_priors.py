@@ -164,19 +164,6 @@ def test_classes_of_another_body_are_refused(tmp_path):
         load_classes(tmp_path / "other.npz")
 
 
-def test_a_limb_that_is_hidden_throughout_is_told_by_the_class_alone():
-    poses = example_of("semaphore", 2).poses
-    hidden = hiding(len(poses), "left_arm", 0, len(poses))
-    wrong = poses.copy()
-    wrong[:, ENTRIES["left_arm"]] = 5.0  # whatever the track says of it, nobody asks
-    told = told_of(
-        wrong, hidden, classes_of("knee_to_elbow", "semaphore"), [Segment(0.0, len(poses) / 30, "semaphore")]
-    )
-    found, source = fill(told, Gap("left_arm", 0, len(poses)))
-    assert source == "class"
-    assert np.abs(found.mean - poses[:, ENTRIES["left_arm"]]).mean() < 0.35
-
-
 def confidence_of(frames: int, limb: str, *gaps: tuple[int, int]) -> np.ndarray:
     confidence = np.full((frames, 20), 0.9)
     for start, stop in gaps:
@@ -243,26 +230,8 @@ def test_repetitions_alone_tell_a_limb_where_it_was_seen_before():
     assert np.median(away) < 0.15
 
 
-def test_the_cheaper_of_overlapping_stretches_counts():
-    classes = classes_of("knee_to_elbow", "semaphore")
-    features = example_of("semaphore").features
-    whole = len(features) / 30.0
-    found = allocate(features, [Segment(0, whole, "knee_to_elbow"), Segment(0, whole, "semaphore")], classes)
-    labels = [c.label for c in classes]
-    assert (found.label[found.label >= 0] == labels.index("semaphore")).mean() > 0.8
-
-
 def test_a_label_of_no_class_cannot_be_allocated():
     features = FeatureMatrix("x", np.zeros((40, 30), dtype=bool))
     with pytest.raises(RetrievalError, match="'jump' is not one of the classes"):
         allocate(features, [Segment(0, 1, "jump")], classes_of("semaphore"))
     assert (Allocation.nothing(3).label == -1).all()
-
-
-def test_where_labels_overlap_the_cheaper_alignment_counts_in_any_order():
-    classes, example = classes_of("knee_to_elbow", "semaphore"), example_of("knee_to_elbow")
-    labels = [c.label for c in classes]
-    whole = [Segment(0.0, example.features.duration, label) for label in labels]
-    for segments in (whole, whole[::-1]):
-        found = allocate(example.features, segments, classes)
-        assert np.mean(found.label == labels.index("knee_to_elbow")) > 0.8

@@ -161,34 +161,6 @@ def test_the_depth_term_is_zero_at_the_pose_that_drew_the_image() -> None:
         assert (found(found.position_of(POSES[1:])) > 1e-3).all()
 
 
-def test_a_smaller_body_does_not_pay() -> None:
-    image = SmallImage(drawn(POSES[0], "mesh")[0], np.array(CAMERA.intrinsics), 2.8)
-    settings = DiscrepancySettings("mesh")
-    own, small = (Discrepancy(b, image, None, LEVEL, POSES[0], settings) for b in (BODY, BODY.scaled(0.7)))
-    position = own.position_of(POSES[:1])
-    assert small(position)[0] > own(position)[0] + 0.05
-
-
-def test_joints_without_confidence_or_too_few_of_them_change_nothing() -> None:
-    image = SmallImage(drawn(POSES[0], "balls")[0], np.array(CAMERA.intrinsics), 2.8)
-    truth = BODY.joint_positions(POSES[0]) @ LEVEL
-    confidence = np.ones(20)
-    confidence[4] = 0.0
-
-    def costs(slopes: np.ndarray, confidence: np.ndarray) -> np.ndarray:
-        seen = SeenJoints(slopes, truth, confidence)
-        found = Discrepancy(BODY, image, seen, LEVEL, POSES[0], DiscrepancySettings())
-        return found(found.position_of(POSES))
-
-    slopes = truth[:, :2] / truth[:, 2:]
-    wrong = slopes.copy()
-    wrong[4] = 7.0
-    assert np.array_equal(costs(slopes, confidence), costs(wrong, confidence))
-    few = np.where(np.arange(20) < 8, 1.0, 0.0)  # of which pelvis, spine and neck are derived
-    none = Discrepancy(BODY, image, None, LEVEL, POSES[0], DiscrepancySettings())
-    assert np.array_equal(costs(wrong, few), none(none.position_of(POSES)))
-
-
 def test_the_small_image_holds_the_persons_box_and_what_is_known() -> None:
     depth = np.zeros((100, 80), dtype=np.float32)
     depth[40:60, 70:80] = 2.5
@@ -205,20 +177,3 @@ def test_the_small_image_holds_the_persons_box_and_what_is_known() -> None:
     assert small.depth[round(v), round(u)] == 2.5
     # Its pixels are 10 by 20, the box 12.5 by 25 around (74.5, 49.5).
     assert (u, v) == pytest.approx(((75 - 68.25) / 0.5 - 0.5, (52 - 37) / 0.625 - 0.5))
-
-
-def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
-    """Eq. 3: one number for all poses, so that small silhouettes do not pay, and at least half of the person's."""
-    depth = drawn(POSES[0], "balls")[0]
-    image = SmallImage(depth, np.array(CAMERA.intrinsics), 2.8)
-    away = POSES[0].copy()
-    away[0] += 0.15
-    settings = DiscrepancySettings()
-    for previous, (least, most) in ((POSES[0], (1.0, 1.0)), (away, (0.1, 0.45))):
-        found = Discrepancy(BODY, image, None, LEVEL, previous, settings, previous=True)
-        plain = Discrepancy(BODY, image, None, LEVEL, previous, settings)
-        near = np.abs(drawn(previous, "balls")[0] - depth) < settings.clamp
-        share = np.count_nonzero(near & (depth > 0)) / image.person
-        assert least <= share <= most
-        share = max(share, 0.5)
-        np.testing.assert_allclose(found(found.position_of(POSES)) * share, plain(plain.position_of(POSES)), rtol=1e-9)

@@ -17,7 +17,6 @@ import pytest
 
 from tests.fake_tracker import write_recording
 from toolkit.body import skeleton
-from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.io.files import sha256_of
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter
@@ -141,26 +140,6 @@ def test_a_damaged_track_is_named(tmp_path: Path) -> None:
         Track.load(tmp_path)
     with pytest.raises(TrackError, match="holds no track"):
         Track.load(tmp_path / "nowhere")
-
-
-def test_joints_that_are_not_finite_are_refused(tmp_path: Path) -> None:
-    writer = TrackWriter(tmp_path, STAGES, SOURCES)
-    bad = result(0)
-    bad.joints[3, 1] = np.nan
-    writer.append(bad, 0)
-    with pytest.raises(TrackError, match="finite"):
-        writer.finish()
-    assert not (tmp_path / "track.npz").exists()
-
-
-def test_a_track_of_an_earlier_version_counts_everything_as_observed(tmp_path: Path) -> None:
-    writer = TrackWriter(tmp_path, STAGES, SOURCES)
-    writer.append(result(0), 0)
-    writer.finish()
-    arrays = load_archive(tmp_path / "track.npz", TrackError, "")
-    del arrays["observed"]
-    save_archive(tmp_path / "track.npz", arrays)
-    assert Track.load(tmp_path).observed.all()
 
 
 def test_run_information_goes_there_and_back(tmp_path: Path) -> None:

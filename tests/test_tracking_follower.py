@@ -11,8 +11,6 @@ import numpy as np
 import pytest
 
 from tests.fake_regressor import (
-    CENTRE,
-    FACING,
     IN_VIEW,
     FakeObjective,
     FakeObserver,
@@ -28,10 +26,9 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
 from toolkit.tracking.occluded_limbs import Guess
-from toolkit.tracking.person import UNSEEN
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.tracks import LOST, TRACKED, FrameResult
 
 CAMERA = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
 ROTATION = level_rotation(np.array([0.0, -0.9, -0.3]))
@@ -180,21 +177,6 @@ def test_whoever_was_out_of_sight_for_a_moment_has_not_turned_round(away: float,
 # Who is asked, and what with
 
 
-def test_every_search_is_told_the_frame_the_state_and_the_best_so_far() -> None:
-    observer = FakeObserver()
-    first = FakeSearch("first", Proposal((says("local", pose_at(1.0)), says("joints", pose_at(2.0)))))
-    second = FakeSearch("second", NOTHING)
-    person = follower([first, second], distances={1.0: FAR, 2.0: NEAR}, observer=observer, **followed())
-    before = person.state
-    step(person)
-    (seen, state, best) = first.asked[0]
-    assert seen is observer.shown and best is None
-    assert state.previous is before.previous and state.body is before.body
-    (_, _, best) = second.asked[0]
-    assert best is not None and best.hypothesis.source == "joints" and best.comparison.distance == NEAR
-    assert observer.states == [before]
-
-
 def test_the_random_numbers_go_on_from_frame_to_frame_and_are_those_of_the_seed() -> None:
     search = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))
     person = follower([search])
@@ -227,15 +209,6 @@ def test_patience_lasts_its_seconds_and_then_the_person_is_looked_for_anew() -> 
     assert person.state.pose is not None
 
 
-def test_who_goes_away_may_come_back_anywhere() -> None:
-    kept = followed(centre=CENTRE, facing=FACING, in_view=IN_VIEW, smoothed=(pose_at(), 0.0), turn=7)
-    person = follower([FakeSearch("first", NOTHING)], **kept)
-    assert person.step(None, 5.0, StageClock(STAGES)).state == EMPTY
-    state = person.state
-    assert (state.previous, state.centre, state.facing, state.in_view, state.smoothed) == (None,) * 5
-    assert state.timestamp == 5.0 and state.pose is kept["pose"] and state.turn == 7
-
-
 @pytest.mark.parametrize(("away", "asked"), [(0.9, 2), (HELD + 0.1, 1)])
 def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_nearer(away: float, asked: int) -> None:
     def answer(state: PersonState, best: object) -> Proposal:
@@ -258,24 +231,6 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
         assert [seen is observer.shown for seen, _, _ in search.asked] == [True] * asked
         assert [before.previous for before in observer.states] == [None]
         assert person.state.last_seen is None
-
-
-def test_a_step_replaces_the_state_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    replaced: list[str] = []
-    plain = Follower.__setattr__
-
-    def noted(person: Follower, name: str, value: object) -> None:
-        replaced.append(name)
-        plain(person, name, value)
-
-    search = FakeSearch("first", lambda state, best: Proposal((says("local", pose_at(1.0), NEAR),)))
-    for searches, seen in (([search], sighting()), ([FakeSearch("first", NOTHING)], sighting()), ([], None)):
-        person = follower(searches, **followed())
-        with monkeypatch.context() as context:
-            context.setattr(Follower, "__setattr__", noted)
-            person.step(seen, 1.0, StageClock(STAGES))
-        assert replaced.count("state") == 1
-        replaced.clear()
 
 
 def test_unobserved_limbs_do_not_jump_where_the_winner_does_not_continue() -> None:
@@ -319,29 +274,6 @@ def test_a_winner_that_is_too_far_is_lost_and_nothing_of_it_is_believed(
     assert result.state == state
     assert result.confidence == pytest.approx(np.full(20, sure), abs=1e-6)
     assert result.pose[0] == 1.0
-
-
-def test_nobody_is_reported_in_the_last_pose_that_was_found() -> None:
-    person = follower([FakeSearch("first", NOTHING)], **followed(pose=pose_at(0.7)))
-    result = person.step(None, 1.0, StageClock(STAGES))
-    assert result.pose[0] == 0.7
-    assert SOURCES[result.source] == "predicted"
-    assert not result.confidence.any()
-    expected = load_body("neutral").joint_positions(pose_at(0.7)) @ ROTATION
-    assert result.joints == pytest.approx(expected, abs=1e-6)
-
-
-def test_who_was_never_seen_is_said_to_stand_before_the_camera() -> None:
-    result = follower([]).step(None, 1.0, StageClock(STAGES))
-    assert result.pose[:3].tolist() == list(UNSEEN)
-    assert not result.pose[3:].any()
-
-
-def test_a_frame_in_which_no_search_says_anything_is_lost() -> None:
-    person = follower([FakeSearch("first", NOTHING)], **followed())
-    result = step(person)
-    assert (result.state, SOURCES[result.source]) == (LOST, "predicted")
-    assert person.state.previous is None
 
 
 def test_the_smoother_changes_what_is_reported_and_nothing_that_the_next_frame_goes_on_from() -> None:

@@ -27,9 +27,7 @@ from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import (
     LookupSettings,
     admissible_labelings,
-    feet_below_labelings,
     fused_scores,
-    labelings,
 )
 from toolkit.tracking.search.regressed_query import RegressedJointsQuery, facing_of_joints
 from toolkit.tracking.state import FIRST_STEP, Previous
@@ -57,31 +55,6 @@ def test_the_labelings_of_eq_5_4_are_those_of_a_loop_over_all_permutations(seed:
             expected.add(sigma)
     found = admissible_labelings(extrema, effectors, 0.5)
     assert as_set(found) == expected and len(found) == len(expected)
-
-
-def test_jumping_extrema_add_the_twelve_labelings_with_the_lowest_two_as_feet() -> None:
-    extrema = STANDING[[4, 2, 0, 3, 1]]  # the feet are extrema 1 and 3
-    expected = {s for s in permutations(range(5)) if {s[2], s[3]} == {1, 3}}
-    assert len(expected) == 12
-    assert as_set(feet_below_labelings(extrema)) == expected
-
-
-def test_extra_labelings_come_only_with_a_jump_and_each_labeling_once() -> None:
-    settings = LookupSettings(label_distance=0.5, jump_speed=6.0)
-    admissible = as_set(admissible_labelings(STANDING, STANDING, 0.5))
-    extra = as_set(feet_below_labelings(STANDING))
-    assert admissible & extra and admissible - extra == set() and len(extra) > len(admissible)
-    calm = labelings(STANDING, STANDING, STANDING[::-1] + 0.05, FIRST_STEP, settings)
-    jumped = STANDING + [[0.0, 0.0, 0.0], [0.0, 0.0, 0.25], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
-    assert as_set(calm) == admissible
-    for rows in (
-        labelings(STANDING, STANDING, jumped, FIRST_STEP, settings),
-        labelings(STANDING, STANDING, None, FIRST_STEP, settings),
-        labelings(STANDING, None, None, FIRST_STEP, settings),
-    ):
-        assert as_set(rows) == extra
-        assert len(rows) == 12
-    assert as_set(labelings(STANDING, STANDING, jumped, 2 * FIRST_STEP, settings)) == admissible
 
 
 # Scores

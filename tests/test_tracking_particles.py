@@ -15,7 +15,6 @@ from toolkit.kernels.fit import particles as kernel
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.trackers.lopez2011.initial import InitialSettings
-from toolkit.trackers.lopez2011.sighting import Limits, UpperViewer
 from toolkit.trackers.lopez2011.tracker import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
@@ -85,17 +84,6 @@ def test_somebody_is_found_and_followed_and_legs_stay_where_nobody_sees_them(ref
     for result in results:
         assert np.isfinite(result.joints).all() and (result.pose[LEG_ENTRIES] == 0.0).all()
         assert (result.confidence[UNSEEN] == 0.0).all() and result.confidence[0] > 0.0
-
-
-def test_one_seed_gives_one_track_and_an_interrupted_one_goes_on_the_same() -> None:
-    first, again, second = follower(), follower(), follower(seed=7)
-    for a, b in zip(followed(first, WAVING[:5]), followed(again, WAVING[:5]), strict=True):
-        np.testing.assert_array_equal(a.pose, b.pose)
-    second.restore_state(first.export_state())
-    rest = [followed(one, WAVING[5:], start=5 / 30.0) for one in (first, again, second)]
-    for whole, same, resumed in zip(*rest, strict=True):
-        np.testing.assert_array_equal(whole.pose, same.pose)
-        np.testing.assert_array_equal(whole.pose, resumed.pose)
 
 
 def test_a_frame_without_anybody_is_empty() -> None:
@@ -216,21 +204,6 @@ def reaching(side: str, target: np.ndarray) -> np.ndarray:
 CROWN = load_body().end_effector_positions(pose_of())[skeleton.END_EFFECTORS.index("head")]
 
 
-@pytest.mark.parametrize(
-    ("side", "away"),
-    [("left", (0.02, -0.26, 0.12)), ("right", (0.0, -0.12, 0.22)), ("left", (-0.12, -0.5, 0.25))],
-    ids=["on the chin", "before the face", "across the body"],
-)
-def test_a_hand_at_the_head_or_across_the_body_takes_neither_head_nor_trunk_along(
-    side: str, away: tuple[float, float, float]
-) -> None:
-    person, touching = follower(), reaching(side, CROWN + np.array(away))
-    followed(person, WAVING[:3])
-    for result in followed(person, [touching] * 8, start=0.1):
-        assert result.state == TRACKED and trunk_off(result, touching) < 0.1
-    assert hands_off(result, touching) < 0.2
-
-
 def test_a_mirrored_recording_gives_the_mirrored_track_within_the_spread_over_seeds() -> None:
     one_up = [pose_of(0.4 * np.sin(0.2 * i), right_shoulder_rz=0.9) for i in range(8)]
     mirror = [pose_of(0.4 * np.sin(0.2 * i), left_shoulder_rz=-0.9) for i in range(8)]
@@ -262,15 +235,6 @@ def test_who_leaves_and_comes_back_elsewhere_is_found_anew() -> None:
     assert hands_off(results[-1], elsewhere[-1]) < 0.15
 
 
-def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
-    person = follower(replace(SETTINGS, patience=1.5 / 30.0, lost_cost=20.0))
-    followed(person, WAVING[:2])
-    wall = of_depth(np.full(CAMERA.shape, 0.8))
-    states = [step(person, wall, 0.1 + i / 30).state for i in range(2)]
-    assert states == [LOST, LOST] and person.state.previous is None
-    assert followed(person, [pose_of()], start=1.0)[0].state == TRACKED
-
-
 def test_the_size_is_measured_from_the_first_frames() -> None:
     tracker = ParticleTracker()
     learner = tracker.learner(CAMERA, LEVEL)
@@ -281,41 +245,3 @@ def test_the_size_is_measured_from_the_first_frames() -> None:
     learner.observe(of_depth(np.zeros(CAMERA.shape)), 0.0)
     assert learner.body is None and not learner.found
     assert ParticleTracker(body=load_body("neutral")).learning_seconds == 0.0
-
-
-TALL = Camera(142.8, 142.8, 79.5, 59.5, 160, 200)
-"""Shows what is below the hips too."""
-
-
-def with_lap(pose: np.ndarray) -> Sighting:
-    """Somebody on a seat that stays in the cut-out: below the hips, nearer than the trunk and broader."""
-    depth = sighting_of(pose, TALL).depth
-    depth[115:, 40:120] = 1.2
-    return Sighting(1, depth, None, TALL)
-
-
-def test_what_lies_far_below_the_crown_is_not_looked_at_and_says_nothing() -> None:
-    sighting = with_lap(WAVING[0])
-    viewer = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(lap=0.0))
-    crown = UPPER.body.end_effector_positions(WAVING[0])[skeleton.END_EFFECTORS.index("head"), 1]
-    for seen, tolerance in ((viewer.look(sighting), 0.1), (viewer.look(sighting, crown), 0.01)):
-        assert seen.unobserved is not None and not (seen.unobserved & (seen.cloud.depth > 0)).any()
-        assert seen.cloud.points[:, 1].min() == pytest.approx(crown - SETTINGS.reach, abs=tolerance)
-        assert seen.points == np.count_nonzero(sighting.depth)
-    everything = UpperViewer(TALL, LEVEL, SETTINGS.particles, Limits(0.0, 0.0)).look(sighting)
-    assert everything.unobserved is None and len(everything.cloud) == np.count_nonzero(sighting.depth)
-
-
-def test_a_lap_before_the_trunk_is_not_looked_at_and_a_trunk_as_low_is() -> None:
-    pose = WAVING[0]
-    crown = UPPER.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head"), 1]
-    person = sighting_of(pose, TALL).depth
-    lap = np.zeros(TALL.shape, dtype=np.bool_)
-    lap[108:125, 40:120] = True
-    seated = Sighting(1, np.where(lap, np.float32(1.2), person), None, TALL)
-    seen = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits).look(seated, crown)
-    assert seen.unobserved is not None and (seen.unobserved == lap).all()
-    alone = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(reach=2.0)).look(
-        sighting_of(pose, TALL), crown
-    )
-    assert alone.unobserved is None and len(alone.cloud) == np.count_nonzero(person)

@@ -26,10 +26,9 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
-from toolkit.tracking.search.arm_search import FARTHER, ITERATIONS, ArmSearch
+from toolkit.tracking.search.arm_search import ITERATIONS, ArmSearch
 from toolkit.tracking.search.database_lookup import (
     FIRST_ROUNDS,
-    PULLED_ITERATIONS,
     DatabaseLookup,
     LookupBudget,
     is_asked,
@@ -138,16 +137,6 @@ def test_on_a_first_frame_each_query_gives_the_nearest_of_its_refined_starts() -
     assert queries[0].asked == [(None, BUDGET.restarts)]
     assert len(refiner.calls) == BUDGET.restarts
     assert {call.iterations for call in refiner.calls} == {FIRST_ROUNDS * refiner.settings.iterations}
-
-
-@pytest.mark.parametrize(("previous", "rounds"), [(pose_at(), 1), (None, FIRST_ROUNDS)], ids=["later", "first"])
-def test_an_answer_is_first_drawn_to_what_its_query_saw(previous: np.ndarray | None, rounds: int) -> None:
-    pull, refiner = object(), FakeRefiner()
-    search = DatabaseLookup([FakeQuery("joints", [1.0], pull)], FakeObjective({1.0: 0.1}), refiner, BUDGET)
-    search.propose(observation(), state(previous, lost=1), RNG, None)
-    drawn, free = refiner.calls
-    assert drawn.terms == (pull,) and drawn.iterations == rounds * PULLED_ITERATIONS
-    assert free.terms == () and free.iterations == rounds * refiner.settings.iterations - PULLED_ITERATIONS
 
 
 # Its queries
@@ -265,25 +254,6 @@ def test_an_arm_wins_by_what_it_leaves_unexplained_and_by_how_likely_it_is(
         assert found.pose[0] == 1.0 and found.comparison is not None and found.comparison.distance == 0.11
 
 
-def test_an_arm_that_is_in_the_way_of_what_was_measured_is_given_up() -> None:
-    objective = FakeArmObjective({1.0: compared(0.11, gaps=0.0)})
-    arm_search([FakeArm(1.0)], objective).propose(observation(), state(pose_at()), RNG, BEST)
-    assert objective.bounds == [pytest.approx(FARTHER * 0.1)]
-    assert FARTHER > 1.0
-    worse = arm_search([FakeArm(1.0)], {1.0: compared(np.inf, gaps=0.0)})
-    assert worse.propose(observation(), state(pose_at()), RNG, BEST) is NOTHING
-
-
-def test_the_second_arm_starts_from_the_pose_with_the_first_one_exchanged_and_either_is_first_in_turn() -> None:
-    for turn, order in ((1, (1.0, 2.0)), (2, (2.0, 1.0))):
-        left, right = FakeArm(order[0]), FakeArm(order[1])
-        first, second = (left, right) if turn % 2 else (right, left)
-        search = arm_search([left, right], {1.0: compared(0.09, gaps=0.005), 2.0: compared(0.08, gaps=0.001)})
-        (found,) = search.propose(observation(), state(pose_at(), turn=turn), RNG, BEST).hypotheses
-        assert first.starts == [(0.0, 0.1)] and second.starts == [(1.0, 0.09)]
-        assert found.pose[0] == 2.0
-
-
 def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost() -> None:
     search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)}, period=3)
     turns = [state(pose_at(), turn=turn) for turn in range(6)]
@@ -305,21 +275,6 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 @pytest.fixture(scope="module")
 def database() -> PoseDatabase:
     return small_database()
-
-
-@pytest.mark.parametrize(
-    ("hypotheses", "names"),
-    [
-        (("local", "extrema", "arms"), ["local", "arms", "lookup"]),
-        (("local", "extrema"), ["local", "lookup"]),
-        (("extrema", "arms"), ["lookup"]),
-    ],
-)
-def test_the_searches_are_those_of_the_settings_in_their_order(
-    database: PoseDatabase, hypotheses: tuple[str, ...], names: list[str]
-) -> None:
-    person = HybridTracker(database, HybridSettings(hypotheses=hypotheses)).follower(CAMERA, LEVEL)
-    assert [search.name for search in person.searches] == names
 
 
 def made(monkeypatch: pytest.MonkeyPatch, part: type) -> list[dict[str, Any]]:

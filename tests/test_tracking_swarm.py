@@ -7,17 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from tests.database_helpers import small_database
 from tests.support.image_joints import DetectorErrors, detected
 from tests.support.solo import Solo
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses
-from toolkit.app.cli.main import app
 from toolkit.app.config import load_settings
 from toolkit.app.pipeline.joint_choice import JointChoice, joint_source
 from toolkit.body import skeleton
@@ -26,16 +23,14 @@ from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.sensing.joints2d import BEHIND_SKIN, Joints2D, lift
+from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
-from toolkit.trackers.qammaz.observed_pixels import seen_joints
 from toolkit.trackers.qammaz.swarm import SwarmSettings
-from toolkit.trackers.qammaz.swarm_search import SwarmSearch, SwarmSearchSettings
 from toolkit.trackers.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.tracking.clock import StageClock
-from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 BODY = load_body("neutral")
 CAMERA = camera_for(3000)
@@ -157,13 +152,6 @@ def test_poses_are_found_from_nothing_whichever_way_the_person_faces(tmp_path: P
     assert (errors(found, recording) < 0.12).sum() >= 9
 
 
-def test_poses_are_found_from_the_previous_frame(poses: np.ndarray, tmp_path: Path) -> None:
-    """True body, exact joints: 15 mm."""
-    rows = detected(true_joints(poses), CAMERA, np.random.default_rng(0), EXACT)
-    recording = write(tmp_path / "exact.npz", poses, rows)
-    assert np.median(errors(run(recording, settings=SwarmTrackerSettings()), recording)[5:]) < 0.015
-
-
 def other_side(joints: Joints2D) -> Joints2D:
     rows = list(skeleton.OTHER_SIDE)
     return Joints2D(joints.pixels[rows], joints.confidence[rows])
@@ -179,19 +167,6 @@ def test_sides_that_are_exchanged_in_the_whole_take_are_put_right_by_the_depth(r
     joints = [other_side(recording.joints_2d(i)[0]) for i in range(FRAMES)]
     found = errors(run(recording, joints, SwarmTrackerSettings()), recording)
     assert found.mean() < 0.06 and found.max() < 0.15
-
-
-@pytest.mark.parametrize(("other", "expected"), [(0.04, ("given", 0.05)), (0.03, ("exchanged", 0.045))])
-def test_exchanged_joints_are_believed_only_where_the_body_is_clearly_nearer(other: float, expected: tuple) -> None:
-    exchanged_frame = SimpleNamespace(name="exchanged", cost=other)
-    frame = SimpleNamespace(name="given", cost=0.05, exchanged=lambda: exchanged_frame)
-    search = SimpleNamespace(
-        _settings=SwarmSearchSettings(sides=0.015),
-        _anywhere=lambda frame, body, rng: frame.name,
-        _judged=lambda frame, body, found: frame.cost,
-    )
-    found, least = SwarmSearch.redetect(search, frame, BODY, np.random.default_rng(0))  # type: ignore[arg-type]
-    assert (found, least) == (expected[0], pytest.approx(expected[1]))
 
 
 def test_a_person_is_tracked_where_nothing_else_was_observed(recording: Recording) -> None:
@@ -267,23 +242,6 @@ def test_the_papers_variant_has_its_dimensions_and_limits() -> None:
                 assert (low[k], high[k]) == (lowest, highest), skeleton.POSE_NAMES[k]
 
 
-def test_joints_on_the_skin_are_what_the_depth_says_at_their_pixels() -> None:
-    joints = true_joints(moving_poses(1, np.random.default_rng(0)))[0]
-    pixels = np.stack(
-        [CAMERA.fx * joints[:, 0] / joints[:, 2] + CAMERA.cx, CAMERA.fy * joints[:, 1] / joints[:, 2] + CAMERA.cy], 1
-    )
-    wall = np.full(CAMERA.shape, 2.5, dtype=np.float32)
-    found = Joints2D(np.rint(pixels).astype(np.float32), np.ones(20, dtype=np.float32))
-    cloud = SimpleNamespace(camera=CAMERA, rotation=np.eye(3))
-    observation: Any = SimpleNamespace(joints=found, lifted=lift(found, wall, CAMERA), cloud=cloud)
-    skin, behind = (seen_joints(observation, on_skin=on) for on in (True, False))
-    assert skin is not None and behind is not None
-    known = np.isfinite(BEHIND_SKIN)
-    assert known.sum() > 12 and np.isnan(skin.points[~known]).all()
-    np.testing.assert_allclose(skin.points[known], 2.5 * np.column_stack([skin.slopes, np.ones(20)])[known], atol=1e-6)
-    np.testing.assert_allclose(behind.points[known, 2] - 2.5, BEHIND_SKIN[known], atol=1e-6)
-
-
 TABLE_1: dict[tuple[str, tuple[str, ...]], tuple[tuple[tuple[float, float], ...], ...]] = {
     ("cervical", ("rz", "rx", "ry")): (((-0.4, 0.4), (-0.3, 0.3), (0, 0)),),
     ("lumbar", ("rz", "rx", "ry")): (((-0.5, 0.5), (-0.2, 0.5), (-1.5, 1.5)),),
@@ -326,30 +284,6 @@ def test_the_papers_limits_allow_what_people_do(moved: str, by: float, joint: st
     row = skeleton.REPORTED.index(joint)
     there, rest = (BODY.joint_positions(p)[row, axis] for p in (pose, np.zeros(skeleton.POSE_SIZE)))
     assert sign * (there - rest) > 0.05
-
-
-def test_the_papers_way_follows_a_person(recording: Recording) -> None:
-    settings = load_settings(
-        SwarmTrackerSettings, "qammaz", {"discrepancy.figure": "balls", "swarm.generations": 32, "tracker": "swarm"}
-    )
-    found = run(recording, settings=settings)
-    assert errors(found, recording).mean() < 0.12
-    frozen = found[-1].pose[entry("left_wrist_ry")], found[-1].pose[entry("thorax_rx")]
-    assert frozen == (0.0, 0.0)
-
-
-def test_the_command_tracks_without_a_database_and_says_that_one_is_not_used(
-    recording: Recording, tmp_path: Path
-) -> None:
-    quick = ["--set", "shape.seconds=0", "--set", "sizes=[0.4]", "--set", "swarm.particles=12"]
-    command = ["track", str(recording.path), "--config", "swarm", *quick, "--output"]
-    done = CliRunner().invoke(app, [*command, str(tmp_path / "run")])
-    assert done.exit_code == 0, done.output
-    assert len(Track.load(tmp_path / "run")) == FRAMES
-    info = RunInfo.load(tmp_path / "run")
-    assert info.tracker == "swarm" and info.database in ("", None)
-    other = CliRunner().invoke(app, [*command, str(tmp_path / "other"), "--database", str(tmp_path / "poses.npz")])
-    assert other.exit_code == 0 and "not used" in other.output
 
 
 def test_the_hybrid_tracker_looks_with_a_swarm_on_first_frames_that_show_joints(recording: Recording) -> None:
