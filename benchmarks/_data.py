@@ -19,7 +19,6 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "feet": MOCAP,
     "feet --real": (*MOCAP, "utd-mhad"),
     "gait_opensim": ("opensim",),
-    "hidden_limbs": ("hdm05",),
     "inertial real": (*MOCAP, "utd-mhad", "utd-mhad-inertial"),
     "inertial simulated": MOCAP,
     "joints": MOCAP,

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import swarm_settings
-from benchmarks._swarm_runs import SWARM_KINDS, Tracked, follow, print_row, swarm_figures
+from benchmarks._swarm_runs import Tracked, follow, print_row, swarm_figures
 from benchmarks._takes import SOURCES, scanned, sequence
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.sequences import FRAMES, SEQUENCES, sequence_body
@@ -24,7 +24,6 @@ from toolkit.evaluation.joint_errors import CURVE
 from toolkit.io.display_names import shown
 from toolkit.io.files import save_bytes
 from toolkit.io.html import png_of
-from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 PAPER: dict[str, dict[str, float]] = {
     "sequences": {"MS_1": 67.3, "MS_2": 76.9, "FS_1": 75.6, "FS_2": 79.7},
@@ -42,7 +41,7 @@ PAPER: dict[str, dict[str, float]] = {
     },
 }  # fmt: skip
 """Delta in mm; sequences and people by the names that ours have."""
-TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints", "qammaz two phases")
+TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints")
 PRIMITIVES = {"discrepancy.figure": "balls"}
 
 
@@ -79,7 +78,6 @@ class Bench:
                     settings,
                     sequence(name, self.joints, self.work, self.frames),
                     body=body or self.body(name),
-                    kind=SWARM_KINDS.get(row, SwarmTracker),
                 )  # fmt: skip
                 for name in names
             ]

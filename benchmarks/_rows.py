@@ -60,11 +60,10 @@ NO_JOINTS = {"discrepancy.joints_2d": 0.0, "discrepancy.joints_3d": 0.0, "search
 SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "swarm": ("swarm", {}),
     "qammaz": ("qammaz", {}),
-    "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),
     "qammaz joints": ("qammaz", NO_IMAGE),
 }
-"""Name of the row, shipped settings that it starts from, and overrides; the second phase is `TwoPhaseTracker`'s."""
+"""Row -> shipped settings that it starts from, and overrides."""
 
 
 class WatchedSearch(LocalSearch):

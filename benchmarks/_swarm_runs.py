@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks._takes import is_right, joints_of
-from benchmarks._two_phases import TwoPhaseTracker
 from tests.support.solo import Solo
 from toolkit.body.body import Body
 from toolkit.sensing.recording import Recording
@@ -16,8 +15,6 @@ from toolkit.trackers.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 
 EVERY = 6
 """Frames from one cold start to the next."""
-SWARM_KINDS: dict[str, type[SwarmTracker]] = {"qammaz two phases": TwoPhaseTracker}
-"""Trackers of the rows of `SWARM_ROWS` that settings alone do not make."""
 
 
 class Tracked(NamedTuple):
@@ -38,13 +35,12 @@ def follow(
     cold: bool = False,
     body: Body | None = None,
     frames: int | None = None,
-    kind: type[SwarmTracker] = SwarmTracker,
 ) -> Tracked:
     """The first `frames` of a recording; with `cold` every sixth of them on its own, with the body that was learnt.
 
     A `body` that is known is not learnt.
     """
-    solo = Solo(kind(settings, body=body), recording)
+    solo = Solo(SwarmTracker(settings, body=body), recording)
     first = solo.follower.state
     errors, confidence, milliseconds, right = [], [], [], []
     for i in range(0, min(len(recording), frames or len(recording)), EVERY if cold else 1):

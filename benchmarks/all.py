@@ -63,7 +63,6 @@ COMMANDS: dict[str, str] = {
     "kinect_offsets": "real offsets",
     "inertial": f"inertial simulated --split report --database {PACKAGED}",
     "stabilise_report": f"stabilise classes --split report --database {PACKAGED}",
-    "hidden_limbs": "hidden_limbs",
     "events": "annotation events --split report",
     "annotation": "annotation thesis {data} --runs 2",
     "motion_model": "motion_model {data} --seeds 3 --curve",

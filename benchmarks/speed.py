@@ -15,7 +15,7 @@
   person of about 6,000 pixels who is cut out, and of six in a furnished room before a Kinect of 640x480 pixels. A frame
   costs what the longer recording takes more of the processor than the shorter one, so that starting, compiling and
   learning the bodies do not count, nor what else the machine does; memory is the peak over the longer one.
-- `swarm`, `upper`: the swarm tracker and the particle filter (`benchmarks/_speed_wings.py`).
+- `swarm`: the swarm tracker (`benchmarks/_speed_swarm.py`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ import numpy as np
 
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
 from benchmarks._rows import settings_of
-from benchmarks._speed_wings import swarm, upper
+from benchmarks._speed_swarm import swarm
 from tests.support import suite
 from tests.support.plain_pipeline import PlainTracker
 from tests.support.solo import Solo
@@ -394,7 +394,7 @@ def passes(parser: argparse.ArgumentParser) -> None:
 
 def main() -> None:
     """Run the part that is asked for."""
-    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "passes": passes, "swarm": swarm, "upper": upper})
+    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "passes": passes, "swarm": swarm})
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ from scipy.spatial import cKDTree
 from benchmarks._qammaz_tables import TABLES, paper
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import SWARM_ROWS, add_take_options, swarm_settings
-from benchmarks._swarm_runs import SWARM_KINDS, calibration, follow, print_row, swarm_figures
+from benchmarks._swarm_runs import calibration, follow, print_row, swarm_figures
 from benchmarks._takes import SOURCES, TURNS, prepared, view_of
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.sequences import SEQUENCES, sequence_body
@@ -41,7 +41,6 @@ from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline.scan import scan_recordings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 
 def suite(parser: argparse.ArgumentParser) -> None:
@@ -65,8 +64,7 @@ def suite(parser: argparse.ArgumentParser) -> None:
             tracked = []
             for take in takes:
                 recording = prepared(take, source, options.work, options.frames)
-                kind = SWARM_KINDS.get(row, SwarmTracker)
-                tracked.append(follow(settings, recording, cold=options.cold, frames=options.first, kind=kind))
+                tracked.append(follow(settings, recording, cold=options.cold, frames=options.first))
                 print_row(f"  {take.name[:25]}", swarm_figures(tracked[-1:]))
             groups = {
                 group: swarm_figures([t for t, take in zip(tracked, takes, strict=True) if take.group == group])

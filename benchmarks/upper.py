@@ -7,9 +7,6 @@
   raises them, at frame 30 of each take, and counts frames until the mean error of the seven joints is below 60 mm for 5
   frames. `--real` tracks the 8 stills of Skeltrack, each on its own, and the seated man of `realsense`, against the
   annotations in `benchmarks/annotations/`.
-- `candidates [--split report]`: of the frames of these takes in which the camera sees head and both hands, the share in
-  which each has a candidate within 0.15 m, for the first extrema and for the summits of the component tree, and how
-  often the fork names all three rightly.
 """
 
 from __future__ import annotations
@@ -18,7 +15,7 @@ import argparse
 import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,26 +26,19 @@ from benchmarks._record import RESULTS, run_part, save_figures, save_jpeg
 from benchmarks._rows import add_database_options, poses_of
 from tests.support.scenes import record_scene
 from tests.support.solo import Solo
-from tests.support.suite import WORK
 from tests.support.upper import GROUPS, MORE, upper_scenes
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body import skeleton
 from toolkit.datasets.folder import data_folder
-from toolkit.evaluation.joint_errors import visible_joints
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.io.errors import DepthMocapError
 from toolkit.io.files import save_bytes
 from toolkit.io.html import png_of
-from toolkit.landmarks.graph import Workspace
 from toolkit.output.rendering.film import contact_sheet
 from toolkit.output.rendering.overlay import color_depth, draw_points, draw_skeleton
-from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
-from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.trackers.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
 from toolkit.tracking.state import Previous
 from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import TRACKED
@@ -286,75 +276,9 @@ def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
     save_bytes(path, png_of(figure))
 
 
-NEAR = 0.15
-"""Metres from a joint at which a candidate is its."""
-WIDTH = 160
-"""Pixels of width, at most, as the particle filter's tracker looks at hands."""
-KINDS: dict[str, EffectorSettings] = {
-    "3 extrema": EffectorSettings(count=3),
-    "6 extrema": EffectorSettings(count=6),
-    "8 extrema": EffectorSettings(count=8),
-    "3 of the tree": EffectorSettings(count=3, tree=True),
-    "6 of the tree": EffectorSettings(count=6, tree=True),
-}
-
-
-def count_found(recording: Recording, stride: int) -> dict[str, np.ndarray]:
-    """For each kind the number of frames, of those with all three found, of forks and of forks that are right."""
-    found = {kind: np.zeros(4, dtype=np.int64) for kind in KINDS}
-    finder = SinglePersonSegmenter.of(recording)
-    rotation, workspace = level_rotation(recording.up_camera), Workspace()
-    for i in range(0, len(recording), stride):
-        depth = recording.depth(i)
-        (sighting,) = finder.find(depth, float(recording.timestamps[i]), {})
-        truth = recording.joints[i].astype(np.float64)
-        rows = upper.ROWS[[0, *range(upper.HANDS.start, upper.HANDS.stop)]]
-        if not visible_joints(truth, depth / 1000.0, recording.camera)[rows].all():
-            continue
-        step = max(1, sighting.camera.width // WIDTH)
-        cloud = Cloud.from_depth(sighting.depth[::step, ::step], sighting.camera.subsampled(step), rotation)
-        unobserved = None if sighting.unobserved is None else sighting.unobserved[::step, ::step]
-        level = truth[rows] @ rotation.T
-        for kind, settings in KINDS.items():
-            effectors = find_effectors(cloud, settings, unobserved, workspace)
-            gaps = np.linalg.norm(level[:, None] - effectors.points[None], axis=2)
-            fork = find_fork(effectors, settings)
-            right = fork is not None and all(
-                gaps[k, row] <= NEAR for k, row in enumerate((fork.head, fork.left_hand, fork.right_hand))
-            )
-            hit = gaps.shape[1] > 0 and bool((gaps.min(axis=1) <= NEAR).all())
-            found[kind] += [1, hit, fork is not None, right]
-    return found
-
-
-def candidates(parser: argparse.ArgumentParser) -> None:
-    """Count, print, write JSON."""
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--takes", type=int, help="at most so many of each group")
-    parser.add_argument("--frames", type=int, default=90, help="at most so many of each take")
-    parser.add_argument("--stride", type=int, default=3)
-    parser.add_argument("--work", type=Path, default=WORK)
-    options = parser.parse_args()
-    total = {kind: np.zeros(4, dtype=np.int64) for kind in KINDS}
-    for scene in upper_scenes(options.split, count=options.takes):
-        recording = open_recording(record_scene(scene, options.work, options.frames))
-        for kind, counts in count_found(recording, options.stride).items():
-            total[kind] += counts
-    figures: dict[str, Any] = {}
-    print(f"{'':<24}{'frames':>8}{'all three %':>13}{'fork %':>8}{'right fork %':>14}")
-    for kind, (frames, hit, forks, right) in total.items():
-        shares = 100.0 * np.array([hit, forks, right]) / max(int(frames), 1)
-        print(f"{kind:<24}{frames:8d}{shares[0]:13.1f}{shares[1]:8.1f}{shares[2]:14.1f}")
-        figures[kind] = dict(zip(("all_three", "fork", "right_fork"), shares.tolist(), strict=True))
-        figures[kind]["frames"] = int(frames)
-    whole = options.takes is None and options.frames >= 90
-    settings = {kind: asdict(value) for kind, value in KINDS.items()}
-    print("written:", save_figures(f"effectors_{options.split}{'' if whole else '_part'}", figures, settings))
-
-
 def main() -> None:
     """Run the part that is asked for."""
-    run_part(__doc__, {"track": track, "candidates": candidates})
+    run_part(__doc__, {"track": track})
 
 
 if __name__ == "__main__":

@@ -1,0 +1,120 @@
+"""Time per frame of the swarm tracker: a part of `depthmocap bench speed`.
+
+`swarm [--frames 60]`: a simulated Kinect recording with given joints. Measured are milliseconds per frame and stage of
+`configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing), and microseconds
+per hypothesis with balls and with the mesh in images of several sizes. `--network` also times the pose network.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._record import percentiles, save_figures
+from benchmarks._rows import swarm_settings
+from benchmarks._takes import joints_of, prepared
+from tests.support.solo import Solo
+from tests.support.suite import WORK, takes
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.people.image_joints.pose_model import Crop, PoseModel
+from toolkit.people.image_joints.shaded import ENLARGED, shaded
+from toolkit.people.single_person import SinglePersonSegmenter
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import Recording
+from toolkit.trackers.qammaz.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
+from toolkit.trackers.qammaz.tracker import SwarmTracker
+
+IMAGES = ((30, 40), (45, 60), (60, 80), (90, 120))
+"""Width and height of the small image, pixels."""
+HYPOTHESES = 1024
+"""Hypotheses that are timed at once."""
+SPREAD = 0.2
+"""Radians and metres by which they are apart."""
+TAKE = "fast_bk_kick_009_athletic_male_kinect"
+"""Of the tuning split."""
+UNLEARNT = {"shape.seconds": 0.0, "sizes": [0.0]}
+"""The body is neither learnt nor looked for among several, which takes the first seconds twice."""
+
+
+def stages(row: str, recording: Recording, frames: int) -> dict[str, Any]:
+    """Milliseconds per frame and per stage, without the first frame, which compiles and looks everywhere."""
+    tracker = SwarmTracker(swarm_settings(row, UNLEARNT))
+    solo, spent = Solo(tracker, recording), []
+    for i in range(min(frames, len(recording))):
+        result = solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
+        spent.append(result.stage_ms)
+    table = np.array(spent[1:])
+    each = {name: percentiles(table[:, k]) for k, name in enumerate(tracker.stage_names)}
+    return {"frame": percentiles(table.sum(axis=1)), "stages": each}
+
+
+def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Recording) -> float:
+    """Microseconds for one pose: placed, skinned, drawn and compared."""
+    finder = SinglePersonSegmenter.of(recording)
+    (sighting,) = finder.find(recording.depth(0), 0.0, {})
+    cloud = Cloud.from_depth(sighting.depth, sighting.camera, np.diag((1.0, -1.0, -1.0)))
+    settings = DiscrepancySettings(figure=figure, width=size[0], height=size[1])
+    image = small_image(cloud.depth, sighting.unobserved, cloud.camera.intrinsics, size[::-1])
+    pose = np.zeros(43)
+    pose[:3] = np.median(cloud.points, axis=0)
+    costs = Discrepancy(body, image, None, cloud.rotation, pose, settings)
+    rng = np.random.default_rng(0)
+    positions = costs.position_of(pose + SPREAD * rng.standard_normal((HYPOTHESES, len(pose))))
+    return 1e6 * _shortest(lambda: costs(positions)) / HYPOTHESES
+
+
+def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]:
+    """Milliseconds of shading a frame, and of finding the points in it."""
+    finder = SinglePersonSegmenter.of(recording)
+    model, spent = PoseModel.load(), []
+    for i in range(min(frames, len(recording))):
+        (sighting,) = finder.find(recording.depth(i), float(recording.timestamps[i]), {})
+        begun = time.perf_counter()
+        picture = shaded(sighting.depth, sighting.camera)
+        between = time.perf_counter()
+        model.find(picture, Crop.around(sighting.depth > 0).scaled(float(ENLARGED)))
+        spent.append((between - begun, time.perf_counter() - between))
+    table = 1000.0 * np.array(spent[1:])
+    return {name: percentiles(table[:, k]) for k, name in enumerate(("shading", "network"))}
+
+
+def _shortest(call: Callable[[], Any], times: int = 5) -> float:
+    """Seconds of the fastest of some calls, after one that is not counted."""
+    spent = []
+    for _ in range(times + 1):
+        begun = time.perf_counter()
+        call()
+        spent.append(time.perf_counter() - begun)
+    return min(spent[1:])
+
+
+def swarm(parser: argparse.ArgumentParser) -> None:
+    """Measure, print, write JSON."""
+    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--rows", default="swarm,qammaz", help="see `bench swarm`")
+    parser.add_argument("--network", action="store_true", help="also the joints in the shaded depth")
+    parser.add_argument("--work", type=Path, default=WORK)
+    options = parser.parse_args()
+    take = next((take for take in takes("tune") if take.name == TAKE), takes("tune")[1])
+    recording = prepared(take, "truth", options.work, options.frames)
+    figures: dict[str, Any] = {"times": {}, "hypothesis_us": {}}
+    for row in options.rows.split(","):
+        found = figures["times"][row] = stages(row, recording, options.frames)
+        parts = ", ".join(f"{name} {part['median_ms']:.1f}" for name, part in found["stages"].items())
+        frame = found["frame"]
+        print(f"{row}: {frame['median_ms']:.1f} ms, p99 {frame['p99_ms']:.1f} ({parts})")
+    for figure in FIGURES:
+        row = {f"{w}x{h}": hypothesis_us(load_body("neutral"), figure, (w, h), recording) for w, h in IMAGES}
+        figures["hypothesis_us"][figure] = row
+        print(f"{figure:8}", ", ".join(f"{size} {value:.1f} us" for size, value in row.items()))
+    if options.network:
+        figures["network"] = network_ms(recording, options.frames)
+        print(", ".join(f"{name} {part['median_ms']:.1f} ms" for name, part in figures["network"].items()))
+    settings = {"rows": options.rows, "frames": options.frames}
+    print("written:", save_figures("speed_swarm", figures, settings))
