@@ -1,4 +1,4 @@
-"""Motions told while they go on: a part of `depthmocap bench annotation`."""
+"""Live motion events: a part of `depthmocap bench annotation`."""
 
 from __future__ import annotations
 
@@ -66,6 +66,6 @@ def told_events(parser: argparse.ArgumentParser) -> None:
 
 
 def _delay(event: Event, truth: tuple[Segment, ...]) -> float:
-    """Seconds from the end of the true motion that an event tells of to the event; NaN for one that tells of none."""
+    """Return the delay from the end of the matching true motion to the event, seconds; NaN without one."""
     own = [s for s in truth if s.label == event.label and s.start < event.end and event.start < s.end]
     return event.time - own[-1].end if own else float("nan")

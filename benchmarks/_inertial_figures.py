@@ -1,4 +1,4 @@
-"""Figures 7.12 to 7.14 of the thesis, of simulated sensors: thresholds, signals that tell no errors, wrong offsets."""
+"""Figures 7.12 to 7.14 of the thesis with simulated sensors: thresholds, raw signals, wrong offsets."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from toolkit.retrieval.annotation.measures import Scores
 SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
 """Figures over thresholds and their colours."""
 TRUTHS = {"off by 45 degrees": "-", "injected": "--"}
-"""What counts as an error, in the place of the thesis's two annotators, and its line."""
+"""Definition of an error, in place of the thesis's annotators -> line style."""
 Swept = dict[str, list[Scores]]
-"""Of each of `TRUTHS` the scores at each of `THRESHOLDS`."""
+"""Scores of each of `TRUTHS` at each of `THRESHOLDS`."""
 SIGNALS = ("orientation", "rate of turn", "acceleration")
 
 
@@ -42,7 +42,7 @@ def add_frames(swept: Swept, full: np.ndarray, truths: Mapping[str, np.ndarray])
 
 
 def swept_figures(swept: Swept) -> dict[str, Any]:
-    """As JSON."""
+    """Return the scores for JSON."""
     return {truth: {key: [getattr(s, key) for s in scores] for key in SWEPT} for truth, scores in swept.items()}
 
 
@@ -89,7 +89,7 @@ def signals_of(
 
 
 def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
-    """Probability that a wrong frame has a greater value than a right one (ties count half), None without both."""
+    """Return the probability that a wrong frame has a larger value than a correct one (ties count half), or None."""
     values, wrong = values[np.isfinite(values)], wrong[np.isfinite(values)]
     if not wrong.any() or wrong.all():
         return None
@@ -158,7 +158,7 @@ def plot_offsets(curves: Mapping[str, np.ndarray], right: np.ndarray, path: Path
 
 
 def offset_figures(curves: Mapping[str, np.ndarray], right: np.ndarray) -> dict[str, Any]:
-    """How well a threshold would tell wrong frames, and what frame 200, which is off by 70 degrees, says."""
+    """Return the separation of wrong frames by a threshold, and the value of frame 200, which is off by 70 degrees."""
     return {
         name: {
             "told apart": told_apart(np.round(values, 6), ~right),
@@ -170,7 +170,7 @@ def offset_figures(curves: Mapping[str, np.ndarray], right: np.ndarray) -> dict[
 
 
 def mean_told(told: Sequence[dict[str, float | None]]) -> dict[str, float]:
-    """Means over limbs and takes of what is known of each signal."""
+    """Return the means over limbs and recordings of each signal."""
     return {name: float(np.mean([row[name] for row in told if row[name] is not None])) for name in SIGNALS}
 
 

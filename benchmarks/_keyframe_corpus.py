@@ -29,7 +29,7 @@ ACTORS = ("bd", "bk", "dg")
 SYMMETRIC = frozenset(
     ("hopBothLegs1hops", "lieDownFloor", "rotateArmsBothBackward1Reps", "squat1Reps", "throwBasketball")
 )
-"""Classes that a mirror does not change; the mirror image of any other class belongs to no class."""
+"""Classes that are equal to their mirror image; mirror images of other classes belong to no class."""
 SPEEDS = (0.8, 1.25)
 """Slowest and fastest speed of a clip in a document, its own being 1."""
 PARTS = 12
@@ -173,7 +173,7 @@ THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
 
 
 class Fold(NamedTuple):
-    """What was learned from some people, and what it is tried on.
+    """Model of some people with its evaluation documents.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ class Fold(NamedTuple):
 def learn_threshold(folds: Sequence[Fold]) -> float:
     """The threshold, common to all classes, with the best F over frames on documents of people that were left out.
 
-    It is learned as it will be used: behind keyframes, which keep most of what is no motion away, a looser one is best.
+    The threshold is learned with keyframes, which remove most frames without a motion, so a looser one is best.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Simulated people who walk, squat, rise and stand, with exact truth, tracked: for the figures of feet and of gait."""
+"""Simulated people who walk, squat, rise and stand, with true poses and tracks, for the benchmarks of feet and gait."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ TAKES = (
 
 
 class Tracked(NamedTuple):
-    """What was found and what is true.
+    """A track with its truth.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Tracked(NamedTuple):
 
     @property
     def truth(self) -> Person:
-        """The true person, tracked in every frame."""
+        """Return the true person, as a track."""
         track, turn = self.person.track, self.person.R_level_camera
         joints = (self.body.joint_positions(self.poses) @ turn).astype(np.float32)
         found = replace(track, pose=self.poses, joints=joints, state=np.full(len(track), TRACKED, dtype=np.uint8))
@@ -121,7 +121,7 @@ def _poses(take: Take, body: Body) -> np.ndarray:
 
 
 def movement_options(description: str | None) -> argparse.ArgumentParser:
-    """What is typed behind a benchmark of these takes: with which database, and where they are kept."""
+    """Add the options of benchmarks with these recordings: database and work folder."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE, help="another than the package's own")
     parser.add_argument("--work", type=Path, default=WORK / "movement")

@@ -110,7 +110,7 @@ def sequences(bench: Bench) -> None:
 
 
 def table2(bench: Bench) -> None:
-    """What depth and joints contribute."""
+    """Measure depth alone and joints alone (Table 2)."""
     for row in TABLE_2:
         bench.runs[row] = [t for name in bench.names for t in bench.row(f"{row}, {name}", row, [name])]
         bench.figures[row] = swarm_figures(bench.runs[row])
@@ -119,7 +119,7 @@ def table2(bench: Bench) -> None:
 
 
 def models(bench: Bench) -> None:
-    """Whose body is taken for the person's."""
+    """Measure each sequence with the bodies of all subjects (Table 4)."""
     bodies = {name: bench.body(name) for name in SEQUENCES}
     neutral = load_body("neutral")
     for name in bench.names:
@@ -136,7 +136,7 @@ def models(bench: Bench) -> None:
     for label in ("all with their own", "all with neutral", "all with balls"):
         bench.figures[label] = swarm_figures(bench.runs[label])
         print_row(label, bench.figures[label])
-    # A seed that loses the person, whom the paper's way never gives up, says nothing about bodies.
+    # A seed with a lost person has no information about bodies.
     middle = {
         label: figures["seed_middle_mm"] for label, figures in bench.figures.items() if "seed_middle_mm" in figures
     }

@@ -1,4 +1,4 @@
-"""What benchmarks share: their parts, what they write beside their figures (machine, commit, command), steady times."""
+"""Common parts of the benchmarks: parts of a script, results with machine and commit, steady times."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from toolkit.io.files import save_json
 
 RESULTS = Path(__file__).parent / "results"
 CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")
-"""What a figure depends on."""
+"""Paths whose changes invalidate results."""
 
 
 def run_part(description: str | None, parts: Mapping[str, Callable[[argparse.ArgumentParser], None]]) -> None:
-    """Run the part of a benchmark that the first argument names; it adds its options to the parser and parses them."""
+    """Run the part of a benchmark that the first argument names; the part adds its options to the parser."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", choices=parts)
     named = " ".join(sys.argv[1:2])
@@ -71,7 +71,7 @@ def processor_seconds() -> float:
 
 
 def portable(value: Any) -> Any:
-    """A path from the root of this machine without its folders; anything else as it is."""
+    """Return the name of an absolute path, so that results contain no machine paths; other values unchanged."""
     return Path(value).name if isinstance(value, (str, Path)) and Path(value).is_absolute() else value
 
 
@@ -87,8 +87,7 @@ def _processor() -> str:
 def commit() -> str:
     """The newest commit with other `CODE` of those that `main` has too, with a plus if the checkout has changes since.
 
-    Commits of pages and results do not make figures old. What a branch adds may be rebased, and a figure that names a
-    commit that is gone is no evidence.
+    Commits of pages and results do not invalidate results. Commits of a branch can be rebased, so they do not count.
     """
     shared = _git("merge-base", "HEAD", "main") or _git("rev-parse", "HEAD")
     base = _git("rev-list", "-1", shared, "--", *CODE) if shared else ""
@@ -108,6 +107,6 @@ def pin_to_one_processor() -> None:
 
 
 def percentiles(milliseconds: list[float] | np.ndarray) -> dict[str, float]:
-    """Median, 99th and 99.9th percentile of times in milliseconds, three digits behind the point."""
+    """Return median, 99th and 99.9th percentile of times in milliseconds, with three decimals."""
     values = np.percentile(milliseconds, [50, 99, 99.9])
     return dict(zip(("median_ms", "p99_ms", "p999_ms"), np.round(values, 3).tolist(), strict=True))

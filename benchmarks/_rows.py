@@ -1,4 +1,4 @@
-"""The trackers that benchmarks compare: the hybrid one, its parts alone, each improvement switched off, the swarm."""
+"""Trackers of the benchmarks by row name: hybrid, its parts, ablations, swarm."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 
 
 class WatchedSearch(LocalSearch):
-    """The local search, which also keeps what it said.
+    """Local search that stores its last pose.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class WatchedSearch(LocalSearch):
 
 
 class WatchedFollower(Follower):
-    """A follower that keeps what the local hypothesis of each frame said.
+    """Follower that stores the joints of each frame's local hypothesis.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class WatchedFollower(Follower):
 
 
 class WatchedTracker(HybridTracker):
-    """The hybrid tracker, whose last follower can be looked into.
+    """Hybrid tracker that exposes the local joints of its last follower.
 
     Attributes
     ----------
@@ -134,7 +134,7 @@ class WatchedTracker(HybridTracker):
 
 
 class FirstFrames:
-    """A search that is asked only where there is no previous pose."""
+    """Search that is used only without a previous pose."""
 
     def __init__(self, search: Search) -> None:
         self.name, self._search = search.name, search
@@ -187,11 +187,11 @@ KINDS: dict[str, type[HybridTracker]] = {
     "baak2013 local": LocalBaak2013Tracker,
     "baak2013 lookup": Baak2013Tracker,
 }
-"""What is built for a row, where it is no plain hybrid tracker."""
+"""Tracker class of each row that is no plain hybrid tracker."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:
-    """Figures by name for JSON, which does not know NaN; where the run lies on this machine is none of them."""
+    """Return scores for JSON, with NaN as None and without the run folder."""
     figures = scores.flat()
     del figures["run"]
     unknown = {name for name, value in figures.items() if isinstance(value, float) and not np.isfinite(value)}
@@ -199,14 +199,14 @@ def figures_of(scores: RunScores) -> dict[str, Any]:
 
 
 def add_take_options(parser: argparse.ArgumentParser) -> None:
-    """Which part of the simulated suite."""
+    """Add the options that select a part of the simulated suite."""
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--takes", type=int, help="at most so many takes of each group")
     parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
 
 
 def add_database_options(parser: argparse.ArgumentParser) -> None:
-    """With which database, settings of the trackers and work folder; see `poses_of`."""
+    """Add the options for database, tracker settings and work folder; see `poses_of`."""
     parser.add_argument("--database", type=Path, help="another database than the simulated suite's own")
     parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
     parser.add_argument("--images", type=int, default=RegressorSettings.images, help="that train its joint regressor")
@@ -215,7 +215,7 @@ def add_database_options(parser: argparse.ArgumentParser) -> None:
 
 
 def poses_of(options: argparse.Namespace) -> Path:
-    """The database that was asked for; the suite's own is made if it is not there yet."""
+    """Return the requested database, or build that of the suite if it is missing."""
     return options.database or database(options.work, options.threshold, RegressorSettings(images=options.images))
 
 
@@ -226,7 +226,7 @@ def track_each(
     people: int | None = 1,
     joints: JointChoice | None = None,
 ) -> dict[Path, str]:
-    """Track recordings into their run folders, which are made anew; why those failed that did, by run folder.
+    """Track recordings into new run folders; return the failures by run folder.
 
     Parameters
     ----------

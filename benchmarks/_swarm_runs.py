@@ -1,4 +1,4 @@
-"""Recordings that the swarm tracker follows, and the figures of them."""
+"""Runs of the swarm tracker, and their figures."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
 
 
 def calibration(tracked: Sequence[Tracked]) -> list[dict[str, float]]:
-    """What the confidence says, and the share of joints within 50 mm that is found, in tenths of the confidence."""
+    """Return mean confidence and fraction of joints within 50 mm, in tenths of the confidence."""
     said = np.concatenate([t.confidence.ravel() for t in tracked])
     within = np.concatenate([t.errors.ravel() for t in tracked]) < 0.05
     tenth = np.minimum((10.0 * said).astype(int), 9)

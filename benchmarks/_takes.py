@@ -1,4 +1,4 @@
-"""Takes of the simulated suite and the four sequences of Qammaz's kind with joints in the image; what is right."""
+"""Recordings of the simulated suite and of the four sequences of Qammaz with image joints."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
 
 SOURCES = ("colour", "depth", "truth", "none")
-"""Where joints come from: found by the network in colour or in shaded depth, the true ones with its errors, nowhere."""
+"""Sources of joints: network on colour or shaded depth, true joints with errors of the network, none."""
 ENOUGH, WITHIN = 18, 0.15
 
 
 def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
-    """Whether 18 of the 20 joints (20, 3) are within 150 mm."""
+    """Return whether 18 of the 20 joints (20, 3) are within 150 mm."""
     return int((joint_errors(joints[None], truth[None]) < WITHIN).sum()) >= ENOUGH
 
 
@@ -58,7 +58,7 @@ def with_joints(path: Path, source: str, work: Path, seed: int = 0) -> Recording
 
 
 def joints_of(recording: Recording, i: int) -> tuple[Joints2D, ...]:
-    """What the frame itself brings."""
+    """Return the image joints of the frame itself."""
     return () if recording.image_joints is None else recording.joints_2d(i)
 
 

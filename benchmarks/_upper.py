@@ -16,13 +16,13 @@ JOINTS = ("head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow"
 ROWS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in JOINTS])
 """Rows of the reported joints."""
 HANDS = slice(5, 7)
-"""Where the hands are among the seven."""
+"""Indices of the hands among the seven joints."""
 COLUMNS = 640
 """Width of the image in which pixels are counted."""
 THRESHOLDS = tuple(range(0, 61, 10))
 """Pixels at which the success rate is taken (Fig. 10)."""
 BAD = 60.0
-"""Pixels of mean error from which on a frame is wrong."""
+"""Mean error of a wrong frame, pixels."""
 FAR = 100.0
 """Pixels from which on a hand is lost; an unseen person's joints count as much."""
 

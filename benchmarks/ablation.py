@@ -1,14 +1,14 @@
-"""What each part of telling people from rooms is worth: `depthmocap bench ablation [--rows "one pass"] [--takes 1]`.
+"""Ablation of person detection: `depthmocap bench ablation [--rows "one pass"] [--takes 1]`.
 
-The hybrid tracker, whole and without one part, follows people in the real rooms of `bench rooms`, in the scenes of
-`bench scenes` with and without `--rooms`, and on the clean suite of `bench accuracy`: of the last three some recordings
-of each group of the report split, their first 45 frames. The rows are
+The hybrid tracker is run with and without one part on the real rooms of `bench rooms`, on the scenes of `bench scenes`
+with and without `--rooms`, and on the suite of `bench accuracy`; of the last three, the first 45 frames of some
+recordings per group of the report split. The rows are
 
-- `whole`: nothing is left out;
-- `first frame`: the room and its people are told by the first frame, not by frames from all over the recording;
-- `no rooms`: the joint regressor was trained on people alone, so that it takes nothing for furniture;
-- `no floor`: how high a person is above the floor says nothing of their size;
-- `one pass`: each frame is done with as it comes (`--online`).
+- `whole`: complete tracker;
+- `first frame`: background and people from the first frame only;
+- `no rooms`: regressor trained without room images;
+- `no floor`: no stature from the height above the floor;
+- `one pass`: without the second pass (`--online`).
 
 Every row but `no rooms` has the same database; that row's holds the same poses. A row that is done is kept in
 `ablation_part.json`, and is not measured again on the same commit; with all of them there the file is `ablation.json`.
@@ -51,7 +51,7 @@ ROWS = ("whole", "first frame", "no rooms", "no floor", "one pass")
 
 
 class FloorlessTracker(HybridTracker):
-    """The hybrid tracker, to whom the floor does not tell how tall somebody is."""
+    """Hybrid tracker without the floor height."""
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FollowedBody:
         """See `Tracker.learner`."""
@@ -75,7 +75,7 @@ class Ablation:
         }
 
     def figures(self, row: str) -> dict[str, Any]:
-        """What a row makes of real rooms, scenes, furnished rooms and the clean suite."""
+        """Return the scores of a row on real rooms, scenes, furnished rooms and the suite."""
         options = self._options
         database = without_rooms(options) if row == "no rooms" else poses_of(options)
         settings = settings_of("one pass" if row == "one pass" else "hybrid", parse_overrides(options.set))

@@ -85,7 +85,7 @@ class Row:
         return {**{group: part.mean() for group, part in parts.items()}, "overall": self.table.mean()}
 
     def figures(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the difference for JSON."""
         return {
             "means": {group: figures_of(mean) for group, mean in self.means().items()},
             "recordings": {scores.recording: figures_of(scores) for scores in self.table},
@@ -153,7 +153,7 @@ def confidence_bins(runs: Sequence[Path], paths: Sequence[Path]) -> list[dict[st
 
 
 def wrong_stretches(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, int]:
-    """Of all frames those that are not right (`is_right`), and how many of them follow one another at most."""
+    """Return the number of frames that are not correct (`is_right`), and the longest run of them."""
     wrong, longest = 0, 0
     for run, path in zip(runs, paths, strict=True):
         track, truth = Track.load(run), open_recording(path).joints

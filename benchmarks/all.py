@@ -1,10 +1,9 @@
-"""Every figure that README and docs show: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
+"""All results of README and docs: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
 
-Times per frame come first and alone; then each processor has a benchmark, whose lines are in `.work/logs/RESULT.txt`.
-What has a result of this code is left out, so that the same command goes on where it was stopped, also behind commits
-of pages and results. A benchmark that fails is said, and the others go on; the exit code is 1 then. `--list` only
-tells what would run, and how much of a processor's time it took last. The swarm's need the extra `joints` and
-`depthmocap joints --fetch`.
+Times per frame are measured first and alone; then each core runs one benchmark, with its output in
+`.work/logs/RESULT.txt`. Results of the current code are skipped, so the same command resumes. A failed benchmark is
+reported, the others continue, and the exit code is 1. `--list` prints the pending benchmarks with their last CPU time.
+Those of the swarm need the extra `joints` and `depthmocap joints --fetch`.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from tests.support.suite import ROOT, WORK
 from toolkit.datasets.folder import data_folder
 
 PACKAGED = "toolkit/database/assets/default.npz"
-"""What users have; no actor of the motions that are tracked with it is in it."""
+"""Packaged database; it contains no actor of the benchmark motions."""
 TIMED = ("speed", "lookup")
 """Benchmarks of times per frame."""
 PUBLISHED = "baak2013,baak2013 mixed,baak2013 local,baak2013 lookup"
@@ -70,11 +69,11 @@ COMMANDS: dict[str, str] = {
     "keyframe_search": "keyframes search {data}",
     "keyframe_learning": "keyframes learning {data}",
 }
-"""Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`; what takes an hour comes early."""
+"""Result -> arguments of `depthmocap bench` that write it; the longest come first."""
 
 
 def left(wanted: dict[str, str]) -> dict[str, str]:
-    """Those whose result is of other code, or missing."""
+    """Return the benchmarks whose result is missing or of other code."""
     return {name: command for name, command in wanted.items() if _measured_at(name) != commit()}
 
 
@@ -84,13 +83,13 @@ def _measured_at(name: str) -> str | None:
 
 
 def spent_on(name: str) -> float | None:
-    """Seconds of a processor that the last run took; None where its result does not say it."""
+    """Return the CPU seconds of the last run, or None if unknown."""
     path = RESULTS / f"{name}.json"
     return json.loads(path.read_text(encoding="utf-8")).get("processor_seconds") if path.exists() else None
 
 
 def measured(name: str, words: list[str]) -> bool:
-    """Run the benchmark of a result with its words in a process of its own; whether it came to its end."""
+    """Run a benchmark in its own process; return whether it succeeded."""
     log = WORK / "logs" / f"{name}.txt"
     log.parent.mkdir(parents=True, exist_ok=True)
     print(f"{name}: bench {shlex.join(words)}", flush=True)
@@ -106,7 +105,7 @@ def _minutes(seconds: float | None) -> str:
 
 
 def main() -> None:
-    """Run what is left."""
+    """Run the pending benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=data_folder(), help="mocap and recordings")
     parser.add_argument("--only", nargs="+", choices=COMMANDS, metavar="RESULT", default=list(COMMANDS))

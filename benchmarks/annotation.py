@@ -63,7 +63,7 @@ HOW = (
     "label; 'without joins' leaves the frames of the joins out of the count"
 )
 COUNTEREXAMPLES = 3
-"""How often a training actor's clips are put together into documents, whose unlabelled parts are counterexamples."""
+"""Number of document sets made of a training actor's clips, whose unlabelled parts are counterexamples."""
 ALTERNATIVES = 2
 """Keyframe queries per class."""
 VARIANTS: dict[str, tuple[bool, DecisionSettings]] = {
@@ -84,7 +84,7 @@ Labelled = tuple[FeatureMatrix, tuple[Segment, ...], tuple[tuple[float, float], 
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """What was learned from two actors."""
+    """Templates, threshold and keyframes learned from two actors."""
 
     annotator: Annotator
     queries: list[KeyframeQuery]

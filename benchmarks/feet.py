@@ -1,4 +1,4 @@
-"""Feet that carry: `depthmocap bench feet [--real]`.
+"""Foot contact: `depthmocap bench feet [--real]`.
 
 Simulated people, tracked: the made motions of `benchmarks/_movement.py`, and those takes of the suite's report split in
 which the floor stays where it is (no treadmill, no turn on the spot). Truth says which foot carries. Sliding is
@@ -45,7 +45,7 @@ MEANS = ("sliding_mm", "sliding_beside_truth_mm", "jitter_mm", "jitter_beside_tr
 
 
 class Feet(NamedTuple):
-    """Where feet are: heel and ball of both (T, 2, 2, 3), level frame, and the ankles (T, 2, 3), metres."""
+    """Positions of the feet: heel and ball of both (T, 2, 2, 3), level frame, and the ankles (T, 2, 3), metres."""
 
     soles: np.ndarray
     ankles: np.ndarray
@@ -131,7 +131,7 @@ def of_suite(take: Scene, work: Path, database: Path) -> Tracked:
 
 
 def on_floor(take: Scene) -> bool:
-    """Whether the floor of a take stays where it is."""
+    """Return whether the floor of a recording is fixed (no treadmill, no turn on the spot)."""
     actor = take.actor
     body = subject_body(actor.body, seed=take.seed)
     poses = suite.motion_of(actor.clip, body, seed=take.seed, fast=take.group == "fast").poses

@@ -2,7 +2,7 @@
 
 The RealSense clip has 40 frames of two people in a room, one of them seated. The joints of all people are detected in
 colour once; the swarm tracker and the hybrid tracker use them, and `not told` is the hybrid tracker without joints.
-There is no truth: the figure is the distance of the fitted joints from the detected ones in the image, at the joint's depth.
+There is no truth: the figure is the image distance of fitted from detected joints, at the depth of the joint.
 Needs the pose model (`depthmocap joints --fetch`).
 """
 

@@ -1,4 +1,4 @@
-"""What lookup and fit rest on: `depthmocap bench lookup PART`, which is one of
+"""Searches of lookup and fit: `depthmocap bench lookup PART`, which is one of
 
 - `extrema [--frames 60]`: twenty geodesic extrema of a frame of a rendered subject: time and visited nodes, against
   SciPy's Dijkstra restarted for each (Baak 2013, Fig. 5.9). What a visit is, and that the counts are those of

@@ -95,7 +95,7 @@ def judged(annotate: Annotate, documents: Sequence[Document], labels: Sequence[s
 
 
 def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.ndarray:
-    """What `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
+    """Count the data that `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
 
     For each of `DOUBTS` frames left, frames of true segments, segments of which a frame is left, of which half is, all.
     """
@@ -172,7 +172,8 @@ def shown(name: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[float]]:
-    """What a second training person adds to F, per person left out, against the mean of either alone: over all seeds.
+    """Return the gain in F by a second training person per person left out, relative to the mean of both alone, over
+    all seeds.
 
     Rows of `results` are in the order of seeds, people left out and, where one person teaches, who that is.
     """

@@ -1,4 +1,4 @@
-"""How soon the right pose is found: `depthmocap bench recovery PART`, which is one of
+"""Recovery from wrong poses and from no pose: `depthmocap bench recovery PART`, which is one of
 
 - `wrong [--split report] [--starts 50]`: the recordings of the simulated suite are tracked, and at random frames, in
   which the result is right, the tracker's memory of the frame before is made wrong, with facing and centre to match: a
@@ -103,7 +103,7 @@ def run(
 
 
 def _share(starts: int, recordings: int, number: int, kind: int) -> int:
-    """How many of a kind's starts fall to a recording; the remainder falls to other recordings for each kind."""
+    """Return the number of starts of a kind in a recording; the remainder rotates over the recordings."""
     each, rest = divmod(starts, recordings)
     return each + ((number + kind * rest) % recordings < rest)
 
@@ -165,7 +165,7 @@ def tracker_of(row: str, database: PoseDatabase | None, overrides: dict[str, Any
 
 
 def started(tracker: Tracker, recording: Recording, every: int) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each start is right, bool (N,), and its mean error in millimetres (N,)."""
+    """Return whether each start is correct, bool (N,), and its mean error in millimetres (N,)."""
     solo = Solo(tracker, recording)
     first = solo.follower.state
     right, errors = [], []

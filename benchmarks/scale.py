@@ -1,4 +1,5 @@
-"""How much is too much: `depthmocap bench scale --database POSES [--recordings 24] [--runs 1000 10000]`.
+"""Batches and evaluations of many runs: `depthmocap bench scale --database POSES [--recordings 24] [--runs 1000
+10000]`.
 
 Tracks recordings of UTD-MHAD by `depthmocap track --workers`, as a batch is tracked, and says how many hours of a core
 a thousand of them take. Then evaluates as many runs as are asked for, each in a process of its own: copies of eight

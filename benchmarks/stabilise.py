@@ -1,4 +1,4 @@
-"""Hidden limbs told afterwards or by sensors: `depthmocap bench stabilise PART`, which is one of
+"""Occluded limbs by motion classes or by sensors: `depthmocap bench stabilise PART`, which is one of
 
 - `classes [--split report] [--config hybrid]`: sequences of one actor's clips (`tests/support/labelled.py`) are
   simulated, tracked, and stabilised with classes of the other actors. How well the labels are those performed. `--noise
@@ -264,7 +264,7 @@ def guide_of(person: SimulatedPerson, options: argparse.Namespace, seed: int) ->
 
 
 def guided(path: Path, poses: PoseDatabase, guide: Guide | None, run: Path) -> list[float]:
-    """`FIGURES` of the recording, tracked anew."""
+    """Track the recording and return its `FIGURES`."""
     shutil.rmtree(run, ignore_errors=True)
     recording = open_recording(path)
     track_recording(recording, HybridTracker(poses, guide=guide), run, warm_up=False)

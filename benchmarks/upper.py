@@ -1,7 +1,7 @@
 """People seen from the waist up: `depthmocap bench upper PART`, which is one of
 
-- `track [--split report] [--rows hybrid,lopez2011,particles]`: the takes of `tests/support/upper.py` (cut by the
-  image, behind a desk, on a chair, near the camera, wide, turned). Trackers are told nothing. Errors are those of head,
+- `track [--split report] [--rows hybrid,lopez2011,particles]`: the takes of `tests/support/upper.py` (cut by
+  the image, behind a desk, on a chair, near the camera, wide, turned). Trackers get no other input. Errors are of head,
   shoulders, elbows and hands, seen or not, in pixels of a 640x480 image (at most 120) and in millimetres (at most 1 m);
   frames before the person is found count. First are the first tracked frames. `--recovery` hangs both arms down, or
   raises them, at frame 30 of each take, and counts frames until the mean error of the seven joints is below 60 mm for 5
