@@ -4,7 +4,7 @@ The scenes are described in `tests/support/scenes.py`: from the waist up, seated
 children and tilted cameras, clothes, rooms without people. `--rooms` takes the seven groups of furnished rooms
 instead: people who enter and leave, carry things, embrace and hand over, crowds of four to six, cameras from 0.8 to
 2.5 m above the floor, stills of one frame, and ten rooms of 300 frames without people. Every recording is
-tracked with `--people all` and no option that says how the people are cut out; one that cannot be tracked counts as
+tracked with `--people all` and no segmentation option; one that cannot be tracked counts as
 one in which no person was found. Seen joints are those of `visible_joints`; a person who is not found is 1 m off.
 Identities are CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all joints of all people who were
 found; unobserved joints are the ones that are not seen. `--runs FOLDER` scores run folders that were made before,

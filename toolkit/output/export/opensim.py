@@ -35,7 +35,7 @@ DENSITY = 985.0
 
 
 @dataclass(frozen=True)
-class Segment:
+class ScaledSegment:
     """A body of the model and the segment of ours that it follows.
 
     Attributes
@@ -54,11 +54,11 @@ class Segment:
 
 
 SEGMENTS = (
-    Segment("femur", "hip", "hip", ("hip", "knee", "femur", "tibia")),
-    Segment("tibia", "knee", "knee", ("knee", "ankle", "tibia", "talus")),
-    Segment("calcn", "ankle", "ankle"),
-    Segment("humerus", "shoulder", "shoulder", ("shoulder", "elbow", "humerus", "ulna")),
-    Segment("ulna", "elbow", "elbow", ("elbow", "wrist", "ulna", "hand")),
+    ScaledSegment("femur", "hip", "hip", ("hip", "knee", "femur", "tibia")),
+    ScaledSegment("tibia", "knee", "knee", ("knee", "ankle", "tibia", "talus")),
+    ScaledSegment("calcn", "ankle", "ankle"),
+    ScaledSegment("humerus", "shoulder", "shoulder", ("shoulder", "elbow", "humerus", "ulna")),
+    ScaledSegment("ulna", "elbow", "elbow", ("elbow", "wrist", "ulna", "hand")),
 )
 """Segments of each side; a model without arms has no humerus and ulna."""
 FOLLOWS = {"talus": "calcn", "toes": "calcn", "patella": "tibia", "radius": "ulna", "hand": "ulna"}
