@@ -185,7 +185,7 @@ _SETS = (
         "geometric clustering. ICRA 2017",
         "https://github.com/MarianoJT88/Joint-VO-SF",
         ("tests",),
-        "MarianoJT88/Joint-VO-SF", "37ebbcb2595f93b7ca12de84a12a462ad8882304",
+        "MarianoJT88/Joint-VO-SF", "40f3265565502d00006f8595eafc6aec641a476b",
     ),
     DataSet(
         "rooms", "rooms", "six real sequences of rooms with up to five people; annotations are in the repository",
