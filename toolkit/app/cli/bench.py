@@ -13,6 +13,7 @@ from toolkit.io.errors import UsageError
 
 FOLDER = Path(__file__).resolve().parents[3] / "benchmarks"
 
+NO_CHECKOUT = "bench needs a checkout of the repository, which contains benchmarks/"
 CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 
@@ -36,8 +37,7 @@ def _run_benchmark(name: str, arguments: list[str]) -> None:
 
     scripts = benchmarks()
     if name not in scripts:
-        there = f"there are: {', '.join(scripts)}" if scripts else "run it from a checkout, where benchmarks/ lies"
-        raise UsageError(f"there is no benchmark {name!r}; {there}")
+        raise UsageError(f"there is no benchmark {name!r}; there are: {', '.join(scripts)}" if scripts else NO_CHECKOUT)
     sys.argv = [str(scripts[name]), *arguments]
     sys.path.insert(0, str(FOLDER.parent))
     if (FOLDER / "_data.py").exists():
@@ -54,6 +54,6 @@ def bench(
     """Measure a figure: run a benchmark script, all of them with --all, or list them without a name."""
     name = "all" if name == "--all" else name
     if name in ("", "-h", "--help"):
-        say("\n".join(benchmarks()) or "there is no benchmark here; run it from a checkout")
+        say("\n".join(benchmarks()) or NO_CHECKOUT)
         return
     _run_benchmark(name, context.args)

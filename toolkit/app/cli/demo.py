@@ -1,4 +1,4 @@
-"""`depthmocap demo`: the main job, from a recording to a film, on bundled motions or on fetched real frames."""
+"""The verb `depthmocap demo`: the whole pipeline on bundled motions or on downloaded real frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUBJECT, SUBJECT_SEED = "slim_male", 7
 MOTIONS = 3
 """Motions of the recording; the database contains none of them."""
 SECONDS = 5.0
-"""Of each motion."""
+"""Duration of each motion."""
 REAL = "two-people"
 """Data set of the real demo."""
 
@@ -39,7 +39,7 @@ class DemoResult(NamedTuple):
 
 
 class RealDemoResult(NamedTuple):
-    """Result of the real demo: summary, people, and the files in their order."""
+    """Result of the real demo: summary, people, and the written files in order."""
 
     summary: RunSummary
     people: People
@@ -102,18 +102,18 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
 
 
 def run_real_demo(output: str | Path, *, data: str | Path | None = None, show: Progress = silent) -> RealDemoResult:
-    """Fetch 20 real depth frames of two men in a room, track both, and draw the film and the page.
+    """Download 20 real depth frames of two men in a room, track both, and draw the film and the page.
 
     Parameters
     ----------
-    output : folder of everything that is written; an earlier demo in it is replaced
+    output : folder of all files; replaces an earlier demo
     data : data folder; `toolkit.datasets.folder.data_folder()` if None
     show : called with the work that is done
 
     Raises
     ------
     DataError
-        The frames are not in the data folder and cannot be fetched.
+        The frames are not in the data folder and cannot be downloaded.
     OutputError
         The folder cannot be written.
     """
@@ -153,18 +153,16 @@ def run_real_demo(output: str | Path, *, data: str | Path | None = None, show: P
 
 
 def demo(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of everything that is written.")] = Path(
-        "demo"
-    ),
-    seed: Annotated[int | None, typer.Option(help="Seed of everything random.", min=0, show_default="0")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output folder.")] = Path("demo"),
+    seed: Annotated[int | None, typer.Option(help="Random seed.", min=0, show_default="0")] = None,
     real: Annotated[
-        bool, typer.Option("--real", help="Fetch and track 20 real frames of two people (3 MB) instead.")
+        bool, typer.Option("--real", help="Download and track 20 real frames of two people (3 MB) instead.")
     ] = False,
     data: Annotated[
         Path | None, typer.Option(help="With --real: data folder.", show_default="that of `data where`")
     ] = None,
 ) -> None:
-    """Do the main job on bundled motions: simulated recording, track, table, film and a page of it all."""
+    """Run the whole pipeline on bundled motions: simulated recording, track, table, film and a page."""
     start = time.monotonic()
     if real:
         if seed is not None:
@@ -174,13 +172,19 @@ def demo(
         if data is not None:
             raise UsageError("--data belongs to --real; add it or leave --data out")
         page = _demo_simulated(output, seed or 0)
-    say(f"{time.monotonic() - start:.0f} seconds; open {page} in a browser: film, body in three dimensions, plots")
+    say(f"{time.monotonic() - start:.0f} seconds; open {page} in a browser for the film, the 3-D view and the plots")
     recording = output / REAL / "images_n40" if real else output / "take.npz"
     people = ("--people", "all") if real else ()
     next_commands(
         {
-            ("track", str(recording), *people, "--output", "run"): "with the default poses; then a recording of yours",
-            ("info", str(recording)): "what a recording holds, and which option would help",
+            (
+                "track",
+                str(recording),
+                *people,
+                "--output",
+                "run",
+            ): "with the default poses; then a recording of your own",
+            ("info", str(recording)): "describes a recording and names the options that it needs",
         }
     )
 

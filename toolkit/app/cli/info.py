@@ -1,4 +1,4 @@
-"""`depthmocap info`."""
+"""The verb `depthmocap info`."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def info(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", show_default=False)],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="Picture of the people found.", show_default="NAME_info.png"),
+        typer.Option("--output", "-o", help="Picture of the detected people.", show_default="NAME_info.png"),
     ] = None,
     segment: SegmentOption = None,
     reading: Reading = Reading(),
 ) -> None:
-    """Look at the first seconds of a recording: camera, up, room, people and why, and which option would help."""
+    """Describe a recording by its first seconds: camera, vertical, background, people with evidence, useful options."""
     from toolkit.database.database import PoseDatabase
     from toolkit.database.default import DEFAULT_DATABASE
     from toolkit.io.files import check_output

@@ -1,4 +1,4 @@
-"""`depthmocap track`."""
+"""The verb `depthmocap track`."""
 
 from __future__ import annotations
 
@@ -22,41 +22,43 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Tracking:
-    """Which tracker is built, as it is typed."""
+    """Options that select the tracker."""
 
     database: Annotated[
         Path | None,
-        typer.Option("--database", "-d", help="Pose database.", show_default="the one of the package"),
+        typer.Option("--database", "-d", help="Pose database.", show_default="the packaged one"),
     ] = None
-    body: Annotated[Path | None, typer.Option(help="The person's body file, of `depthmocap body scan`.")] = None
+    body: Annotated[Path | None, typer.Option(help="Body file of the person, written by `depthmocap body scan`.")] = (
+        None
+    )
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid"
     settings: SettingOption = None
     online: Annotated[
-        bool, typer.Option("--online", help="One pass, each frame done with as it comes, as for a live camera.")
+        bool, typer.Option("--online", help="One pass: finish each frame when it arrives, as for a live camera.")
     ] = False
     segment: SegmentOption = None
     subject: Annotated[
         str | None,
-        typer.Option(help="Who is meant among several people: only, largest or nearest.", show_default="only"),
+        typer.Option(help="Selection of one of several people: only, largest or nearest.", show_default="only"),
     ] = None
 
     def overrides(self) -> dict[str, Any]:
-        """Settings that are not the configuration's, by their dotted names."""
+        """Return the settings of the command line by their dotted names."""
         from toolkit.app.config import parse_overrides
         from toolkit.app.pipeline import TrackerRecipe
         from toolkit.tracking.registry import DEFAULT
 
         sensing = given(segment=self.segment, subject=self.subject)
         found = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
-        # Other trackers know one pass only.
+        # Other trackers have one pass only.
         if self.online and TrackerRecipe(self.config, found).tracker == DEFAULT:
             found["passes"] = 1
         return found
 
     def recipe(self, sensors: Path | None = None) -> TrackerRecipe:
-        """What the tracker is made of: the database named or that of the package, for a tracker that needs one.
+        """Return the recipe of the tracker with the named database, or the packaged one if the tracker needs one.
 
-        A database that is named for a tracker that looks no poses up is not used, which is said.
+        A database for a tracker without lookup is ignored with a warning.
         """
         from toolkit.app.pipeline import TrackerRecipe
         from toolkit.database.default import default_database_path
@@ -64,12 +66,12 @@ class Tracking:
         recipe = TrackerRecipe(self.config, self.overrides(), self.database, self.body, sensors)
         if not recipe.needs_database():
             if self.database is not None:
-                say(f"{self.database} is not used: this tracker looks no poses up", file=sys.stderr)
+                say(f"{self.database} is not used: this tracker has no database lookup", file=sys.stderr)
             return replace(recipe, database=None)
         return recipe if self.database else replace(recipe, database=default_database_path())
 
     def check(self) -> None:
-        """Raise SettingsError for settings that cannot be, before anything costs time."""
+        """Raise SettingsError for invalid settings before the work starts."""
         from toolkit.app.pipeline import TrackerRecipe
 
         TrackerRecipe(self.config, self.overrides()).settings()
@@ -77,15 +79,15 @@ class Tracking:
 
 @dataclass(frozen=True)
 class Folders:
-    """What becomes of run folders that are there already, and of many recordings, as it is typed."""
+    """Options for existing run folders and for batches."""
 
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace finished runs.")] = False
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue a killed or interrupted run; several recordings always do.")
+        bool, typer.Option("--resume", help="Continue a killed or interrupted run; a batch always does.")
     ] = False
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="Number of processes that share the recordings.", show_default="one"),
+        typer.Option(min=1, help="Number of parallel processes for several recordings.", show_default="one"),
     ] = None
 
     def keep_finished(self, run: Path) -> None:
@@ -106,18 +108,15 @@ def track(
         typer.Option("--output", "-o", help="Run folder; several recordings go to OUTPUT/<stem>.", show_default=False),
     ],
     tracking: Tracking,
-    people: Annotated[
-        str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
-    ] = "1",
+    people: Annotated[str, typer.Option(metavar="all|N", help="Track several people, each in OUTPUT/person_NN.")] = "1",
     joints: Joints = Joints(),
     guiding: SensorGuideOptions = SensorGuideOptions(),
     folders: Folders = Folders(),
     reading: Reading = Reading(),
 ) -> None:
-    """Track the person in depth recordings and write what was found into run folders.
+    """Track the person in depth recordings and write run folders.
 
-    Of several recordings, or with --workers, each has OUTPUT/<stem>, finished runs are left alone, and
-    OUTPUT/manifest.jsonl lists all.
+    Several recordings, or --workers, write OUTPUT/<stem> each and OUTPUT/manifest.jsonl; finished runs are skipped.
     """
     from toolkit.app.pipeline import unreadable
 
@@ -127,7 +126,7 @@ def track(
     if not batch:
         folders.keep_finished(output)
     tracking.check()
-    for path, reason in unreadable(recordings, options).items():  # before anything costs time
+    for path, reason in unreadable(recordings, options).items():  # before expensive work
         say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
     if batch:
         _track_batch(recordings, output, tracking, guiding, folders, {**how, "reader_options": options})
@@ -139,7 +138,7 @@ def _track_one(
     path: Path, options: dict[str, Any], run: Path, tracking: Tracking, guiding: SensorGuideOptions, resume: bool,
     how: dict[str, Any],
 ) -> None:  # fmt: skip
-    """One recording into `run`. Exit code 1 where it is not done, 3 where no person is tracked."""
+    """Track one recording into `run`. Exit code 1 if it is not finished, 3 without a tracked person."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.kernels.precompile import compile_beside
 
@@ -149,7 +148,7 @@ def _track_one(
     from toolkit.tracking.tracker_protocol import judge_of
 
     guide, watcher = guiding.guide([path]), guiding.watcher([path])
-    if watcher is not None:  # motions are told as they end, in the rows of the first pass
+    if watcher is not None:  # events are written in the first pass
         tracking = replace(tracking, online=True)
     with progress_bars() as bars:
         recipe, preparing = tracking.recipe(guiding.inertial), doing_words("compiling")
@@ -170,12 +169,12 @@ def _track_one(
     if summary.interrupted:
         raise typer.Exit(1)
     if not summary.states["tracked"]:
-        next_commands({("info", str(path)): "what the recording holds, and which option would help"})
+        next_commands({("info", str(path)): "describes the recording and names the options that it needs"})
         raise typer.Exit(3)
     next_commands(
         {
-            ("report", str(run), "--output", "report.html"): "one page: film, body in three dimensions, plots",
-            ("evaluate", str(run)): "error, where the recording knows the truth; time; states",
+            ("report", str(run), "--output", "report.html"): "one page: film, 3-D view, plots",
+            ("evaluate", str(run)): "error if the recording contains the true joints; time; states",
             ("export", str(run), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .trc, .csv",
         }
     )
@@ -189,7 +188,8 @@ def _track_batch(
     folders: Folders,
     how: dict[str, Any],
 ) -> None:
-    """Several recordings; a line for each. Exit code 1 where one is not done, 3 where one has no tracked person."""
+    """Track several recordings, with one line each. Exit code 1 if one is not finished, 3 if one has no tracked
+    person."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recordings
     from toolkit.app.pipeline.manifest import DONE
@@ -212,14 +212,14 @@ def _track_batch(
         raise typer.Exit(3)
     next_commands(
         {
-            ("report", str(output), "--output", "report.html"): "one page: films, bodies in three dimensions, plots",
-            ("evaluate", str(output)): "error, where the recordings know the truth; time; states",
+            ("report", str(output), "--output", "report.html"): "one page: films, 3-D views, plots",
+            ("evaluate", str(output)): "error if the recordings contain the true joints; time; states",
         }
     )
 
 
 def _say_done(text: str, run: Path, file: TextIO | None = None) -> None:
-    """What became of a recording, and who is in it where several were followed."""
+    """Print the summary of a recording, with its people if there are several."""
     from toolkit.tracks.runs import PEOPLE_FILE, load_people
 
     say(text, file=file)
