@@ -17,6 +17,14 @@ from toolkit.fitting.terms import PairTerm
 from toolkit.sensing.camera import Camera
 
 
+def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) of the pixels with depth (H, W) > 0, camera frame, metres, and their flat indices (N,)."""
+    v, u = np.nonzero(depth > 0)
+    z = depth[v, u].astype(np.float64)
+    fx, fy, cx, cy = intrinsics
+    return np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1), v * depth.shape[1] + u
+
+
 def vertex_jacobian(body: Body, pose: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Derivative of the chosen vertices by the pose by central differences of fourth order: float64 (V, 3, P)."""
     out = np.empty((len(vertices), 3, len(pose)))

@@ -10,8 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.optimize import lsq_linear
 from scipy.spatial import cKDTree
 
-from tests.fitting_helpers import vertex_jacobian, whole_image
-from tests.support.plain_fitting import back_projected
+from tests.fitting_helpers import back_projected, vertex_jacobian, whole_image
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.body.shape import load_body

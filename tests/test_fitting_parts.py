@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.fitting_helpers import whole_image
-from tests.support.plain_fitting import back_projected
+from tests.fitting_helpers import back_projected, whole_image
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.fitting_settings import FittingSettings

@@ -1,10 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from benchmarks._stiffness import admissible, distance_of, stiffness_of
 from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_at_once
 
@@ -34,22 +31,9 @@ def test_a_condition_on_several_sets_becomes_one_keyframe_per_set() -> None:
         (lambda: KeyframeQuery((KNEE, HAND)), "need 1 distances"),
         (lambda: KeyframeQuery((KNEE, HAND), ((3, 2),)), "from 3 to 2 frames"),
         (lambda: KeyframeQuery((KNEE,), lead=-1), "lead -1"),
-        (lambda: admissible(5, 1.5), "stiffness 1.5"),
-        (lambda: admissible(-5, 0.5), "distance -5"),
     ],
 )
 def test_a_query_that_cannot_work_is_refused_in_one_sentence(make: object, message: str) -> None:
     with pytest.raises(RetrievalError, match=message) as caught:
         make()  # type: ignore[operator]
     assert "\n" not in str(caught.value)
-
-
-def test_distances_are_those_of_the_running_example() -> None:
-    assert admissible(3, 0.5) == (2, 6)
-    assert admissible(5, 0.6) == (3, 8)
-
-
-@given(st.integers(1, 300), st.integers(0, 300))
-def test_distance_and_stiffness_give_the_bounds_back(least: int, more: int) -> None:
-    bound = (least, least + more)
-    assert admissible(distance_of(bound), stiffness_of(bound)) == bound

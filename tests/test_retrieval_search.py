@@ -6,7 +6,6 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks._stiffness import admissible
 from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -60,7 +59,7 @@ def union_of_all_matches(lists: list[Segments], bounds: list[tuple[int, int]], d
 
 
 def test_the_worked_example_of_the_text_gives_one_range_from_3_to_15() -> None:
-    bounds = [admissible(3, 0.5), admissible(5, 0.6)]
+    bounds = [(2, 6), (3, 8)]
     assert search(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
     assert union_of_all_matches(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
 
@@ -76,7 +75,7 @@ def test_the_worked_example_is_found_in_an_index() -> None:
     keyframes = [
         Keyframe(name, ((feature, 1),)) for name, feature in (("upper", "F1"), ("lower", "F15"), ("mixed", "F27"))
     ]
-    hits = find(index, KeyframeQuery(tuple(keyframes), (admissible(3, 0.5), admissible(5, 0.6))))
+    hits = find(index, KeyframeQuery(tuple(keyframes), ((2, 6), (3, 8))))
     assert (hits.documents.tolist(), hits.starts.tolist(), hits.stops.tolist()) == ([1], [3], [16])
     assert hits.processed >= min(map(len, EXAMPLE))
 
@@ -156,8 +155,8 @@ def test_a_stiff_query_misses_what_a_soft_one_finds() -> None:
     values[0, [10, 50]], values[1, [20, 65]] = True, True
     index = KeyframeIndex.build([FeatureMatrix("a", values)])
     keyframes = [Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))]
-    assert find(index, KeyframeQuery(tuple(keyframes), (admissible(10, 1.0),))).starts.tolist() == [10]
-    assert find(index, KeyframeQuery(tuple(keyframes), (admissible(10, 0.6),))).starts.tolist() == [10, 50]
+    assert find(index, KeyframeQuery(tuple(keyframes), ((10, 10),))).starts.tolist() == [10]
+    assert find(index, KeyframeQuery(tuple(keyframes), ((6, 16),))).starts.tolist() == [10, 50]
 
 
 def ranges(documents: list[int], starts: list[int], stops: list[int]) -> HitRanges:
