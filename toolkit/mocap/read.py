@@ -11,6 +11,7 @@ from toolkit.mocap.amass import is_amass, read_amass
 from toolkit.mocap.asf_amc import read_amc
 from toolkit.mocap.bvh import read_bvh
 from toolkit.mocap.clip import Clip
+from toolkit.mocap.plausibility import check_clip
 
 MOTION_SUFFIXES = (".bvh", ".amc")
 """Endings of files that hold a motion; an ASF skeleton is found through its AMC motions. Of NPZ files those of AMASS
@@ -39,7 +40,7 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
     if file.suffix.lower() in FOREIGN_SUFFIXES:
         raise MocapError(f"{file.name} is not read: of {file.suffix} files there is no reader; convert it to BVH")
     if file.suffix.lower() == ".npz":
-        return read_amass(file)
+        return check_clip(read_amass(file))
     try:
         with open_file(file) as stream:
             head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
@@ -48,11 +49,11 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
     if not head:
         raise MocapError(f"{file.name} is empty; copy it again")
     if head.startswith("HIERARCHY"):
-        return read_bvh(file, unit=unit)
+        return check_clip(read_bvh(file, unit=unit))
     if ":bonedata" in head.lower() or ":version" in head.lower():
         raise MocapError(f"{file.name} is an ASF skeleton without motion; give one of its AMC files")
     if ":FULLY-SPECIFIED" in head.upper() or file.suffix.lower() == ".amc":
-        return read_amc(file, unit=unit)
+        return check_clip(read_amc(file, unit=unit))
     raise MocapError(f"{file.name} is neither BVH nor AMC nor AMASS; convert it to BVH")
 
 

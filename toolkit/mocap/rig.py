@@ -113,7 +113,7 @@ def read_map(path: Path) -> dict[str, list[str]]:
 
 def _plain(name: str) -> str:
     """A joint name without namespace, case and separators; Mixamo's namespace may have lost its colon."""
-    return re.sub(r"^mixamorig\d*|[\s_-]", "", name.rsplit(":", 1)[-1].lower())
+    return re.sub(r"^mixamorig\d*|^bip\d+(?=.)|[\s_-]", "", name.rsplit(":", 1)[-1].lower())
 
 
 def _fit(maps: dict[str, list[str]], names: Iterable[str]) -> dict[str, str]:

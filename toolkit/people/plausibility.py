@@ -27,7 +27,7 @@ from toolkit.sensing.sensing_settings import SensingSettings
 
 HELP = "see docs/troubleshooting.md"
 """The end of every warning: the page with symptoms, causes and options."""
-Kind = Literal["intrinsics", "unit", "size", "orientation", "times", "frames"]
+Kind = Literal["intrinsics", "unit", "size", "orientation", "times"]
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,6 @@ class PlausibilitySettings:
     camera_height : metres above a visible floor that are evidence for the unit in a room where no person is seen
     stature : metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms
     unlike_person : log odds of a head below which what is cut out is not a person
-    fastest : m/s of a person between two frames; a sprinter reaches 12
-    jitter : metres that the centre of a person's surface may move at once, by noise and occlusion
-    fewest_jumps : share of the frames which have to be unconnected
     """
 
     seconds: float = 10.0
@@ -64,9 +61,6 @@ class PlausibilitySettings:
     camera_height: tuple[float, float] = (0.8, 2.6)
     stature: tuple[float, float] = (0.95, 2.7)
     unlike_person: float = 0.7
-    fastest: float = 12.0
-    jitter: float = 0.3
-    fewest_jumps: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,153 @@
+"""Motion capture that can be read and is not what was meant; skeletons of other systems by their joint names."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.io.errors import MocapError, PlausibilityWarning
+from toolkit.mocap.clip import Clip
+from toolkit.mocap.plausibility import check_clip
+from toolkit.mocap.read import read_clip
+from toolkit.mocap.rig import KEYS, load_rig
+
+PLACES = {
+    "root": (0, 1, 0), "lumbar": (0, 1.1, 0), "thorax": (0, 1.25, 0), "cervical": (0, 1.5, 0), "head": (0, 1.65, 0),
+    "clavicle": (0.03, 1.4, 0), "shoulder": (0.18, 1.45, 0), "elbow": (0.46, 1.45, 0), "wrist": (0.7, 1.45, 0),
+    "hip": (0.09, 1, 0), "knee": (0.1, 0.6, 0), "ankle": (0.1, 0.1, 0), "foot": (0.1, 0.05, 0.15),
+}  # fmt: skip
+CHAINS = (("clavicle", "shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "foot"))
+
+
+def clip_of(names: dict[str, str], frames: int = 20) -> Clip:
+    """A person who bends the left elbow and knee and moves ahead, with the joint names of a rig."""
+    keys: list[tuple[str, int, np.ndarray]] = []
+    for key in ("root", "lumbar", "thorax", "cervical", "head"):
+        keys.append((key, len(keys) - 1, np.array(PLACES[key], dtype=float)))
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for chain, start in zip(CHAINS, (2, 0), strict=True):
+            parent = start
+            for part in chain:
+                if f"{side}_{part}" in names:
+                    keys.append((f"{side}_{part}", parent, np.array(PLACES[part]) * (sign, 1.0, 1.0)))
+                    parent = len(keys) - 1
+    rotations = np.broadcast_to(np.eye(3), (frames, len(keys), 3, 3)).copy()
+    bent = [k for k, (key, _, _) in enumerate(keys) if key in ("left_elbow", "left_knee")]
+    for t in range(frames):
+        c, s = np.cos(0.05 * t), np.sin(0.05 * t)
+        rotations[t, bent] = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+    return Clip(
+        name="take",
+        joint_names=tuple(names[key] for key, _, _ in keys),
+        parents=np.array([parent for _, parent, _ in keys]),
+        offsets=np.array([place - (keys[parent][2] if parent >= 0 else 0.0) for _, parent, place in keys]),
+        rotations=rotations,
+        root_positions=np.array([[0.0, 1.0, 0.01 * t] for t in range(frames)]),
+        frame_rate=30.0,
+    )
+
+
+BIPED = {
+    "root": "Bip01_Pelvis", "lumbar": "Bip01_Spine", "thorax": "Bip01_Spine2", "cervical": "Bip01_Neck",
+    "head": "Bip01_Head",
+    **{
+        f"{side}_{part}": f"Bip01_{letter}_{name}"
+        for side, letter in (("left", "L"), ("right", "R"))
+        for part, name in (
+            ("clavicle", "Clavicle"), ("shoulder", "UpperArm"), ("elbow", "Forearm"), ("wrist", "Hand"),
+            ("hip", "Thigh"), ("knee", "Calf"), ("ankle", "Foot"), ("foot", "Toe0"),
+        )
+    },
+}  # fmt: skip
+XSENS = {
+    "root": "Pelvis", "lumbar": "L3", "thorax": "T8", "cervical": "Neck", "head": "Head",
+    **{
+        f"{side.lower()}_{part}": f"{side}{name}"
+        for side in ("Left", "Right")
+        for part, name in (
+            ("clavicle", "Shoulder"), ("shoulder", "UpperArm"), ("elbow", "ForeArm"), ("wrist", "Hand"),
+            ("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("foot", "Toe"),
+        )
+    },
+}  # fmt: skip
+ROKOKO = {
+    "root": "Hips", "lumbar": "Spine1", "thorax": "Spine4", "cervical": "Neck", "head": "Head",
+    **{
+        f"{side.lower()}_{part}": f"{side}{name}"
+        for side in ("Left", "Right")
+        for part, name in (
+            ("clavicle", "Shoulder"), ("shoulder", "Arm"), ("elbow", "ForeArm"), ("wrist", "Hand"),
+            ("hip", "Thigh"), ("knee", "Shin"), ("ankle", "Foot"), ("foot", "Toe"),
+        )
+    },
+}  # fmt: skip
+VICON = {
+    "root": "pelvis", "lumbar": "lowerback", "thorax": "thorax", "cervical": "neck", "head": "head",
+    **{
+        f"{side}_{part}": f"{side[0]}{name}"
+        for side in ("left", "right")
+        for part, name in (
+            ("clavicle", "clavicle"), ("shoulder", "humerus"), ("elbow", "radius"), ("wrist", "hand"),
+            ("hip", "femur"), ("knee", "tibia"), ("ankle", "foot"), ("foot", "toes"),
+        )
+    },
+}  # fmt: skip
+SYSTEMS = {"biped": BIPED, "xsens": XSENS, "rokoko": ROKOKO, "vicon": VICON}
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_skeletons_of_other_systems_have_a_joint_map(system: str) -> None:
+    clip = clip_of(SYSTEMS[system])
+    joints = load_rig(clip).joints
+    assert {key: name for key, name in joints.items() if key in SYSTEMS[system]} == SYSTEMS[system]
+    assert set(joints) <= set(KEYS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert check_clip(clip) is clip
+
+
+@pytest.mark.parametrize("rate", [0.03, 4.0, 1200.0])
+def test_a_frame_time_in_milliseconds_is_refused(rate: float) -> None:
+    with pytest.raises(MocapError, match="write the frame time in seconds, not milliseconds"):
+        check_clip(replace(clip_of(BIPED), frame_rate=rate))
+
+
+def test_a_file_is_checked_when_it_is_read(tmp_path: Path) -> None:
+    from tests.mocap_helpers import BVH_TWO_BONES
+
+    (tmp_path / "a.bvh").write_text(BVH_TWO_BONES.replace("Frame Time: 0.0333333", "Frame Time: 33.3333"))
+    with pytest.raises(MocapError, match="0.03 frames a second"):
+        read_clip(tmp_path / "a.bvh")
+
+
+def test_radians_read_as_degrees_are_doubted() -> None:
+    clip = clip_of(BIPED)
+    still = np.broadcast_to(np.eye(3), clip.rotations.shape).copy()
+    with pytest.warns(PlausibilityWarning, match="radians have to be given in degrees"):
+        check_clip(replace(clip, rotations=still))
+
+
+def test_a_root_without_channels_is_doubted() -> None:
+    clip = clip_of(BIPED)
+    with pytest.warns(PlausibilityWarning, match="the root stays in one place"):
+        check_clip(replace(clip, root_positions=np.tile(clip.root_positions[:1], (len(clip), 1))))
+
+
+@pytest.mark.parametrize("how", ["names", "scale"])
+def test_exchanged_sides_and_a_negative_scale_are_doubted(how: str) -> None:
+    clip = clip_of(XSENS)
+    if how == "names":
+        swap = {"Left": "Right", "Right": "Left"}
+        names = tuple(
+            next((swap[side] + name[len(side) :] for side in swap if name.startswith(side)), name)
+            for name in clip.joint_names
+        )
+        wrong = replace(clip, joint_names=names)
+    else:
+        wrong = replace(clip, offsets=-clip.offsets)
+    with pytest.warns(PlausibilityWarning, match="left and right exchanged, or is mirrored by a negative scale"):
+        check_clip(wrong)
