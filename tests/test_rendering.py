@@ -11,14 +11,13 @@ import pytest
 from tests.chromium import browser
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
 from toolkit.body import skeleton
-from toolkit.body.skeleton import POSE_NAMES, REPORTED
+from toolkit.body.skeleton import POSE_NAMES
 from toolkit.io.errors import UsageError
 from toolkit.io.files import sha256_of
 from toolkit.output.rendering import encoders, style
 from toolkit.output.rendering.film import FilmWriter, contact_sheet, render_people, render_run
 from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.mesh import draw_mesh, part_colors
-from toolkit.output.rendering.overlay import draw_skeleton
 from toolkit.output.rendering.painter import FramePainter, RenderSettings
 from toolkit.output.rendering.views import outside_view_of
 from toolkit.recordings.opening import open_recording
@@ -168,19 +167,6 @@ def test_the_side_view_has_the_camera_at_the_left_and_up_above():
     assert abs(left[0] - origin[0]) < 20
 
 
-def test_joints_that_are_not_known_are_not_drawn():
-    image = np.zeros((100, 100, 3), np.uint8)
-    draw_skeleton(image, np.full((20, 2), np.nan))
-    assert not image.any()
-    pixels = np.full((20, 2), np.nan)
-    pixels[REPORTED.index("left_hand")] = 50
-    draw_skeleton(image, pixels)
-    assert tuple(image[50, 50]) == style.LEFT
-    guessed = np.zeros((100, 100, 3), np.uint8)
-    draw_skeleton(guessed, pixels, np.zeros(20, dtype=bool))
-    assert tuple(guessed[50, 50]) == style.PAPER and len(np.unique(guessed.reshape(-1, 3), axis=0)) > 2, "a ring"
-
-
 @pytest.mark.parametrize("suffix", [".mp4", ".webm", ".avi"])
 def test_a_film_can_be_read_back(take, tmp_path, suffix):
     import cv2
@@ -245,18 +231,6 @@ def test_an_unknown_output_or_range_is_an_error(take, tmp_path):
     with pytest.raises(UsageError, match="at least one"):
         contact_sheet([])
     assert list(tmp_path.iterdir()) == []
-
-
-def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_package(take, tmp_path, monkeypatch):
-    import cv2
-
-    monkeypatch.setattr(encoders, "has_av", lambda: False)
-    with pytest.raises(UsageError, match=r"pip install av.* \*.webm"):
-        render_people(*arranged(take), tmp_path / "film.mp4")
-    assert list(tmp_path.iterdir()) == []
-    film = cv2.VideoCapture(str(render_people(*arranged(take), tmp_path / "film.webm")))
-    code = int(film.get(cv2.CAP_PROP_FOURCC))
-    assert code.to_bytes(4, "little") == b"VP80"
 
 
 def test_a_browser_plays_the_films(take, tmp_path, monkeypatch):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from toolkit.app.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of
-from toolkit.inertial.readers.table import UNITS, factors_of, pairs_of
+from toolkit.inertial.readers.table import UNITS, factors_of
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.errors import UsageError
 from toolkit.recordings.reader_options import ReaderOptions
@@ -47,12 +47,6 @@ def test_a_size_is_a_width_and_a_height() -> None:
 
 
 # Columns and units of sensor tables.
-
-
-@pytest.mark.parametrize("text", ["time_s", "=t", "time_s=", "a=b,", "a=b, =c"])
-def test_pairs_that_are_none_are_refused(text: str) -> None:
-    with pytest.raises(UsageError, match=r"--columns is .*; write pairs"):
-        pairs_of(text, "--columns")
 
 
 def test_units_are_ours_unless_others_are_chosen() -> None:

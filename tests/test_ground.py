@@ -1,4 +1,4 @@
-"""Parts that only whole commands exercised: seated motions, occluders, the ground, expected limbs, colours, reports."""
+"""The ground height of a track comes from the camera, from the feet or from an assumption."""
 
 from __future__ import annotations
 
@@ -10,22 +10,11 @@ import pytest
 
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.evaluation.orientations import RunCheck
-from toolkit.inertial.calibration import Calibration, Mounting
-from toolkit.inertial.distance import Distances, WrongStretch
 from toolkit.motion.contact import ground_of
 from toolkit.tracks import LOST, TRACKED
 
 BODY = load_body("neutral")
 STANDING_HIPS = -float(BODY.vertices[:, 1].min())
-
-# Seated motions.
-
-
-# What stands before people.
-
-
-# The ground under people.
 
 
 def somebody(height: float | None, *, feet: bool = True, there: bool = True, state: int = TRACKED) -> Any:
@@ -49,32 +38,3 @@ def test_the_ground_is_where_the_camera_saw_it_else_where_feet_rest_else_guessed
         height, how = ground_of([person])
         assert height == pytest.approx(below, abs=0.02) and how == "guessed"
     assert ground_of([somebody(None, feet=False, there=False)]) == (0.0, "guessed")
-
-
-# What is expected of hidden limbs while a recording is tracked again.
-
-
-# Colours of simulated people.
-
-
-# A check by inertial sensors as files.
-
-
-@pytest.fixture
-def check() -> RunCheck:
-    times = np.arange(60) / 30
-    full = np.where((times > 0.5) & (times < 1.0), 60.0, 5.0)
-    full[0] = np.nan
-    curves = (Distances("left_shin", times, full, full / 2), Distances("head", times, np.full(60, 4.0), np.zeros(60)))
-    errors = (WrongStretch("left_shin", 0.5333, 0.9667, 60.0, 58.5, "orientation"),)
-    sensors = {"left_shin": Mounting((1.0, 0.0, 0.0, 0.0), "weak", reason="<hardly moves>")}
-    return RunCheck("a <run>", Calibration("robust", "shared", sensors, {}), curves, errors)
-
-
-# What a track is compared with.
-
-
-# A track of rows in memory.
-
-
-# What a build keeps.
