@@ -20,7 +20,6 @@ from database_builder.views import FOCAL, ViewSettings
 from toolkit.io.errors import SettingsError
 from toolkit.io.progress import Count, silent
 from toolkit.kernels.cache import sources_digest
-from toolkit.kernels.learning import forest_training
 from toolkit.kernels.learning.forest_training import Growth, Samples, Tree
 from toolkit.landmarks.regressor import OFFSET_UNIT, JointRegressor, sureness
 
@@ -105,7 +104,7 @@ def train_regressor(
 
 def _key(poses: np.ndarray, settings: RegressorSettings, seed: int) -> str:
     """Names everything that drawn images and grown trees depend on, the code that makes them too."""
-    digest = hashlib.sha256(repr((asdict(settings), seed, sources_digest(Path(forest_training.__file__)))).encode())
+    digest = hashlib.sha256(repr((asdict(settings), seed, sources_digest())).encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
     digest.update(np.ascontiguousarray(poses).tobytes())

@@ -54,7 +54,13 @@ trap 'exit 130' INT TERM
 [ -x "$folder/bin/python" ] || "$python" -m venv "$folder"
 echo "installing the project and its tools into $folder (once; some minutes)" >&2
 # Modules are compiled when they are first imported: most of the packages' never are, and all of them take a minute.
-"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]' || {
+# Without build isolation: a build environment would have all packages again, to compile kernels that an editable
+# installation does not contain.
+{
+    "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile 'hatchling>=1.18' editables &&
+        "$folder/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --no-build-isolation \
+            --editable '.[dev]'
+} || {
     echo "the packages could not be installed; check the network and run make again" >&2
     exit 1
 }

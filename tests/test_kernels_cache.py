@@ -1,4 +1,4 @@
-"""Compiled kernels are kept under a digest of what they are made of: changed sources never run old code."""
+"""Compiled kernels: those of the package, else those of the user's cache; changed sources never run old code."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import stat
 import subprocess
 import sys
 import tempfile
+import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from toolkit.kernels import cache
-from toolkit.kernels.cache_files import KernelFile, is_private
+from toolkit.kernels.cache_files import KernelFile, is_private, is_protected
 from toolkit.kernels.fit import pairs
 
 INNER = "from numba import njit\n\n@njit(cache=True)\ndef inner():\n    return {value}\n"
@@ -32,7 +33,7 @@ RUN = (
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
-    """An installation with two kernels in two files, of which one holds the compiled code of the other."""
+    """An installation with two kernels in two files; the compiled code of one contains that of the other."""
     kernels = tmp_path / "toolkit" / "kernels"
     kernels.mkdir(parents=True)
     for name in ("__init__.py", "cache.py", "cache_files.py"):
@@ -77,7 +78,9 @@ class Starter:
     def said(self, installation: Path, code: str, **environment: str) -> list[str]:
         """The lines that code prints in a new process, which imports the kernels of an installation."""
         assert self.process.stdin is not None and self.process.stdout is not None
-        variables = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")} | environment
+        home = str(installation / "home")
+        own = {"HOME": home, "XDG_CACHE_HOME": home} | environment
+        variables = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")} | own
         self.process.stdin.write(json.dumps([str(installation), code, variables]) + "\n")
         self.process.stdin.flush()
         lines = []
@@ -122,29 +125,94 @@ def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path, ru
     assert run(installed)[:2] == (1, 1)
 
 
-def test_an_upgraded_installation_never_runs_old_code(installed: Path, run: Run) -> None:
-    folder = run(installed)[2]
-    kernels = installed / "toolkit" / "kernels"
-    (kernels / "room" / "inner.py").write_text(INNER.format(value=3))
-    assert run(installed)[:2] == (3, 0)
-    # An index whose code was not yet written when the process died leads to nothing, not to the old code.
-    for path in folder.glob("*.nbc"):
-        if cache.sources_digest(kernels / "outer.py", kernels) in path.name:
-            path.unlink()
-    assert run(installed)[:2] == (3, 0)
+def test_an_index_without_its_code_is_compiled_again(installed: Path, run: Run) -> None:
+    for path in run(installed)[2].glob("*.nbc"):
+        path.unlink()
+    assert run(installed)[:2] == (1, 0)
+    assert run(installed)[:2] == (1, 1)
 
 
-def test_an_installation_that_cannot_be_written_keeps_its_kernels_in_the_users_cache(
-    installed: Path, tmp_path: Path, run: Run
+def test_kernels_are_stored_in_the_users_cache_folder(installed: Path, run: Run) -> None:
+    value, hits, path = run(installed)
+    assert (value, hits) == (1, 0) and path.parent == installed / "home" / "depthmocap" / "kernels"
+    assert not list((installed / "toolkit").rglob("*.nb[ic]")), "nothing is written into the package"
+
+
+def compile_into_package(installed: Path, starter: Starter) -> None:
+    """Fill the package's folder of compiled kernels, as `scripts/compile_kernels.py` does."""
+    code = """
+        import json, shutil
+        from toolkit.kernels import cache
+        from toolkit.kernels.outer import outer
+        outer()
+        shutil.copytree(cache.user_folder(), cache.COMPILED)
+        (cache.COMPILED / cache.BUILD_FILE).write_text(json.dumps(cache.build_key()))
+    """
+    starter.said(installed, textwrap.dedent(code), NUMBA_CACHE_DIR=str(installed / "building"))
+
+
+RUN_WITH_LOG = "import logging, sys\nlogging.basicConfig(stream=sys.stdout, format='%(message)s')\n" + RUN
+
+
+@pytest.fixture
+def shipped(installed: Path, starter: Starter) -> Path:
+    """The installation with compiled kernels in its package, which cannot be written."""
+    compile_into_package(installed, starter)
+    folder = installed / "toolkit" / "kernels" / "compiled"
+    for path in folder.iterdir():
+        path.chmod(0o444)
+    folder.chmod(0o555)
+    return installed
+
+
+def test_compiled_kernels_of_the_package_are_used(shipped: Path, starter: Starter) -> None:
+    value, hits, _ = starter.said(shipped, RUN_WITH_LOG)
+    assert (value, hits) == ("1", "1"), "and no line says that something is compiled"
+    assert not list((shipped / "home").rglob("*.nb[ic]"))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"Python": "cpython 3.8"}, "for Python cpython 3.8, not"),
+        ({"Numba": "0.1"}, "for Numba 0.1, not"),
+        ({"processor": "z80", "system": "cpm"}, "processor z80, not"),
+        ({"sources": "0" * 16}, "for sources 0000000000000000, not"),
+        (None, "build.json cannot be read"),
+    ],
+)
+def test_kernels_of_another_build_are_compiled_and_the_reason_is_logged_once(
+    change: dict[str, str] | None, reason: str, shipped: Path, starter: Starter
 ) -> None:
-    (installed / "toolkit" / "kernels" / "__pycache__").touch()  # in the way of a folder, for root too
-    home = {"XDG_CACHE_HOME": str(tmp_path / "home"), "HOME": str(tmp_path / "home")}
-    assert run(installed, **home)[:2] == (1, 0)
-    value, hits, path = run(installed, **home)
-    assert (value, hits) == (1, 1)
-    assert tmp_path / "home" in path.parents
-    (installed / "toolkit" / "kernels" / "room" / "inner.py").write_text(INNER.format(value=4))
-    assert run(installed, **home)[:2] == (4, 0)
+    folder = shipped / "toolkit" / "kernels" / "compiled"
+    key = folder / "build.json"
+    folder.chmod(0o755)
+    key.chmod(0o644)
+    key.write_text(json.dumps(json.loads(key.read_text()) | change) if change else "{}")
+    line, value, hits, _ = starter.said(shipped, RUN_WITH_LOG)
+    assert line.startswith("compiling kernels") and reason in line
+    assert (value, hits) == ("1", "0")
+    assert starter.said(shipped, RUN_WITH_LOG)[:2] == ["1", "1"], "the second time from the user's cache"
+
+
+def test_a_damaged_kernel_of_the_package_is_compiled(shipped: Path, run: Run) -> None:
+    for path in (shipped / "toolkit" / "kernels" / "compiled").glob("outer*.nbc"):
+        path.chmod(0o644)
+        path.write_bytes(path.read_bytes()[:-1])
+    assert run(shipped)[:2] == (1, 0)
+    assert run(shipped)[:2] == (1, 1)
+
+
+def test_a_package_folder_is_used_if_it_has_the_owner_and_the_writers_of_the_package(tmp_path: Path) -> None:
+    folder = tmp_path / "compiled"
+    folder.mkdir()
+    for mode, around, protected in ((0o755, 0o755, True), (0o555, 0o755, True), (0o775, 0o775, True),
+                                    (0o775, 0o755, False), (0o777, 0o775, False)):  # fmt: skip
+        folder.chmod(mode)
+        tmp_path.chmod(around)
+        assert is_protected(folder, tmp_path) == protected
+    folder.chmod(0o755)
+    assert not is_protected(tmp_path / "none", tmp_path)
 
 
 def test_no_garbage_is_collected_while_a_kernel_is_compiled(installed: Path, starter: Starter) -> None:
@@ -157,46 +225,23 @@ def test_no_garbage_is_collected_while_a_kernel_is_compiled(installed: Path, sta
     assert starter.said(installed, code) == ["[False, False] True"]
 
 
-def test_old_sets_of_compiled_kernels_are_removed_and_the_newest_stay(tmp_path: Path) -> None:
-    sets = ["a" * 16, "b" * 16, "c" * 16, "d" * 16]
-    for age, digest in enumerate(sets):
-        for name in (f"pairs.add-{digest}.py311.nbi", f"pairs.add-{digest}.py311.1.nbc"):
-            (tmp_path / name).touch()
-            os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
-    (tmp_path / "pairs.add-17.py311.nbi").touch()
-    present = cache.sources_digest(cache.FOLDER / "fit" / "pairs.py")
-    (tmp_path / f"pairs.add-{present}.py311.nbi").touch()
-    os.utime(tmp_path / f"pairs.add-{present}.py311.nbi", (1.0, 1.0))
-    (tmp_path / f"swarm.costs-{sets[3]}.py311.nbi").touch()
-    (tmp_path / "pairs.cpython-311.pyc").touch()
+def test_the_latest_used_versions_of_all_kernels_are_kept(tmp_path: Path) -> None:
+    for age, name in enumerate("abcd"):
+        (tmp_path / (name * 16)).mkdir()
+        (tmp_path / (name * 16) / "pairs.add-fit.pairs.py311.nbi").touch()
+        os.utime(tmp_path / (name * 16), (1e9 - age, 1e9 - age))
+    (tmp_path / "other").mkdir()
     cache.prune(tmp_path, kept=2)
-    left = {path.name for path in tmp_path.iterdir()}
-    assert left == {
-        *(f"pairs.add-{digest}.py311.{end}" for digest in sets[:2] for end in ("nbi", "1.nbc")),
-        f"pairs.add-{present}.py311.nbi",
-        f"swarm.costs-{sets[3]}.py311.nbi",
-        "pairs.cpython-311.pyc",
-    }
+    assert {path.name for path in tmp_path.iterdir()} == {"a" * 16, "b" * 16, "other"}
 
 
-def test_a_digest_changes_with_the_sources_that_the_kernel_is_made_of_and_with_no_others(installed: Path) -> None:
-    kernels = installed / "toolkit" / "kernels"
-
-    def digest() -> str:
-        return cache.sources_digest.__wrapped__(kernels / "outer.py", kernels)
-
-    before = digest()
-    (kernels / "other.py").write_text(INNER.format(value=7))
-    assert digest() == before
-    for path in (kernels / "outer.py", kernels / "room" / "inner.py"):
-        path.write_text(path.read_text() + "\n")
-        assert digest() != before
-        before = digest()
-
-
-def test_all_that_the_tracker_s_kernels_import_is_in_their_digest() -> None:
-    names = {path.relative_to(cache.FOLDER).as_posix() for path in cache.imported(cache.FOLDER / "fit" / "pairs.py")}
-    assert names == {"fit/pairs.py", "fit/twists.py", "image/pixel_search.py", "kinematics.py", "linear.py"}
+def test_the_digest_changes_with_each_source_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache, "FOLDER", tmp_path)
+    digests = set()
+    for name, text in (("a.py", "1"), ("a.py", "2"), ("b.py", "2"), ("a.py", ""), ("c.txt", "3")):
+        (tmp_path / name).write_text(text)
+        digests.add(cache.sources_digest.__wrapped__())
+    assert len(digests) == 4, "all but the last, which is no source"
 
 
 def _of_this_file() -> None:
@@ -206,9 +251,9 @@ def _of_this_file() -> None:
 def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
     from numba.core.caching import CompileResultCacheImpl
 
-    digest = cache.sources_digest(cache.FOLDER / "fit" / "pairs.py")
-    assert digest in CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base
-    assert digest not in CompileResultCacheImpl(_of_this_file).filename_base
+    assert CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base.startswith("pairs.mean_nearest-fit.pairs.")
+    other = CompileResultCacheImpl(_of_this_file)
+    assert other.locator.get_disambiguator() == str(_of_this_file.__code__.co_firstlineno)
 
 
 def test_help_answers_without_numba() -> None:
@@ -249,26 +294,19 @@ def test_what_cannot_be_read_is_compiled_anew_and_never_unpickled(installed: Pat
 
 
 def test_a_folder_that_others_may_write_is_not_used(installed: Path, tmp_path: Path, run: Run) -> None:
-    shared = tmp_path / "shared"
-    own = {"NUMBA_CACHE_DIR": str(shared), "XDG_CACHE_HOME": str(tmp_path / "home"), "HOME": str(tmp_path / "home")}
+    chosen, home = tmp_path / "chosen", tmp_path / "home"
+    own = {"NUMBA_CACHE_DIR": str(chosen)}
     first = run(installed, **own)[2]
-    assert shared in first.parents and stat.S_IMODE(first.stat().st_mode) == 0o700
+    assert chosen in first.parents and stat.S_IMODE(first.stat().st_mode) == 0o700
     first.chmod(0o777)
-    beside = installed / "toolkit" / "kernels" / "room" / "__pycache__"
-    beside.mkdir(exist_ok=True)
-    (beside / "planted.nbi").touch()
-    beside.chmod(0o777)
     second = run(installed, **own)[2]
-    assert shared not in second.parents and run(installed, **own)[:2] == (1, 1)
+    assert home in second.parents and run(installed, **own)[:2] == (1, 1), "the user's cache folder"
     second.chmod(0o775)
-    third = run(installed, **own)[2]
-    assert third not in (first, second) and tmp_path / "home" in third.parents, "the user's cache folder"
-    third.chmod(0o777)
     last = run(installed, **own)[2]
-    assert last.parent == Path(tempfile.gettempdir()) and not last.exists(), "kept by that process alone"
+    assert last.parent == Path(tempfile.gettempdir()) and not last.exists(), "stored for that process alone"
 
 
-def test_a_folder_of_somebody_else_is_not_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_of_another_user_is_not_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "link").symlink_to(".")
     assert is_private(tmp_path) and not is_private(tmp_path / "link") and not is_private(tmp_path / "none")
     monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)

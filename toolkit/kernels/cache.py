@@ -1,10 +1,10 @@
-"""Where compiled kernels are kept: under a digest of what they are made of, so that changed sources never run old code.
+"""Cache of compiled kernels: the ones that the wheel contains, or else those of the user's cache folder.
 
-Numba stamps a cached function with the source of its own file only, although it holds the compiled code of every
-function that it calls, from other files too. Here the names of the cached files carry a digest of the file and of all
-kernels that it imports, directly or through others: an edit compiles anew what can be other code, and nothing else.
-They lie where Numba puts them: in `NUMBA_CACHE_DIR` if that is set, else beside the sources, or in the user's cache
-folder where that cannot be written, and only where no other user can write (`cache_files`).
+Numba stamps a cached function with its own source file only, although the cached code contains the functions that it
+calls from other files. Here all kernels carry one digest of the whole package, so that changed sources never run old
+code. A kernel is loaded from `compiled/` in the package if its digest, Python, Numba and processor match
+(`scripts/compile_kernels.py` fills that folder when a wheel is built). Otherwise it is compiled at its first use and
+stored under the digest in `NUMBA_CACHE_DIR`, if that is set, or in the user's cache folder.
 """
 
 from __future__ import annotations
@@ -12,154 +12,186 @@ from __future__ import annotations
 import contextlib
 import gc
 import hashlib
-import re
-from collections.abc import Iterable
+import json
+import logging
+import os
+import platform
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba.core import caching, config, event
+import numba
+import platformdirs
+from numba.core import caching, event
+from numba.core import config as numba_config
 
-from toolkit.kernels.cache_files import KernelFile, is_private, last_resort
+from toolkit.kernels.cache_files import KernelFile, is_private, is_protected, temporary_folder
 
 FOLDER = Path(__file__).resolve().parent
-KEPT = 3
-"""Sets of one file's compiled kernels, the newest ones: so many versions can be gone back to without compiling."""
-DIGITS = 16
+COMPILED = FOLDER / "compiled"
+BUILD_FILE = "build.json"
+"""In the folder of compiled kernels: the values of `build_key` that they were compiled for."""
+PORTABLE_CPU = "x86-64-v3"
+"""Processor that kernels are compiled for on x86 (AVX2, in desktop processors since 2013 to 2015)."""
+X86_FEATURES = ("avx2", "bmi2", "fma")
+"""Features of x86-64-v3 as LLVM names them; a processor that lacks one has its kernels compiled for itself."""
+STORED_VERSIONS = 3
+"""Digests in the user's cache folder whose kernels are kept, the latest used ones."""
 
-_NAME = re.compile(rf"^(?P<stem>\w+)\..*-(?P<digest>[0-9a-f]{{{DIGITS}}})\.py[^-]*\.nb[ic]$")
-_IMPORT = re.compile(r"^\s*from toolkit\.(kernels[\w.]*) import (\([^)]*\)|.+)", re.MULTILINE)
-
-
-def imported(path: Path, folder: Path = FOLDER) -> set[Path]:
-    """Files of kernels in `folder` that the file imports, directly or through others, with the file itself."""
-    found, waiting = set[Path](), [path]
-    while waiting:
-        this = waiting.pop()
-        if this in found:
-            continue
-        found.add(this)
-        for module, names in _IMPORT.findall(this.read_text(encoding="utf-8")):
-            place = folder.parent.joinpath(*module.split("."))
-            candidates = [place, *(place / name for name in re.findall(r"\w+", names))]
-            waiting += [file for file in (each.with_suffix(".py") for each in candidates) if file.is_file()]
-    return found
+config: Any = numba_config
+"""Numba's settings, whose names it makes while it is imported."""
+logger = logging.getLogger(__name__)
 
 
 @cache
-def sources_digest(path: Path, folder: Path = FOLDER) -> str:
-    """Hexadecimal digits that name the sources of one kernel's file and of what it imports in `folder`, read once.
+def sources_digest() -> str:
+    """Return 16 hexadecimal digits that identify the sources of all kernels.
 
-    Kernels that look at their bounds (`NUMBA_BOUNDSCHECK`) are other code: Numba would not tell them apart.
+    Kernels with bounds checks (`NUMBA_BOUNDSCHECK`) are different code that Numba does not distinguish.
     """
-    digest = hashlib.sha256(b"bounds" if getattr(config, "BOUNDSCHECK", None) else b"")
-    for each in sorted(imported(path, folder)):
-        digest.update(f"{each.relative_to(folder).as_posix()}\0{each.stat().st_size}\0".encode())
-        digest.update(each.read_bytes())
-    return digest.hexdigest()[:DIGITS]
+    digest = hashlib.sha256(b"bounds" if config.BOUNDSCHECK else b"")
+    for path in sorted(FOLDER.rglob("*.py")):
+        digest.update(f"{path.relative_to(FOLDER).as_posix()}\0{path.stat().st_size}\0".encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
-_OURS: set[str] = set()
-"""Stamps of kernels: their files are the sealed ones."""
+def portable_cpu() -> str | None:
+    """Return the name of the processor that kernels are compiled for, or None for the processor of this machine."""
+    from llvmlite import binding
+
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return None
+    features = binding.get_host_cpu_features()
+    return PORTABLE_CPU if all(features.get(name) for name in X86_FEATURES) else None
 
 
-class _LastResort(caching.UserWideCacheLocator):
-    """Where a process keeps its kernels for itself."""
+def build_key() -> dict[str, str]:
+    """Return the values that compiled kernels depend on, by name."""
+    return {
+        "Python": f"{sys.implementation.name} {sys.version_info[0]}.{sys.version_info[1]}",
+        "Numba": numba.__version__,
+        "system": f"{sys.platform} {platform.machine()}",
+        "processor": str(config.CPU_NAME or "of this machine"),
+        "sources": sources_digest(),
+    }
 
-    def __init__(self, function: Any, file: str) -> None:
-        self._py_file, self._lineno = file, function.__code__.co_firstlineno
 
-    def get_cache_path(self) -> str:
-        return str(last_resort())
+@cache
+def compiled_folder() -> tuple[Path | None, str]:
+    """Return the package's folder of compiled kernels; or None, with the reason why it cannot be used."""
+    if not COMPILED.is_dir():
+        return None, "this installation has no compiled kernels"
+    if not is_protected(COMPILED, FOLDER):
+        return None, f"other users can write {COMPILED}"
+    try:
+        built = json.loads((COMPILED / BUILD_FILE).read_text(encoding="utf-8"))
+        wrong = [f"{name} {built[name]}, not {value}" for name, value in build_key().items() if built[name] != value]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None, f"{COMPILED / BUILD_FILE} cannot be read"
+    return (None, f"the installed ones are for {'; '.join(wrong)}") if wrong else (COMPILED, "")
 
 
-class _OfKernels:
-    """Mixed into a locator of Numba: serves the functions of this folder alone, under the digest of their sources."""
+@cache
+def user_folder() -> Path:
+    """Return the folder where this process stores compiled kernels: private, writable, named by their digest."""
+    chosen = config.CACHE_DIR
+    usual = Path(platformdirs.user_cache_dir("depthmocap", appauthor=False), "kernels")
+    for parent in ([Path(chosen, "depthmocap")] if chosen else []) + [usual]:
+        folder = parent / sources_digest()
+        with contextlib.suppress(OSError):
+            folder.mkdir(parents=True, exist_ok=True)
+            if not is_private(folder):
+                continue
+            tempfile.TemporaryFile(dir=folder).close()
+            os.utime(folder)
+            prune(parent)
+            return folder
+    return temporary_folder()
 
-    _source: Path
+
+def prune(parent: Path, kept: int = STORED_VERSIONS) -> None:
+    """Remove the kernels of all digests in `parent` but the `kept` latest used ones."""
+    folders = [path for path in parent.iterdir() if path.is_dir() and len(path.name) == len(sources_digest())]
+    for folder in sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)[kept:]:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class KernelLocator(caching._CacheLocator):
+    """Location of the compiled code of one function of this package."""
+
+    def __init__(self, source: Path) -> None:
+        self._source = self._py_file = source
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:
-        """A locator for a function of this folder, None for any other function."""
+        """Return the locator of a function of this package, None for any other function."""
         source = Path(file).resolve()
-        if FOLDER not in source.parents:
-            return None
-        locator = super().from_function(function, file)  # type: ignore[misc]
-        if locator is None or not is_private(Path(locator.get_cache_path())):
-            return None
-        locator._source = source
-        _prune_once(Path(locator.get_cache_path()))
-        return locator
+        return cls(source) if FOLDER in source.parents else None
+
+    def get_cache_path(self) -> str:
+        """Return the folder where the function is stored when it has been compiled."""
+        return str(user_folder())
 
     def get_source_stamp(self) -> str:
-        """What a cached function must have been compiled from."""
-        _OURS.add(sources_digest(self._source))
-        return sources_digest(self._source)
+        """Return the digest of the sources that a cached function must have been compiled from."""
+        return sources_digest()
 
     def get_disambiguator(self) -> str:
-        """Part of the names of a cached function's files: another set of sources has other files."""
-        return sources_digest(self._source)
+        """Return the part of a file name that distinguishes functions of equal names: the module's path."""
+        return ".".join(self._source.relative_to(FOLDER).with_suffix("").parts)
 
 
 class _NoCollection(event.Listener):
-    """Numba makes millions of objects that stay until a function is compiled: looking for garbage among them takes a
-    fifth of the time."""
+    """Switch garbage collection off while Numba compiles: it would take a fifth of the time, and finds nothing."""
 
     def __init__(self) -> None:
         self._depth, self._collected = 0, False
 
     def on_start(self, event: Any) -> None:
-        """A compilation begins, perhaps within another one."""
+        """Start a compilation, possibly within another one."""
         if self._depth == 0:
             self._collected = gc.isenabled()
             gc.disable()
         self._depth += 1
 
     def on_end(self, event: Any) -> None:
-        """It is over."""
+        """End a compilation."""
         self._depth -= 1
         if self._depth == 0 and self._collected:
             gc.enable()
 
 
-def prune(folder: Path, kept: int = KEPT) -> None:
-    """Remove compiled kernels in `folder` except, of each source, its newest `kept` sets and its present one."""
-    sets: dict[str, dict[str, list[Path]]] = {}
-    for path in folder.glob("*.nb[ic]"):
-        match = _NAME.match(path.name)
-        stem, digest = match.group("stem", "digest") if match else ("", "")
-        sets.setdefault(stem, {}).setdefault(digest, []).append(path)
-    present = {sources_digest(path) for path in FOLDER.rglob("*.py")}
-    for stem, of_digest in sets.items():
-        newest = sorted(of_digest, key=lambda digest: _changed(of_digest[digest]), reverse=True)
-        for digest in set(newest[kept:] if stem else newest) - present:
-            for path in of_digest[digest]:
-                with contextlib.suppress(OSError):
-                    path.unlink()
+@cache
+def announce_compiling() -> None:
+    """Log once that kernels are being compiled, and why."""
+    reason = compiled_folder()[1] or "some are used for the first time"
+    logger.warning("compiling kernels, which takes up to a minute, once: %s", reason)
 
 
-def _changed(paths: Iterable[Path]) -> float:
-    """When the last of these files was written, seconds since 1970."""
-    latest = 0.0
-    for path in paths:
-        with contextlib.suppress(OSError):
-            latest = max(latest, path.stat().st_mtime)
-    return latest
+def _cache_file(usual: Callable[..., Any]) -> Callable[..., Any]:
+    def file(cache_path: str, filename_base: str, source_stamp: Any) -> Any:
+        if source_stamp != sources_digest():
+            return usual(cache_path=cache_path, filename_base=filename_base, source_stamp=source_stamp)
+        compiled = compiled_folder()[0]
+        readonly = KernelFile(str(compiled), filename_base, source_stamp) if compiled else None
+        return KernelFile(cache_path, filename_base, source_stamp, readonly, announce_compiling)
 
-
-_prune_once = cache(prune)
+    return file
 
 
 def install() -> None:
-    """Have Numba ask these locators first, and keep kernels in sealed files; all other functions stay as they were."""
+    """Have Numba compile for the portable processor and use this cache for functions of this package.
+
+    Functions of other packages keep Numba's own cache. A processor that the user names (`NUMBA_CPU_NAME`) is kept.
+    """
+    if config.CPU_NAME is None and (name := portable_cpu()) is not None:
+        config.CPU_NAME, config.CPU_FEATURES = name, ""
     event.register("numba:compile", _NoCollection())
-    found = caching.CompileResultCacheImpl._locator_classes
-    ours: list[Any] = [type(locator.__name__, (_OfKernels, locator), {}) for locator in (*found, _LastResort)]
-    caching.CompileResultCacheImpl._locator_classes = [*ours, *found]
-    usual = caching.IndexDataCacheFile
-
-    def file(cache_path: str, filename_base: str, source_stamp: str) -> Any:
-        kind = KernelFile if source_stamp in _OURS else usual
-        return kind(cache_path=cache_path, filename_base=filename_base, source_stamp=source_stamp)
-
-    caching.IndexDataCacheFile = file  # type: ignore[assignment, misc]
+    impl: Any = caching.CompileResultCacheImpl
+    impl._locator_classes = [KernelLocator, *impl._locator_classes]
+    caching.IndexDataCacheFile = _cache_file(caching.IndexDataCacheFile)  # type: ignore[assignment, misc]

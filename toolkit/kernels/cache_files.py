@@ -1,7 +1,7 @@
-"""The files of compiled kernels, read without trust: a cache may be cut by a loss of power, and it holds code.
+"""Files of compiled kernels, read without trust: a cache can be truncated by a loss of power, and it contains code.
 
-Numba keeps pickles. Those of kernels carry their SHA-256; what does not fit it is not unpickled but compiled anew.
-They lie in folders that belong to the user and that no other person may write, or in no folder at all.
+Numba stores pickles. Those of kernels carry their SHA-256; a file that does not match it is compiled again and never
+unpickled. They lie in folders that belong to the user and that no other user can write, or in no folder at all.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import pickle
 import shutil
 import stat
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -21,12 +22,13 @@ from typing import Any
 from numba.core import caching
 
 _DIGEST = hashlib.sha256().digest_size
+_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def is_private(folder: Path) -> bool:
-    """Whether a folder is the user's own and no other person may write there; a new one, still empty, is made so.
+    """Return whether a folder is the user's own and no other user can write it; an empty one is made so.
 
-    Where a system has no owners every folder is taken for private.
+    On a system without owners each folder is private.
     """
     if not hasattr(os, "geteuid"):
         return True
@@ -37,31 +39,61 @@ def is_private(folder: Path) -> bool:
         if not os.listdir(folder):
             os.chmod(folder, 0o700)
             return True
-        return not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+        return not found.st_mode & _OTHERS
     except OSError:
         return False
 
 
+def is_protected(folder: Path, package: Path) -> bool:
+    """Return whether a folder has the owner of `package`, whose code runs anyway, and no more writers than it has."""
+    try:
+        found, around = os.lstat(folder), os.stat(package)
+    except OSError:
+        return False
+    return (
+        stat.S_ISDIR(found.st_mode) and found.st_uid == around.st_uid and not found.st_mode & ~around.st_mode & _OTHERS
+    )
+
+
 @cache
-def last_resort() -> Path:
-    """A folder for this process alone, for where no other one is private; it goes with the process."""
+def temporary_folder() -> Path:
+    """Return a folder for this process alone, where no other one is private; it is removed at the process's end."""
     folder = tempfile.mkdtemp(prefix="depthmocap-kernels-")  # 0700
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 
 
 class KernelFile(caching.IndexDataCacheFile):
-    """Index and code of one kernel: what cannot be read is not there, and what cannot be written is compiled again."""
+    """Index and code of one kernel: what cannot be read is compiled again, and what cannot be written is not stored.
+
+    Parameters
+    ----------
+    cache_path, filename_base, source_stamp : as Numba names them
+    readonly : the same kernel in a folder that is read first and never written
+    missing : called when neither has the code
+    """
+
+    def __init__(
+        self, cache_path: str, filename_base: str, source_stamp: str, readonly: KernelFile | None = None,
+        missing: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        super().__init__(cache_path, filename_base, source_stamp)
+        self._readonly, self._missing = readonly, missing
 
     def load(self, key: Any) -> Any:
-        """The code kept for a signature, None where there is none that can be used."""
+        """Return the code stored for a signature, None where there is none that can be used."""
+        if self._readonly is not None and (code := self._readonly.load(key)) is not None:
+            return code
         try:
-            return super().load(key)
+            code = super().load(key)
         except Exception:  # damaged in a way that carries a right checksum, or of another version of Numba
-            return None
+            code = None
+        if code is None:
+            self._missing()
+        return code
 
     def save(self, key: Any, data: Any) -> None:
-        """Keep code for a signature, as far as the disk takes it."""
+        """Store code for a signature, if the disk takes it."""
         with contextlib.suppress(OSError):
             super().save(key, data)
 
@@ -87,7 +119,7 @@ class KernelFile(caching.IndexDataCacheFile):
 
 
 def _unsealed(path: str) -> Any:
-    """The value of a file; raises ValueError, before anything is unpickled, where the checksum does not fit."""
+    """Return the value of a file; raise ValueError, before anything is unpickled, where the checksum does not match."""
     content = Path(path).read_bytes()
     if hashlib.sha256(content[_DIGEST:]).digest() != content[:_DIGEST]:
         raise ValueError(f"{path} is damaged")

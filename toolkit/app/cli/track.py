@@ -140,9 +140,6 @@ def _track_one(
 ) -> None:  # fmt: skip
     """Track one recording into `run`. Exit code 1 if it is not finished, 3 without a tracked person."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
-    from toolkit.kernels.precompile import compile_beside
-
-    compile_beside()
     from toolkit.app.pipeline import track_recording
     from toolkit.recordings.opening import open_upright
     from toolkit.tracking.tracker_protocol import judge_of
