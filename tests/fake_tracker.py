@@ -98,6 +98,7 @@ class FakeLearner:
 
     def __init__(self, tracker: FakeTracker) -> None:
         self._tracker, self._seen = tracker, 0
+        self.result: FrameResult | None = None
 
     @property
     def found(self) -> bool:
@@ -110,6 +111,8 @@ class FakeLearner:
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
         self._seen += 1
+        joints, pose = np.full((20, 3), -1.0, np.float32), np.full(skeleton.POSE_SIZE, -1.0)
+        self.result = FrameResult(pose, joints, np.ones(20, np.float32), TRACKED, 0, np.array([1.0, 2.0], np.float32))
 
     def predicted(self) -> PredictedBody:
         body = fake_body(7.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,12 +12,12 @@ import pytest
 
 import depthmocap
 from depthmocap import step, tracks
-from tests.fake_tracker import CAMERA, FakeTracker
+from tests.fake_tracker import CAMERA, FakeFollower, FakeTracker
 from tests.sensing_scenes import neutral, standing
 from toolkit.app.pipeline import track_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
-from toolkit.tracks import EMPTY, TRACKED
+from toolkit.tracks import EMPTY, TRACKED, FrameResult
 from toolkit.tracks import Track as Rows
 from toolkit.tracks.runs import Person
 
@@ -87,25 +88,82 @@ def test_a_track_of_arrays_is_bit_for_bit_that_of_a_run_folder(
 
 
 @pytest.mark.parametrize("seconds", [0.0, 0.1, 9.0])
-def test_frames_one_by_one_give_the_same_poses(frames: np.ndarray, fake: dict[str, float], seconds: float) -> None:
+def test_each_frame_has_its_pose_and_the_track_is_that_of_the_whole_recording(
+    frames: np.ndarray, fake: dict[str, float], seconds: float
+) -> None:
     fake["learning_seconds"] = seconds
     whole = depthmocap.track(frames, intrinsics=INTRINSICS, frame_rate=20, up_camera=UP)
     tracker = depthmocap.Tracker(intrinsics=INTRINSICS, up_camera=UP)
     with pytest.raises(depthmocap.DepthMocapError, match="no pose is known yet"):
         tracker.track  # noqa: B018
-    assert tracker.finish() == []
-    poses = [pose for i, depth in enumerate(frames) for pose in tracker.step(depth / 1000.0, i / 20)]
-    assert (len(poses) == FRAMES) == (seconds < 9.0)
-    poses += tracker.finish()
-    assert [pose.frame for pose in poses] == list(range(FRAMES))
-    assert [pose.state for pose in poses] == whole.state.tolist()
-    np.testing.assert_array_equal([pose.pose for pose in poses], whole.pose)
-    np.testing.assert_array_equal([pose.joints for pose in poses], whole.person.track.joints)
+    poses = [tracker.step(depth / 1000.0, i / 20) for i, depth in enumerate(frames)]
+    assert [[pose.frame for pose in found] for found in poses] == [[i] for i in range(FRAMES)]
+    # Learning ends with the frame at 0.1 s, and three frames are caught up with in each step: 3 of 3 at once.
+    final = {0.0: 0, 0.1: 2, 9.0: FRAMES}[seconds]
+    assert [found[0].provisional for found in poses] == [i < final for i in range(FRAMES)]
+    for found, pose in zip(poses[final:], whole.pose[final:], strict=True):
+        np.testing.assert_array_equal(found[0].pose, pose)
+    tracker.finish()
+    assert tracker.track.state.tolist() == whole.state.tolist()
+    np.testing.assert_array_equal(tracker.track.pose, whole.pose)
     np.testing.assert_array_equal(tracker.track.joints, whole.joints)
-    with pytest.raises(depthmocap.DepthMocapError, match="come in order"):
-        tracker.step(frames[0], 0.0)
-    with pytest.raises(depthmocap.DepthMocapError, match="all frames must have one size"):
-        tracker.step(frames[0, 1:], 9.0)
+
+
+def test_a_frame_that_cannot_be_used_changes_nothing(frames: np.ndarray, fake: dict[str, float]) -> None:
+    poses = []
+    for faulty in (False, True):
+        tracker = depthmocap.Tracker(intrinsics=INTRINSICS, up_camera=UP)
+        for i, depth in enumerate(frames):
+            if faulty and i == 4:
+                for wrong, time, reason in (
+                    (frames[0], 0.0, "come in order"),
+                    (frames[0, 1:], 9.0, "all frames must have one size"),
+                    (frames[0] / 1000.0, 9.0, "float64, which means metres, and the first frame was in millimetres"),
+                ):
+                    with pytest.raises(depthmocap.DepthMocapError, match=reason):
+                        tracker.step(wrong, time)
+            (pose,) = tracker.step(depth, i / 20)
+            poses.append((faulty, pose.pose))
+    np.testing.assert_array_equal(*([pose for which, pose in poses if which == faulty] for faulty in (False, True)))
+
+
+def test_poses_are_copies_that_cannot_be_written(frames: np.ndarray, fake: dict[str, float]) -> None:
+    fake["learning_seconds"] = 0.0
+    tracker = depthmocap.Tracker(intrinsics=INTRINSICS, up_camera=UP)
+    (pose,) = tracker.step(frames[0], 0.0)
+    for array in (pose.joints, pose.pose, pose.confidence, pose.observed):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 1
+        assert array.base is None
+
+
+def test_ctrl_c_inside_a_step_takes_effect_after_it(
+    frames: np.ndarray, fake: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake["learning_seconds"] = 0.0
+    whole = depthmocap.track(frames, intrinsics=INTRINSICS, frame_rate=20, up_camera=UP)
+    tracker, usual = depthmocap.Tracker(intrinsics=INTRINSICS, up_camera=UP), FakeFollower.step
+
+    def interrupted(self: FakeFollower, *arguments: object) -> FrameResult:
+        signal.raise_signal(signal.SIGINT)
+        return usual(self, *arguments)  # type: ignore[arg-type]
+
+    for i, depth in enumerate(frames):
+        if i == 5:
+            with monkeypatch.context() as patch:
+                patch.setattr(FakeFollower, "step", interrupted)
+                with pytest.raises(KeyboardInterrupt):
+                    tracker.step(depth, i / 20)
+        else:
+            tracker.step(depth, i / 20)
+    np.testing.assert_array_equal(tracker.track.pose, whole.pose)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_number_of_people_is_checked() -> None:
+    for wrong in (0, True, "both"):
+        with pytest.raises(depthmocap.DepthMocapError, match="give a number of people, or 'all'"):
+            depthmocap.Tracker(intrinsics=INTRINSICS, people=wrong)  # type: ignore[arg-type]
 
 
 def test_a_track_becomes_a_table_with_the_columns_of_the_csv(sways: depthmocap.Track, tmp_path: Path) -> None:

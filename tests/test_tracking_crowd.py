@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.fake_tracker import CAMERA, FakeTracker
+from toolkit.people.evidence import Evidence
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
+from toolkit.tracking.live_people import PAST_FRAMES, LiveFrame, LivePeople
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
+from toolkit.tracks import TRACKED
 
 UP = np.array([0.0, -1.0, 0.0])
 LEARNT = 7.0
@@ -22,6 +26,7 @@ class FakeFinder:
     """Sees person 1 wherever something was measured, and person 2 from half a second on."""
 
     camera = CAMERA
+    evidence: Mapping[int, Evidence] = MappingProxyType({})
 
     def __init__(self) -> None:
         self.told: list[tuple[int, ...]] = []
@@ -72,3 +77,42 @@ def test_who_comes_later_has_rows_for_the_frames_before() -> None:
     second = [row for _, rows in rows_of(crowd) for row in rows if row.person == 2]
     assert [row.frame for row in second] == list(range(40))
     assert [row.timestamp for row in second] == pytest.approx([k / 20 for k in range(40)])
+
+
+def live_frames(people: LivePeople, frames: int = 40, rate: float = 20.0) -> list[LiveFrame]:
+    """As `rows_of`, one live frame for each frame."""
+    depth = np.zeros(CAMERA.shape, dtype=np.uint16)
+    depth[20:50, 20:50] = 2000
+    return [people.advance(Frame(depth * (k > 0), k / rate)) for k in range(frames)]
+
+
+def test_a_live_person_has_a_pose_in_each_frame_and_later_the_same_rows() -> None:
+    found = live_frames(LivePeople(FakeTracker(learning_seconds=0.3), FakeFinder(), UP))
+    expected = [
+        row
+        for _, rows in rows_of(MultiPersonTracker(FakeTracker(learning_seconds=0.3), FakeFinder(), UP))
+        for row in rows
+    ]
+    for person, came in ((1, 1), (2, 10)):
+        shown = [(k, pose) for k, live in enumerate(found) for pose in live.poses if pose.row.person == person]
+        assert [k for k, _ in shown] == list(range(came, 40)) == [pose.row.frame for _, pose in shown]
+        rows = [row for live in found for row in live.rows if row.person == person]
+        wanted = [row for row in expected if row.person == person]
+        assert [row.frame for row in rows] == list(range(40)) == [row.frame for row in wanted]
+        for row, other in zip(rows, wanted, strict=True):
+            np.testing.assert_array_equal(row.result.pose, other.result.pose)
+
+
+def test_no_step_tracks_more_than_a_few_earlier_frames() -> None:
+    for rows in (
+        [row for row in live.rows if row.frame < k]
+        for k, live in enumerate(live_frames(LivePeople(FakeTracker(learning_seconds=1.0), FakeFinder(), UP)))
+    ):
+        assert sum(row.result.state == TRACKED for row in rows) <= PAST_FRAMES
+
+
+def test_what_is_not_caught_up_with_is_tracked_at_the_end() -> None:
+    people = LivePeople(FakeTracker(learning_seconds=9.0), FakeFinder(), UP)
+    assert all(pose.provisional for live in live_frames(people) for pose in live.poses)
+    assert [(row.person, row.frame) for row in people.finish()] == [(p, k) for p in (1, 2) for k in range(40)]
+    assert people.body_of(2).scale == LEARNT

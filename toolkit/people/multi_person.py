@@ -177,6 +177,10 @@ class MultiPersonFinder:
         self._look_at(view, heads_seen, timestamp)
         return surroundings
 
+    def use_room(self, surroundings: Surroundings) -> None:
+        """Use what was learned about the room in the frames that follow."""
+        self._surroundings = surroundings
+
     def redetect(self) -> MultiPersonFinder:
         """Return a finder for the same room, see `PeopleFinder.redetect`."""
         camera, up_camera, sensing, most, judge = self._made_of

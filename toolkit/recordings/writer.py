@@ -62,6 +62,11 @@ class RecordingWriter:
         self._images: dict[str, IO[bytes]] = {}
         self._count = 0
 
+    @property
+    def frames(self) -> int:
+        """Number of frames that were given."""
+        return self._count
+
     def append(
         self,
         depth: np.ndarray,

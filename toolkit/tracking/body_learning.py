@@ -12,7 +12,7 @@ from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
-from toolkit.tracks import TRACKED
+from toolkit.tracks import TRACKED, FrameResult
 
 
 class FollowedBody:
@@ -28,6 +28,7 @@ class FollowedBody:
     Attributes
     ----------
     follower, settings : as above
+    result : see `BodyLearner.result`
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class FollowedBody:
         self._estimator: ShapeEstimator | None = None
         self._statures = (0.0, math.inf)
         self._pace = RateLimiter(settings.rate)
+        self.result: FrameResult | None = None
 
     @property
     def found(self) -> bool:
@@ -67,7 +69,7 @@ class FollowedBody:
     def take(self, sighting: Sighting, timestamp: float) -> None:
         """Take in a sighting, however soon after the one before."""
         follower = self.follower
-        result = follower.step(sighting, timestamp, StageClock(self._stages))
+        self.result = result = follower.step(sighting, timestamp, StageClock(self._stages))
         if result.state != TRACKED or follower.observation is None:
             return
         if self._estimator is None:

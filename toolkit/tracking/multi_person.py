@@ -109,6 +109,19 @@ class MultiPersonTracker:
 
     def step(self, frame: Frame) -> list[Row]:
         """Process the next frame and return the new rows, of none or of several frames."""
+        sightings, prepare_ms = self._taken(frame)
+        rows: list[Row] = []
+        for person in sorted(self._followers.keys() | self._waiting.keys()):
+            sighting = sightings.get(person)
+            if person in self._followers:
+                rows.append(self._row(person, sighting, self.frames - 1, frame.timestamp, prepare_ms))
+            elif self._wait(self._waiting[person], sighting, frame.timestamp, prepare_ms):
+                rows += self._learnt(person)
+        return rows
+
+    def _taken(self, frame: Frame) -> tuple[dict[int, Sighting], float]:
+        """Return the sightings of the next frame by person, and the milliseconds that finding them took per person."""
+        self._check(frame)
         start = perf_counter()
         found = self.finder.find(frame.depth_mm, frame.timestamp, self._predictions())
         sightings = {s.id: s for s in self.joints.add(frame, found)}
@@ -118,17 +131,9 @@ class MultiPersonTracker:
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
         for person in sorted(sightings.keys() - known):
             self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self.timestamps])
-        self._check(frame)
         self.timestamps.append(frame.timestamp)
         self.frames += 1
-        rows: list[Row] = []
-        for person in sorted(self._followers.keys() | self._waiting.keys()):
-            sighting = sightings.get(person)
-            if person in self._followers:
-                rows.append(self._row(person, sighting, self.frames - 1, frame.timestamp, prepare_ms))
-            elif self._wait(self._waiting[person], sighting, frame.timestamp, prepare_ms):
-                rows += self._learnt(person)
-        return rows
+        return sightings, prepare_ms
 
     def finish(self) -> list[Row]:
         """Return the rows of people who were in view for too short a time; called after the last frame."""
@@ -202,6 +207,12 @@ class MultiPersonTracker:
         ]
 
     def _row(self, person: int, sighting: Sighting | None, frame: int, timestamp: float, prepare_ms: float) -> Row:
+        return self._row_of(self._followers[person], person, sighting, frame, timestamp, prepare_ms)
+
+    def _row_of(
+        self, follower: PersonFollower, person: int, sighting: Sighting | None, frame: int, timestamp: float,
+        prepare_ms: float,
+    ) -> Row:  # fmt: skip
         clock = StageClock(self.tracker.stage_names)
         clock.charge(self.tracker.stage_names[0], prepare_ms)
-        return Row(person, frame, timestamp, self._followers[person].step(sighting, timestamp, clock))
+        return Row(person, frame, timestamp, follower.step(sighting, timestamp, clock))

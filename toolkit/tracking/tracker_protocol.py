@@ -91,7 +91,14 @@ class BodyLearner(Protocol):
     ----------
     found : whether it knows where the person is, so that it can be asked for `predicted`
     body : as learnt so far; None before the first sighting
+    result : of the last sighting that was taken in, with the body as learnt until then; None before the first one, and
+        always for a learner that does not follow the person
     """
+
+    @property
+    def result(self) -> FrameResult | None:
+        """See above."""
+        ...
 
     @property
     def found(self) -> bool:

@@ -30,6 +30,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "depthmocap track frames/ --segment person --subject nearest --output run",
         "depthmocap track raw/ --intrinsics 575,575,320,240 --size 640,480 --output run",
     ),
+    "live": (
+        "depthmocap live realsense --record take.npz --stream udp://127.0.0.1:9000",
+        "depthmocap live file:take.npz --people all",
+    ),
     "evaluate": (
         "depthmocap evaluate run",
         "depthmocap evaluate runs --reference truth/ --output scores",

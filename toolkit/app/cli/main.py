@@ -28,6 +28,7 @@ from toolkit.app.cli import (
     inertial,
     info,
     joints,
+    live,
     render,
     report,
     retrieval,
@@ -73,6 +74,7 @@ app.command()(info.info)
 app.command()(simulate.simulate)
 app.command()(joints.joints)
 app.command()(track.track)
+app.command()(live.live)
 app.command()(evaluate.evaluate)
 app.command()(render.render)
 app.command()(report.report)

@@ -232,6 +232,7 @@ class MeasuredBody:
     """
 
     found = False
+    result: FrameResult | None = None
 
     def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
         self._settings = settings

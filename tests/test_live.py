@@ -1,0 +1,315 @@
+"""Live sources, dropped frames, recordings and streams of `depthmocap live`; rooms that are learned on the way."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.fake_tracker import CAMERA, FakeTracker, write_recording
+from toolkit.app.cli.main import main
+from toolkit.app.pipeline.live import begin_live, track_live
+from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.io.errors import DepthMocapError, RecordingError
+from toolkit.output.pose_stream import SCHEMA, UdpStream, joint_names_line
+from toolkit.people import live_room
+from toolkit.people.evidence import Evidence
+from toolkit.people.sighting import Sighting
+from toolkit.people.surroundings import Surroundings
+from toolkit.recordings import live_sources
+from toolkit.recordings.live_sources import RealSenseSource, RecordingSource, live_source
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import RecordingWriter
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.stream import Frame
+
+FRAMES = 12
+
+
+@pytest.fixture
+def take(tmp_path: Path) -> Recording:
+    return open_recording(write_recording(tmp_path / "take.npz", FRAMES))
+
+
+class Burst:
+    """A source whose frames come `every` so many seconds; it fails after `broken` of them."""
+
+    name = "burst"
+
+    def __init__(self, recording: Recording, every: float, broken: int | None = None) -> None:
+        self._recording, self._every, self._broken = recording, every, broken
+        self.first, self.closed = RecordingSource(recording).first, False
+
+    def frames(self) -> Iterator[Frame]:
+        for number, frame in enumerate(self._recording.stream()):
+            if number == self._broken:
+                raise RecordingError("the camera was unplugged; plug it in again")
+            time.sleep(self._every)
+            yield frame
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Lines(list[dict[str, Any]]):
+    """An output that keeps what it is sent."""
+
+    def send(self, line: str) -> None:
+        self.append(json.loads(line))
+
+
+def test_frames_that_cannot_be_kept_up_with_are_dropped_and_counted_and_recorded(
+    take: Recording, tmp_path: Path
+) -> None:
+    lines = Lines()
+    writer = RecordingWriter(tmp_path / "copy.npz", take.camera)
+    summary = track_live(Burst(take, 0.005), FakeTracker(seconds=0.03), writer=writer, outputs=[lines])
+    writer.close()
+    assert summary.dropped > 0 and summary.frames + summary.dropped == FRAMES
+    numbers = [line["frame"] for line in lines]
+    assert numbers == sorted(set(numbers)) and len(numbers) == summary.frames == len(summary.latencies_ms)
+    assert numbers[-1] == FRAMES - 1, "the newest frame is never the one that is dropped"
+    assert max(summary.latencies_ms) < 1000 * (0.03 + 0.1)
+    copy = open_recording(tmp_path / "copy.npz")
+    np.testing.assert_array_equal(list(copy.frames()), list(take.frames()))
+    np.testing.assert_array_equal(copy.timestamps, take.timestamps)
+    assert f"{summary.frames} frames tracked, {summary.dropped} dropped, 1 people" in summary.text()
+
+
+def test_ctrl_c_ends_after_the_frame_and_the_recording_is_whole(take: Recording, tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "copy.npz", take.camera)
+
+    def press(summary: Any, poses: Any) -> None:
+        if summary.frames == 4:
+            signal.raise_signal(signal.SIGINT)
+
+    summary = track_live(Burst(take, 0.01), FakeTracker(), writer=writer, show=press)
+    writer.close()
+    assert summary.frames == 4
+    copy = open_recording(tmp_path / "copy.npz")
+    assert 4 <= len(copy) <= FRAMES
+    np.testing.assert_array_equal(list(copy.frames()), list(take.frames())[: len(copy)])
+
+
+@pytest.fixture
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    """Type `depthmocap live` in a folder, with a tracker made up; returns the exit code."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(TrackerRecipe, "build", lambda *_: FakeTracker())
+
+    def typed(*words: str) -> int:
+        try:
+            main(["live", *words])
+        except SystemExit as ended:
+            return int(ended.code or 0)
+        return 0
+
+    return typed
+
+
+def test_the_command_plays_a_recording_streams_and_records_it(
+    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as consumer:
+        consumer.bind(("127.0.0.1", 0))
+        consumer.settimeout(5.0)
+        url = f"udp://127.0.0.1:{consumer.getsockname()[1]}"
+        assert command("file:take.npz", "--stream", url, "--record", "copy.npz") == 0
+        lines = [json.loads(consumer.recv(65_536)) for _ in range(3)]
+    assert lines[0] == json.loads(joint_names_line()) and len(lines[0]["joint_names"]) == 20
+    first = lines[1]
+    assert (first["schema"], first["frame"], first["dropped"], len(first["people"])) == (SCHEMA, 0, 0, 1)
+    person = first["people"][0]
+    assert (person["id"], person["state"], person["provisional"]) == (1, "tracked", False)
+    assert np.shape(person["joints"]) == (20, 3) and np.shape(person["confidence"]) == (20,)
+    assert len(open_recording("copy.npz")) == FRAMES
+    assert "from frame to pose" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "reason"),
+    [
+        (("realsense",), 1, "no RealSense camera is connected; plug one in, or give file:RECORDING"),
+        (("take.npz",), 2, "give realsense, or file:RECORDING; for a recording type file:take.npz"),
+        (("file:none.npz",), 1, "there is no recording at none.npz"),
+        (("file:take.npz", "--stream", "tcp://127.0.0.1:9"), 2, "give udp://HOST:PORT"),
+        (("file:take.npz", "--stream", "udp://127.0.0.1:99999"), 2, "give udp://HOST:PORT"),
+        (("file:take.npz", "--record", "take.npz"), 2, "take.npz"),
+        (("file:take.npz", "--people", "0"), 2, "give a number of people, or all"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_one_sentence(
+    words: tuple[str, ...], code: int, reason: str, take: Recording, command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    no_camera(monkeypatch)
+    assert command(*words) == code
+    error = capsys.readouterr().err
+    assert reason in error and "Traceback" not in error
+    assert len(open_recording("take.npz")) == FRAMES
+
+
+def test_an_unplugged_camera_is_said_and_its_recording_is_whole(
+    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = Burst(take, 0.0, broken=7)
+    monkeypatch.setattr(live_sources, "live_source", lambda *_, **__: camera)
+    assert command("realsense", "--record", "copy.npz") == 1
+    assert "the camera was unplugged; plug it in again" in capsys.readouterr().err
+    assert len(open_recording("copy.npz")) == 7 and camera.closed
+
+
+def test_a_stream_without_a_consumer_never_fails() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as consumer:
+        consumer.bind(("127.0.0.1", 0))
+        port = consumer.getsockname()[1]
+    stream = UdpStream(f"udp://127.0.0.1:{port}")
+    for _ in range(5):
+        stream.send("{}")
+        time.sleep(0.01)
+    stream.close()
+    assert stream.lost > 0
+
+
+def test_a_recording_is_played_at_its_own_pace(take: Recording) -> None:
+    source = live_source(f"file:{take.path}")
+    begun = time.perf_counter()
+    frames = list(source.frames())
+    assert time.perf_counter() - begun >= take.timestamps[-1] - take.timestamps[0]
+    np.testing.assert_array_equal([frame.depth_mm for frame in frames], list(take.frames()))
+    assert source.first.camera == take.camera and len(source.first) == 1
+
+
+def no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    import open3d
+
+    monkeypatch.setattr(open3d.t.io, "RealSenseSensor", SimpleNamespace(enumerate_devices=list))
+
+
+class FakeSensor:
+    """Open3D's sensor with frames of tenths of millimetres, an empty frame set, and then a loss."""
+
+    def __init__(self) -> None:
+        self.count, self.stopped = 0, False
+
+    @staticmethod
+    def enumerate_devices() -> list[str]:
+        return ["camera"]
+
+    def init_sensor(self) -> bool:
+        return True
+
+    def start_capture(self) -> bool:
+        return True
+
+    def get_metadata(self) -> Any:
+        matrix = np.array([[100.0, 0, 40], [0, 100, 30], [0, 0, 1]])
+        return SimpleNamespace(depth_scale=10_000.0, intrinsics=SimpleNamespace(intrinsic_matrix=matrix))
+
+    def get_timestamp(self) -> int:
+        return 33_000 * self.count
+
+    def capture_frame(self, wait: bool, align: bool) -> Any:
+        self.count += 1
+        if self.count == 4:
+            raise RuntimeError("\x1b[1;31m[Open3D Error] somewhere.cpp:1: Frame didn't arrive\ndevice lost\n\x1b[0;m")
+        image = np.full(CAMERA.shape, 20_004, np.uint16)
+        depth = SimpleNamespace(to_legacy=lambda: image)
+        return SimpleNamespace(is_empty=lambda: self.count == 2, depth=depth)
+
+    def stop_capture(self) -> None:
+        self.stopped = True
+
+
+def test_a_realsense_camera_gives_millimetres_and_its_loss_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    import open3d
+
+    monkeypatch.setattr(open3d.t.io, "RealSenseSensor", FakeSensor)
+    source = RealSenseSource()
+    assert (source.first.camera.fx, source.first.camera.shape) == (100.0, CAMERA.shape)
+    frames = source.frames()
+    frame = next(frames)
+    assert frame.depth_mm.dtype == np.uint16 and (frame.depth_mm == 2000).all()
+    assert frame.timestamp == pytest.approx(0.099), "the empty frame set is left out"
+    with pytest.raises(RecordingError, match="the RealSense camera stopped: device lost; plug it in again"):
+        next(frames)
+    source.close()
+
+
+class RoomFinder:
+    """A finder of people that notes the rooms it is given."""
+
+    camera = CAMERA
+    lens = SimpleNamespace(coarse=lambda depth: depth)
+
+    def __init__(self) -> None:
+        self.rooms: list[Any] = []
+        self.seen: tuple[Sighting, ...] = ()
+        self.evidence: dict[int, Evidence] = {}
+
+    def use_room(self, room: Any) -> None:
+        self.rooms.append((len(self.rooms), room))
+
+    def find(self, depth: np.ndarray, timestamp: float, predicted: Any) -> tuple[Sighting, ...]:
+        return self.seen
+
+
+def test_a_room_is_learned_from_the_samples_so_far(take: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    empty = np.zeros((1, 1), np.float32)
+    sizes: list[int] = []
+
+    def learnt(frames: list[np.ndarray], *_: object) -> Surroundings:
+        sizes.append(len(frames))
+        return Surroundings(False, True, empty, empty, empty > 0)
+
+    monkeypatch.setattr(live_room, "learnt", learnt)
+    finder = RoomFinder()
+    sensing = FakeTracker().settings.sensing
+    room = live_room.RoomLearningFinder(finder, sensing, take, None, -1.2)  # type: ignore[arg-type]
+    depth, changes = take.depth(0), []
+    for i in range(800):  # 26.7 s at 30 frames a second
+        before = len(finder.rooms)
+        room.find(depth, i / 30, {})
+        changes += [i] * (len(finder.rooms) > before)
+    assert sizes == list(live_room.LEARNED_AFTER)
+    assert changes == [120, 240, 600], "half a second after the 8th, 16th and 40th sample"
+    assert all(learned.floor == -1.2 for _, learned in finder.rooms)
+
+
+def test_one_person_in_a_room_is_the_largest_and_stays_it_unless_it_is_furniture() -> None:
+    def sighting(number: int, pixels: int) -> Sighting:
+        depth = np.zeros(CAMERA.shape, np.float32)
+        depth.flat[:pixels] = 2.0
+        return Sighting(number, depth, None, CAMERA)
+
+    inner = RoomFinder()
+    finder = live_room.FirstPersonFinder(inner)  # type: ignore[arg-type]
+
+    def found(*seen: Sighting) -> list[int]:
+        inner.seen = seen
+        return [int(np.count_nonzero(each.depth)) for each in finder.find(np.zeros(1), 0.0, {}) if each.id == 1]
+
+    assert found() == []
+    assert found(sighting(1, 500), sighting(2, 900)) == [900]
+    assert found(sighting(1, 950), sighting(2, 400)) == [400]
+    assert found(sighting(1, 950)) == [0]
+    inner.evidence = {2: replace(Evidence(), looks=10, judged=-1e6)}
+    assert inner.evidence[2].log_odds <= 0
+    assert found(sighting(1, 950), sighting(2, 990)) == [950]
+
+
+def test_a_warm_tracker_has_no_frames_and_refuses_another_size(take: Recording) -> None:
+    people = begin_live(RecordingSource(take).first, FakeTracker(), 1)  # type: ignore[arg-type]
+    assert people.frames == 0, "the frames of the warm-up are forgotten"
+    with pytest.raises(DepthMocapError, match="a frame is uint16"):
+        people.advance(Frame(np.zeros((3, 3), np.uint16), 0.0))
+    assert people.frames == 0

@@ -1,0 +1,173 @@
+"""People before a live camera in a room that is learned while they are found.
+
+A recording's room is learned from frames spread over all of it (`toolkit.people.survey`). A live camera has only the
+frames so far: the room is learned from samples of the first seconds, several times, in a thread beside the frames. Its
+result is used from the next sample on, so that the same frames give the same people on every machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from toolkit.people.evidence import Evidence, furniture
+from toolkit.people.hypothesis import PersonClassifier
+from toolkit.people.learning import FEWEST, learnt
+from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
+from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
+from toolkit.people.single_person import SinglePersonSegmenter
+from toolkit.people.surroundings import Surroundings, first_look
+from toolkit.people.survey import SAMPLES, find_people
+from toolkit.people.vertical import floor_height
+from toolkit.sensing.depth_filter import DepthFilter
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
+
+SAMPLE_SECONDS = 0.5
+"""Between two samples of a room: the `SAMPLES` of a recording take 20 s."""
+LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
+"""Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
+ONLY = 1
+
+
+def live_finder(
+    first: Recording, sensing: SensingSettings, people: int | None, judge: PersonClassifier | None
+) -> PeopleFinder:
+    """Return a finder of one person, of several or with None of all people, for the frames that follow `first`.
+
+    Parameters
+    ----------
+    first : a recording of the first frame, with the background if there is one
+    sensing : how depth is segmented and cleaned
+    people : number of people, None = all
+    judge : tells people from furniture
+
+    Raises
+    ------
+    SegmentationError
+        `sensing.segment` is a mode that needs a whole recording.
+    """
+    mode = SegmentationMode.parse(sensing.segment).name
+    cut_out = mode not in ("auto", "person") or first.background is not None
+    if not cut_out and mode == "auto":
+        lens = MultiPersonFinder(first.camera, first.up_camera, None, sensing).lens
+        cut_out = first_look(lens.coarse(DepthFilter(first.camera, sensing).checked(first.depth(0))), lens).cut_out
+    if cut_out and people == 1:
+        return SinglePersonSegmenter.of(first, sensing)
+    if cut_out:
+        return find_people(first, sensing, most=people, judge=judge)
+    most = MOST_PEOPLE if people in (None, 1) else people
+    finder = MultiPersonFinder(first.camera, first.up_camera, None, sensing, most, judge)
+    height = floor_height(first)
+    learning = RoomLearningFinder(finder, sensing, first, judge, None if height is None else -height)
+    return FirstPersonFinder(learning) if people == 1 else learning
+
+
+class RoomLearningFinder:
+    """A `PeopleFinder` that learns the room from the frames it is given.
+
+    Parameters
+    ----------
+    finder : of all people, before its first frame
+    sensing : how depth is cleaned
+    first : recording with the camera of the frames
+    judge : tells people from furniture
+    floor : y of the floor, metres, level frame, None where it is not known
+    """
+
+    def __init__(
+        self, finder: MultiPersonFinder, sensing: SensingSettings, first: Recording, judge: PersonClassifier | None,
+        floor: float | None,
+    ) -> None:  # fmt: skip
+        self._finder, self._judge, self._floor = finder, judge, floor
+        self._filter = DepthFilter(first.camera, sensing)
+        self.camera = finder.camera
+        self._samples: list[np.ndarray] = []
+        self._due = -np.inf
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="depthmocap-room")
+        self._learning: Future[Surroundings] | None = None
+
+    @property
+    def evidence(self) -> Mapping[int, Evidence]:
+        """See `PeopleFinder.evidence`."""
+        return self._finder.evidence
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """See `PeopleFinder.find`."""
+        if timestamp >= self._due and (self._learning is not None or len(self._samples) < SAMPLES):
+            self._sample(depth_mm, timestamp)
+        return self._finder.find(depth_mm, timestamp, predicted)
+
+    def _sample(self, depth_mm: np.ndarray, timestamp: float) -> None:
+        """Use the room that was learned from the samples before, and start to learn it again where it is time to."""
+        if self._learning is not None:
+            self._finder.use_room(replace(self._learning.result(), floor=self._floor))
+            self._learning = None
+        self._due = timestamp + SAMPLE_SECONDS
+        if len(self._samples) == SAMPLES:
+            return
+        self._samples.append(self._finder.lens.coarse(self._filter.checked(depth_mm)))
+        if len(self._samples) in LEARNED_AFTER:
+            frames = list(self._samples)
+            self._learning = self._thread.submit(learnt, frames, self._finder.lens, self._judge, self._floor)
+
+    def redetect(self) -> MultiPersonFinder:
+        """See `PeopleFinder.redetect`."""
+        return self._finder.redetect()
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`; without the samples, so that a restored one keeps its room."""
+        return self._finder.export_state()
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self._finder.restore_state(state)
+
+
+class FirstPersonFinder:
+    """A `PeopleFinder` of one person in a room: the largest one when a person is first seen, and then the same.
+
+    If the evidence shows that it is furniture, the largest of the other people takes its place.
+    """
+
+    evidence: Mapping[int, Evidence] = {}
+
+    def __init__(self, finder: RoomLearningFinder) -> None:
+        self._finder, self.camera = finder, finder.camera
+        self._selected: int | None = None
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """See `PeopleFinder.find`: no sighting before the first person, then one in every frame, which may be empty."""
+        bodies = {self._selected: predicted[ONLY]} if self._selected is not None and ONLY in predicted else {}
+        found = self._finder.find(depth_mm, timestamp, bodies)
+        no_people = furniture(self._finder.evidence)
+        if self._selected is None or self._selected in no_people:
+            people = [sighting for sighting in found if sighting.id not in no_people]
+            largest = max(people, key=lambda sighting: int(np.count_nonzero(sighting.depth)), default=None)
+            self._selected = self._selected if largest is None else largest.id
+        if self._selected is None:
+            return ()
+        for sighting in found:
+            if sighting.id == self._selected:
+                return (replace(sighting, id=ONLY),)
+        return (Sighting(ONLY, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
+
+    def redetect(self) -> MultiPersonFinder:
+        """See `PeopleFinder.redetect`."""
+        return self._finder.redetect()
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return self._finder.export_state()
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self._finder.restore_state(state)
