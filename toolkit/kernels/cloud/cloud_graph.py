@@ -1,7 +1,7 @@
 """Graph over the pixels of a point cloud, its components and the bridges between them, compiled (Baak 2013, 5.4.2).
 
-Lengths are whole multiples of `UNIT`. Sums of them are exact, so a shortest distance is the same number on every
-machine and in whatever order the paths are tried, and ties are true ties.
+Lengths are integer multiples of `UNIT`. Their sums are exact, so a shortest distance does not depend on the machine or
+on the order of the paths, and ties are exact.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from numba import njit
 UNIT = 2.0**-20
 """Metres per unit of length (about a micrometre)."""
 CHUNK = 16
-"""Consecutive members of a component that share one bounding box in `bridge_components`."""
+"""Number of consecutive members of a component with one common bounding box in `bridge_components`."""
 
 
 @njit(cache=True)
 def in_units(dx: float, dy: float, dz: float) -> int:
-    """Euclidean length of a difference in metres, rounded to units, at least one."""
+    """Return the Euclidean length of a difference in metres, rounded to units, at least one."""
     return max(1, int(np.sqrt(dx * dx + dy * dy + dz * dz) / UNIT + 0.5))
 
 
@@ -30,7 +30,7 @@ def grid_table(
     neighbours: np.ndarray,
     lengths: np.ndarray,
 ) -> int:
-    """Edges shorter than `threshold` units between neighbours in the 8-neighbourhood, each pair measured once.
+    """Compute edges shorter than `threshold` units between neighbours in the 8-neighbourhood, each pair once.
 
     `points` (N, 3) metres; `pixels` (N,) rising flat indices into `index` (H, W), which names the node of a pixel or
     -1. Fills the rows of the nodes in the table `neighbours` and `lengths` (at least N, 8), a column per direction, a
@@ -47,7 +47,7 @@ def grid_table(
         v = pixels[node] // width
         u = pixels[node] - v * width
         x, y, z = points[node, 0], points[node, 1], points[node, 2]
-        for side in range(4):  # right, lower left, below, lower right; the opposite ones are filled from the other end
+        for side in range(4):  # right, lower left, below, lower right; the opposite edges are copied from the other end
             row = v if side == 0 else v + 1
             column = u + 1 if side == 0 else u + side - 2
             if row == height or column < 0 or column == width:
@@ -67,10 +67,10 @@ def grid_table(
 
 @njit(cache=True)
 def components(neighbours: np.ndarray, roots: np.ndarray) -> None:
-    """Union-find over the first N rows of a table `neighbours` (R, D): fills `roots` (N,) with the lowest node of each
-    node's component.
+    """Label components by union-find over the first N rows of a table `neighbours` (R, D): fills `roots` (N,) with the
+    lowest node of each node's component.
 
-    Rem's algorithm: both ends climb towards their roots in turn and hang the higher branch below the lower on the way.
+    Rem's algorithm: both ends move towards their roots in turn, and the higher branch is attached below the lower.
     """
     for node in range(roots.shape[0]):
         roots[node] = node
@@ -93,7 +93,8 @@ def components(neighbours: np.ndarray, roots: np.ndarray) -> None:
 
 @njit(cache=True)
 def bounding_boxes(points: np.ndarray, members: np.ndarray, boxes: np.ndarray) -> int:
-    """Bounding boxes (lowest and highest corner, 6 numbers) of every `CHUNK` consecutive members; returns how many."""
+    """Compute bounding boxes (lowest and highest corner, 6 numbers) of each `CHUNK` consecutive members; return their
+    number."""
     count = (members.shape[0] + CHUNK - 1) // CHUNK
     for c in range(count):
         for axis in range(3):
@@ -109,7 +110,7 @@ def bounding_boxes(points: np.ndarray, members: np.ndarray, boxes: np.ndarray) -
 
 @njit(cache=True)
 def _gap(a: np.ndarray, b: np.ndarray) -> float:
-    """Squared distance of two boxes."""
+    """Return the squared distance of two boxes."""
     total = 0.0
     for axis in range(3):
         gap = max(0.0, a[axis] - b[3 + axis], b[axis] - a[3 + axis])
@@ -133,13 +134,14 @@ def closest_pair(
     members_b: np.ndarray,
     boxes_b: np.ndarray,
 ) -> tuple[int, int, float]:
-    """Closest pair between two sets of nodes and its squared distance; ties to the lowest first, then second node.
+    """Return the closest pair between two sets of nodes and its squared distance; ties go to the lowest first, then
+    second node.
 
-    Chunks whose boxes are farther apart than the closest pair so far are skipped, so nodes that lie near each other
-    should be near each other in the lists; the answer is exact in any order.
+    Chunks whose boxes are farther apart than the closest pair so far are skipped. The result is exact for any order; it
+    is fast if nearby nodes are close in the lists.
     """
     best = np.inf
-    for i in range(0, members_a.shape[0], CHUNK):  # one pair of nodes per pair of chunks bounds the search from above
+    for i in range(0, members_a.shape[0], CHUNK):  # one pair of nodes per pair of chunks gives an upper bound
         for j in range(0, members_b.shape[0], CHUNK):
             best = min(best, _squared(points, np.int64(members_a[i]), np.int64(members_b[j])))
     node_a = node_b = np.int64(points.shape[0])
@@ -172,7 +174,7 @@ def bridge_components(
     ends: np.ndarray,
     lengths: np.ndarray,
 ) -> int:
-    """Join every component of at least `smallest` nodes to the largest by their closest pair, if under `limit` metres.
+    """Join each component of at least `smallest` nodes to the largest by their closest pair, if under `limit` metres.
 
     Of equally large components the one with the lowest node counts as the largest. Fills `ends` (N, 2), the node in the
     largest component second, and `lengths` (N,); returns the number of bridges. `members`, `sizes`, `starts` (N,) and

@@ -1,8 +1,8 @@
 """Exact nearest neighbours of a few low-dimensional queries among some ten thousand rows, compiled.
 
-The rows stand in a fixed order of leaves, as a k-d tree cuts them, one column after the other, so that a leaf is
-compared with vector instructions. A leaf whose box is farther than the neighbours found so far is passed over. The
-worst case is a plain scan, and a query may leave out columns, because a box bounds every subset of its columns.
+The rows are sorted into the leaves of a k-d tree and stored column by column, so that leaves are compared with vector
+instructions. A leaf whose box is farther than the neighbours found so far is skipped. The worst case is a linear scan.
+A query may use a subset of the columns, because a box bounds each subset.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 LEAF = 256
-"""Largest number of rows in a leaf."""
+"""Maximum number of rows in a leaf."""
 SLACK = np.float32(1.0 - 1e-5)
 """Factor on the squared distance to a box, above the rounding error of a float32 sum of 15 squares (about 1e-6)."""
 
@@ -40,7 +40,7 @@ def leaf_order(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @njit(cache=True)
 def boxes(columns: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest value (L, D) of every leaf of `columns` (D, N)."""
+    """Compute the lowest and highest value (L, D) of each leaf of `columns` (D, N)."""
     low = np.empty((starts.shape[0] - 1, columns.shape[0]), np.float32)
     high = np.empty_like(low)
     for leaf in range(low.shape[0]):
@@ -54,7 +54,7 @@ def boxes(columns: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 @njit(cache=True)
 def _insert(value: np.float32, row: int, distances: np.ndarray, indices: np.ndarray) -> None:
-    """Put a row into the ascending list of the nearest ones, whose last entry drops out."""
+    """Insert a row into the ascending list of the nearest ones; its last entry is removed."""
     place = distances.shape[0] - 1
     while place > 0 and (distances[place - 1] > value or (distances[place - 1] == value and indices[place - 1] > row)):
         distances[place] = distances[place - 1]
@@ -94,7 +94,7 @@ def nearest(
                     outside = max(low[leaf, d] - queries[m, d], queries[m, d] - high[leaf, d], np.float32(0.0))
                     bound[leaf] += outside * outside
         for _ in range(leaves):
-            leaf = 0  # the nearest of those that are left
+            leaf = 0  # the nearest of the remaining leaves
             for other in range(1, leaves):
                 if bound[other] < bound[leaf]:
                     leaf = other
@@ -118,14 +118,14 @@ def nearest(
 
 
 BLOCK = 1024
-"""Rows at a time, 4 KB of squares."""
+"""Number of rows per block (4 KB of squares)."""
 
 
 @njit(cache=True)
 def weighted_nearest(
     query: np.ndarray, weights: np.ndarray, columns: np.ndarray, distances: np.ndarray, indices: np.ndarray
 ) -> None:
-    """The rows of `columns` (D, N) of the least weighted squared distances to `query` (D,), all of them looked at.
+    """Find the rows of `columns` (D, N) with the smallest weighted squared distances to `query` (D,) by a linear scan.
 
     Fills `distances` (K,), squared, and `indices` (K,), K at most N, nearest first, ties to the lower row. Block by
     block and column after column, so that each pass runs with vector instructions over memory that stays in the cache.

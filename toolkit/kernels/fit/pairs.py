@@ -1,7 +1,7 @@
 """Correspondences between mesh and depth image, in both directions, added to the joint quadratics, compiled.
 
-Everything here is in the camera frame. A pair's weight falls with its distance d as `1 / (1 + (d / sigma)^2)^2`
-(Geman-McClure), so that a wrong correspondence pulls little.
+All quantities are in the camera frame. The weight of a pair falls with its distance d as `1 / (1 + (d / sigma)^2)^2`
+(Geman-McClure), which limits the effect of wrong correspondences.
 """
 
 from __future__ import annotations
@@ -137,10 +137,11 @@ def nearest_medians(
 
 @njit(cache=True)
 def vertex_gaps(points: np.ndarray, nearest: np.ndarray, visible: np.ndarray, cap: float, gaps: np.ndarray) -> float:
-    """Mean distance of the visible of `points` (C, 3) to their `nearest` (C, 3) measured ones, each at most `cap`.
+    """Return the mean distance of the visible of `points` (C, 3) to their `nearest` (C, 3) measured ones, each at most
+    `cap`.
 
-    What has none, NaN, counts as the cap; so does a body of which nothing is visible. Fills `gaps` (C,) with the
-    distances themselves.
+    Points without a measurement (NaN) count as the cap, as does a body without visible points. Fills `gaps` (C,) with
+    the distances.
     """
     total, count = 0.0, 0
     for i in range(points.shape[0]):
@@ -154,9 +155,10 @@ def vertex_gaps(points: np.ndarray, nearest: np.ndarray, visible: np.ndarray, ca
 
 @njit(cache=True)
 def sample_gaps(points: np.ndarray, vertex_of: np.ndarray, samples: np.ndarray, cap: float, gaps: np.ndarray) -> float:
-    """Mean distance of `samples` (N, 3) to their `points` (N, 3) on the drawn body, each at most `cap`; 0 without any.
+    """Return the mean distance of `samples` (N, 3) to their `points` (N, 3) on the drawn body, each at most `cap`; 0
+    without any.
 
-    A sample whose `vertex_of` is negative has none and counts as the cap. Fills `gaps` (N,) with the distances.
+    A sample with negative `vertex_of` counts as the cap. Fills `gaps` (N,) with the distances.
     """
     total = 0.0
     for i in range(samples.shape[0]):
@@ -180,7 +182,7 @@ def nearest_model_points(
     points: np.ndarray,
     vertex_of: np.ndarray,
 ) -> None:
-    """Nearest visible surface point of the drawn body for each measured sample (N, 3).
+    """Find the nearest visible surface point of the drawn body for each measured sample (N, 3).
 
     Fills `points` (N, 3) and `vertex_of` (N,), the corner of the drawn triangle nearest to that point; -1 where none is
     within `reach` metres.
@@ -228,8 +230,8 @@ def add_pairs(
     hessian: np.ndarray,
     gradient: np.ndarray,
 ) -> None:
-    """Pull points (N, 3) of the body's surface, near vertices `vertex_of` (N,), to targets (N, 3), with a plane and a
-    point part; there is no pair where the vertex is negative or the target NaN.
+    """Add pairs from points (N, 3) of the body's surface, near vertices `vertex_of` (N,), to targets (N, 3), with a
+    plane and a point part; a negative vertex or a NaN target has no pair.
     """
     for i in range(targets.shape[0]):
         v = vertex_of[i]
@@ -264,9 +266,10 @@ def add_contacts(
     hessian: np.ndarray,
     gradient: np.ndarray,
 ) -> None:
-    """Push apart the balls of each of `contacts` (K, 2) that are nearer than `soft` times the sum of their radii.
+    """Add a repulsion of the balls of each of `contacts` (K, 2) that are nearer than `soft` times the sum of their
+    radii.
 
-    Each of the two takes the whole way, as if the other stood still. Ball b is carried by joint `ball_joint[b]` at
+    Each of the two moves the whole distance, as if the other were fixed. Ball b is carried by joint `ball_joint[b]` at
     `ball_offset[b]` from it; `rotations` (J, 3, 3) and `origins` (J, 3) place the joints.
     """
     centres = np.empty(ball_offset.shape)
@@ -294,7 +297,8 @@ def add_contacts(
 
 @njit(cache=True)
 def mean_nearest(points: np.ndarray, vertices: np.ndarray, cap: float) -> float:
-    """Mean over `points` (N, 3) of the distance to the nearest of `vertices` (V, 3), each capped; 0 without points."""
+    """Return the mean over `points` (N, 3) of the distance to the nearest of `vertices` (V, 3), each capped; 0 without
+    points."""
     total = 0.0
     for i in range(points.shape[0]):
         best = cap * cap

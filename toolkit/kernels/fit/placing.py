@@ -29,8 +29,7 @@ def place(
 ) -> None:
     """Forward kinematics and linear blend skinning, turned by `turn` (3, 3), R_camera_level.
 
-    Fills `rotations` (J, 3, 3), `origins` (J, 3) and `axes` (D, 3), as `forward_kinematics` and `world_axes` do, and
-    the skinned `points` (V, 3) and unit `normals` (V, 3), all in the camera frame.
+    Rotate placed joints and axes by `turn` (3, 3), R_camera_level.
     """
     joints = parents.shape[0]
     vectors, level, centres = np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty((joints, 3))
@@ -125,7 +124,7 @@ def skin_surface(
 def draw(
     points: np.ndarray, faces: np.ndarray, intrinsics: np.ndarray, height: int, width: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Draw a mesh: the part of an image of `height` times `width` pixels that holds it.
+    """Draw a mesh: return the part of an image of `height` times `width` pixels that contains it.
 
     Returns
     -------
@@ -158,11 +157,11 @@ def draw(
 
 @njit(cache=True)
 def spread(points: np.ndarray, nearest: np.ndarray, chosen: np.ndarray) -> None:
-    """Choose rows of `points` (N, D) farthest first, each the one farthest from those before it.
+    """Select rows of `points` (N, D) by farthest-first traversal.
 
     Parameters
     ----------
-    nearest : float64 (N,), squared distance of each row to what lies nearest to it before any is chosen; changed
+    nearest : float64 (N,), squared distance of each row to the initial set; changed
     chosen : int64 (K,), filled in the order of choice
     """
     for k in range(chosen.shape[0]):

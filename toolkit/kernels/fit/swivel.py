@@ -1,8 +1,8 @@
 """Inverse kinematics of an arm, swing and twist, compiled (Lopez-Mendez 2011, 2.2).
 
-A hand that is to be somewhere leaves an arm one freedom: the swivel about the line from the shoulder to the hand. The
-elbow follows from the distance alone, the swing of the shoulder from the direction; of all swivels the one nearest to a
-given arm is the reference, so that no axis of the body has to be singled out.
+A target for the hand leaves an arm one degree of freedom: the swivel about the line from the shoulder to the hand. The
+distance determines the elbow, the direction the swing of the shoulder. The swivel nearest to a given arm is the
+reference, so no body axis is preferred.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ArmBones(NamedTuple):
 @njit(cache=True)
 def rotation_vector(rotation: np.ndarray, out: np.ndarray) -> None:
     """Write the rotation vector of `rotation` (3, 3), no longer than pi, into `out` (3,)."""
-    # By the largest of the four parts of the unit quaternion, which is well conditioned at every angle.
+    # By the largest of the four parts of the unit quaternion, which is well conditioned at each angle.
     m = rotation
     parts = np.empty((4, 4))
     parts[0, 0] = 1.0 + m[0, 0] + m[1, 1] + m[2, 2]
@@ -65,7 +65,7 @@ def _multiply(first: np.ndarray, second: np.ndarray, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def elbow_for(bones: ArmBones, fore: np.ndarray, distance: float, before: float) -> float:
-    """Angle of the elbow at which the hand is nearest to being `distance` metres from the shoulder.
+    """Return the elbow angle at which the hand is nearest to `distance` metres from the shoulder.
 
     `fore` (3,) is the hand from the elbow, in the elbow's frame. Of two angles the one nearer to `before` is taken.
     """
@@ -87,7 +87,7 @@ def elbow_for(bones: ArmBones, fore: np.ndarray, distance: float, before: float)
         angle = phase + sign * bend
         angle -= 2.0 * np.pi * np.rint((angle - 0.5 * (low + high)) / (2.0 * np.pi))
         inside = min(max(angle, low), high)
-        # An angle that has to be moved to a limit misses the distance by as much.
+        # An angle that is moved to a limit misses the distance by as much.
         reached = a * np.cos(inside) + b * np.sin(inside)
         cost = 1e3 * abs(reached - min(max(wanted, -size), size)) + 1e-6 * abs(inside - before)
         if cost < best:
@@ -98,7 +98,7 @@ def elbow_for(bones: ArmBones, fore: np.ndarray, distance: float, before: float)
 
 @njit(cache=True)
 def solve_arm(bones: ArmBones, fore: np.ndarray, target: np.ndarray, swivel: float, arm: np.ndarray) -> float:
-    """Bring the hand to `target` (3,), metres from the shoulder, in the frame that carries the shoulder.
+    """Move the hand to `target` (3,), metres from the shoulder, in the frame that carries the shoulder.
 
     `arm` (4,) holds the shoulder's rotation vector and the elbow's angle: the arm before, and after it the answer,
     whose swivel is `swivel` radians from the one nearest to the arm before. `fore` as in `elbow_for`. Returns the
@@ -128,7 +128,7 @@ def solve_arm(bones: ArmBones, fore: np.ndarray, target: np.ndarray, swivel: flo
     vector = np.empty(3)
     rotation_vector(rotation, vector)
     if not _within(vector, bones.shoulder_limits):
-        # The same rotation, turned the other way round.
+        # The same rotation with the opposite axis.
         turn = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
         if turn == 0.0:
             return np.inf
@@ -150,7 +150,7 @@ def _within(vector: np.ndarray, limits: np.ndarray) -> bool:
 
 @njit(cache=True)
 def _swing(start: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
-    """Least rotation vector (3,) that turns the unit vector `start` into `end`."""
+    """Return the smallest rotation vector (3,) from the unit vector `start` to `end`."""
     out[0] = start[1] * end[2] - start[2] * end[1]
     out[1] = start[2] * end[0] - start[0] * end[2]
     out[2] = start[0] * end[1] - start[1] * end[0]
@@ -161,7 +161,7 @@ def _swing(start: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
         for a in range(3):
             out[a] *= factor
     elif cosine < 0.0:
-        # Opposite: any axis across does, here one across the smallest coordinate.
+        # Opposite vectors: any perpendicular axis is valid, here one across the smallest coordinate.
         smallest = 0
         for a in range(1, 3):
             if abs(start[a]) < abs(start[smallest]):

@@ -8,8 +8,8 @@ from numba import njit
 
 @njit(cache=True)
 def index_pixels(depth: np.ndarray, index: np.ndarray, pixels: np.ndarray) -> int:
-    """Number the pixels with depth > 0 in row-major order; fills `index` (H, W, -1 elsewhere) and `pixels`; their
-    count.
+    """Number the pixels with depth > 0 in row-major order; fills `index` (H, W, -1 elsewhere) and `pixels`; return
+    their count.
     """
     height, width = depth.shape
     n = 0
@@ -29,7 +29,7 @@ def index_pixels(depth: np.ndarray, index: np.ndarray, pixels: np.ndarray) -> in
 def back_project(
     depth: np.ndarray, pixels: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, points: np.ndarray
 ) -> None:
-    """Points of the flat `pixels`, turned by `rotation` (3, 3); fills `points` (N, 3)."""
+    """Back-project the flat `pixels` and rotate them by `rotation` (3, 3); fills `points` (N, 3)."""
     width = depth.shape[1]
     flat = depth.reshape(-1)
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
@@ -44,7 +44,7 @@ def back_project(
 
 @njit(cache=True)
 def spread(total: int, rows: np.ndarray) -> None:
-    """Fill `rows` (n,) with n numbers from 0 to `total` - 1 that lie evenly spread, rising, as truncated."""
+    """Fill `rows` (n,) with n evenly spaced increasing integers from 0 to `total` - 1."""
     last = rows.shape[0] - 1
     for i in range(last):
         rows[i] = int(i * ((total - 1) / last))
@@ -63,12 +63,12 @@ def take_foreground(
     padded: np.ndarray,
     box: np.ndarray,
 ) -> int:
-    """Copy what lies between `near_mm` and `far_mm`, and before the background, into `padded` (H + 2, W + 2, zero
+    """Copy depth between `near_mm` and `far_mm` and in front of the background into `padded` (H + 2, W + 2, zero
     border).
 
-    A pixel is kept where the background is 0 (unknown) or farther by more than `margin_mm + margin_per_m2 * z^2` (z
-    in metres of the background). `box` becomes the window (v0, v1, u0, u1, ends excluded) of the kept pixels, in
-    padded indices.
+    A pixel is kept if the background is 0 (unknown) or farther by more than `margin_mm + margin_per_m2 * z^2` (z in
+    metres of the background). `box` becomes the window (v0, v1, u0, u1, ends excluded) of the kept pixels, in padded
+    indices.
 
     Returns
     -------

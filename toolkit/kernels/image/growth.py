@@ -25,7 +25,7 @@ def _push(heap: np.ndarray, size: int, key: int) -> int:
 
 @njit(cache=True)
 def _pop(heap: np.ndarray, size: int) -> int:
-    """Drop the smallest key; returns the new size."""
+    """Remove the smallest key; return the new size."""
     size -= 1
     key = heap[size]
     k = 0
@@ -134,7 +134,7 @@ def mark_seeds(
     torso: float,
     seeds: np.ndarray,
 ) -> None:
-    """Mark what is surely part of the people whose heads are at `places` (N, 3), level frame, metres, with 1, 2, ...
+    """Mark seed pixels of the people with heads at `places` (N, 3), level frame, metres, with 1, 2, ...
 
     A foreground pixel within `head` metres of a place is part of that head, and one of `stayed` int32 (H, W), whose it
     was before, part of that torso if it is within `torso` metres of the vertical through the place. Entries of `seeds`
@@ -158,7 +158,7 @@ def mark_seeds(
 def refine_labels(
     depth: np.ndarray, coarse: np.ndarray, labels: np.ndarray, step: int, tolerance_mm: float, out: np.ndarray
 ) -> None:
-    """Bring labels found on `depth[::step, ::step]` back to full resolution.
+    """Transfer labels of `depth[::step, ::step]` to full resolution.
 
     A pixel of `depth` (H, W), millimetres, takes the label of the coarse pixel around it whose depth `coarse` (h, w),
     millimetres, is nearest to its own, if that is within `tolerance_mm`; coarse pixels of no person (label 0) take
@@ -184,7 +184,7 @@ def refine_labels(
 
 @njit(cache=True)
 def take_label(depth: np.ndarray, labels: np.ndarray, label: int, padded: np.ndarray, box: np.ndarray) -> int:
-    """Copy the pixels of `depth` (H, W) with that label into `padded` (H + 2, W + 2), 0 elsewhere.
+    """Copy the pixels of `depth` (H, W) with this label into `padded` (H + 2, W + 2), 0 elsewhere.
 
     `box` becomes their window (v0, v1, u0, u1, ends excluded, padded indices). Returns how many there are.
     """

@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 
 LEAST_UP = 0.2
-"""Length of the vertical in the plane that faces the camera; with less a head is seen from above and hides the rest."""
+"""Minimum length of the vertical in the plane facing the camera; below it a head is seen from above and hides the
+rest."""
 BESIDE = 0.1
-"""Metres from the middle of a head beyond which a place lies to its right or left."""
+"""Distance from the middle of a head beyond which a position counts as right or left of it, metres."""
 
 
 @njit(cache=True)
@@ -28,8 +29,8 @@ def head_scores(
 ) -> None:
     """Compute the similarity of each candidate pixel's surroundings to those of a head's centre.
 
-    A place is given by metres to the right and upwards in the plane through the pixel's point that faces the camera,
-    upwards being the vertical as far as it lies in that plane.
+    A position is given in metres to the right and upwards in the plane through the pixel's point that faces the camera;
+    upwards is the projection of the vertical onto that plane.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Exact nearest-neighbour search on a pixel grid: rings around the projection, stopped by a lower bound, compiled.
+"""Exact nearest-neighbour search on a pixel grid by rings around the projection with a lower bound, compiled.
 
 A pixel on ring r around the pixel of q is at least r - 1/2 pixels away from the projection of q, in the image or
 outside of it. A point p seen there lies on the ray d = (x, y, 1), and its distance to q is at least that of q to this

@@ -1,4 +1,4 @@
-"""A z-buffer for small meshes: which triangle each pixel of a pinhole camera sees, and how far away, compiled."""
+"""Z-buffer rasterisation of small meshes: visible triangle and depth of each pixel, compiled."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True)
 def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
-    """Pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3).
+    """Compute pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3).
 
     All three are 0 for points less than 5 cm in front of the camera, or behind it.
     """
@@ -27,8 +27,8 @@ def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None
 def front_faces(projected: np.ndarray, faces: np.ndarray, height: int, width: int, front: np.ndarray) -> int:
     """Which faces a pixel centre of an image of `height` times `width` can see; how many, their rows in `front` (F,).
 
-    They face the camera, are wholly before it, and their bounding box holds a pixel centre. Which do is unforeseeable:
-    nothing here branches on it, for a branch that is guessed wrong costs more than the sums.
+    They face the camera, are completely in front of it, and their bounding box contains a pixel centre. The loop avoids
+    branches, because their outcome is unpredictable and a misprediction costs more than the arithmetic.
     """
     count = 0
     for f in range(faces.shape[0]):
@@ -47,7 +47,7 @@ def front_faces(projected: np.ndarray, faces: np.ndarray, height: int, width: in
 
 @njit(cache=True)
 def rasterise(projected: np.ndarray, faces: np.ndarray, inverse_depth: np.ndarray, triangle: np.ndarray) -> None:
-    """Draw front-facing triangles: fills `inverse_depth` (H, W), 0 where nothing is, and `triangle` (H, W), -1 there.
+    """Draw front-facing triangles: fills `inverse_depth` (H, W), 0 in the background, and `triangle` (H, W), -1 there.
 
     `projected` (V, 3) comes from `project`. Counter-clockwise faces seen from outside are clockwise in image
     coordinates (v grows downwards) when they face the camera. Inverse depth is linear in the image, so its
@@ -70,7 +70,7 @@ def rasterise(projected: np.ndarray, faces: np.ndarray, inverse_depth: np.ndarra
         v0 = max(0, int(np.ceil(min(ay, by, cy))))
         v1 = min(height - 1, int(np.floor(max(ay, by, cy))))
         scale = 1.0 / area
-        # Barycentric coordinates are affine in (u, v): step them instead of evaluating them.
+        # Barycentric coordinates are affine in (u, v), so they are incremented.
         beta_u, beta_v = (cy - ay) * scale, -(cx - ax) * scale
         gamma_u, gamma_v = -(by - ay) * scale, (bx - ax) * scale
         for v in range(v0, v1 + 1):

@@ -6,15 +6,15 @@ import numpy as np
 from numba import njit
 
 GAP: int = 2
-"""Columns that the longest step of an alignment goes: so many lie before a document, and between two pieces of it that
-are compared in one go, and no alignment touches them."""
+"""Number of columns of the longest step of an alignment; as many empty columns separate documents and pieces that are
+compared in one call."""
 
 
 @njit(cache=True)
 def align(
     reference: np.ndarray, reference_weights: np.ndarray, warped: np.ndarray, warped_weights: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
+    """Find the cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
 
     A cell costs the mean absolute difference of its columns times the mean of their weights.
 
@@ -71,7 +71,7 @@ def align(
 
 @njit(cache=True)
 def warp(path: np.ndarray, warped: np.ndarray, weights: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Bring a sequence (F, M) with weights (M,) on to the time axis of a reference of `length` columns.
+    """Warp a sequence (F, M) with weights (M,) to the time axis of a reference of `length` columns.
 
     A reference column receives the weighted mean of the columns matched with it and the sum of their weights; where one
     column was matched with r reference columns, the weights of these are divided by r.
@@ -133,7 +133,7 @@ def distance_function(
 def _distances(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, closed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`distance_function` of a document with columns (C,) that no alignment touches."""
+    """Compute `distance_function` of a document with columns (C,) that no alignment touches."""
     n, length = bits.shape[0], document.shape[0]
     costs = np.full((3, GAP + length), np.inf)  # columns before the document, in which nothing ends
     starts = np.full((3, GAP + length), -1, dtype=np.int64)
@@ -150,7 +150,7 @@ def _distances(
             starts[before, 1:],
             starts[earlier, 1:],
         )
-        for j in range(length):  # without a branch, so that several columns are computed at once
+        for j in range(length):  # without a branch, so that several columns are computed together
             cell = scale[i] * ones((document[j] ^ bits[i]) & mask[i])
             origin_far, origin_near, origin_over = from_far[j], from_near[j], from_over[j]
             best = far[j] if far[j] < near[j] else near[j]
@@ -164,7 +164,7 @@ def _distances(
 
 @njit(cache=True)
 def _close(cost: np.ndarray, start: np.ndarray, closed: np.ndarray) -> None:
-    """Say of document columns (C,) that no alignment touches them."""
+    """Mark document columns (C,) as untouched by alignments."""
     for j in closed:
         cost[GAP + j], start[GAP + j] = np.inf, -1
 
@@ -174,7 +174,7 @@ def push_column(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, word: np.uint64, column: int,
     costs: np.ndarray, starts: np.ndarray,
 ) -> None:  # fmt: skip
-    """One more column of a document: what `distance_function` would say of it, from the two columns before.
+    """Process one more column of a document: result of `distance_function` from the two columns before.
 
     Parameters
     ----------

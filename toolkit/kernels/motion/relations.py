@@ -1,4 +1,4 @@
-"""The relational quantities of a motion or of one of its frames, compiled (thesis 2.2).
+"""Relational quantities of a motion or of one frame, compiled (thesis 2.2).
 
 A program says what each quantity is: one row per quantity with an operation, up to five points, a window of velocities
 and a sign. `toolkit.retrieval.features.relational` writes it.
@@ -55,7 +55,7 @@ def named_joints(
 def quantities(
     joints: np.ndarray, axes: np.ndarray, frame: int, rate: float, program: np.ndarray, out: np.ndarray
 ) -> None:
-    """Every quantity of a program in one frame of a motion.
+    """Compute all quantities of a program in one frame of a motion.
 
     Parameters
     ----------
@@ -108,21 +108,21 @@ def quantities(
 
 @njit(cache=True)
 def quantities_of_all(joints: np.ndarray, axes: np.ndarray, rate: float, program: np.ndarray, out: np.ndarray) -> None:
-    """Every quantity of a program in all frames of a motion: `out` is float64 (T, Q), see `quantities`."""
+    """Compute all quantities of a program in all frames of a motion: `out` is float64 (T, Q), see `quantities`."""
     for frame in range(joints.shape[0]):
         quantities(joints, axes, frame, rate, program, out[frame])
 
 
 @njit(cache=True)
 def push_tests(values: np.ndarray, tests: np.ndarray, loose: np.ndarray, strict: np.ndarray, on: np.ndarray) -> None:
-    """One more frame of every feature: on from a strict test on, for as long as the loose one holds.
+    """Update all features by one frame with hysteresis: on after the strict test, until the loose test fails.
 
     Parameters
     ----------
     values : float64 (Q,), from `quantities`
     tests : int64 (Q,), comparisons
     loose, strict : float64 (Q,), thresholds
-    on : bool (Q,), as the frame before left it; changed in place
+    on : bool (Q,), state after the previous frame; changed in place
     """
     for row in range(len(values)):
         kept = on[row] and _holds(tests[row], values[row], loose[row])
@@ -177,7 +177,7 @@ def _direction(here: np.ndarray, a: int, b: int, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def _normalise(vector: np.ndarray) -> None:
-    """To length 1; a vector without direction stays zero."""
+    """Normalise to length 1; a zero vector stays zero."""
     length = _length(vector)
     if length > 0.0:
         for c in range(3):
@@ -201,7 +201,7 @@ def _degrees(cosine: float) -> float:
 
 @njit(cache=True)
 def _extreme(here: np.ndarray, without: int, sign: float) -> float:
-    """Highest (`sign` 1) or lowest (-1) y of the points, those in the bits of `without` left out."""
+    """Return the highest (`sign` 1) or lowest (-1) y of the points, without those in the bits of `without`."""
     best = -np.inf
     for n in range(here.shape[0]):
         if not (without >> n) & 1:
@@ -211,7 +211,7 @@ def _extreme(here: np.ndarray, without: int, sign: float) -> float:
 
 @njit(cache=True)
 def _ground_extent(here: np.ndarray, meant: int) -> float:
-    """Largest distance in the ground plane between any two of the points in the bits of `meant`."""
+    """Return the largest distance in the ground plane between two points in the bits of `meant`."""
     best = 0.0
     for a in range(here.shape[0]):
         for b in range(a):
