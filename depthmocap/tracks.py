@@ -171,6 +171,8 @@ class Track:
         OutputError
             The file cannot be written.
         """
+        if not isinstance(path, (str, Path)):
+            raise UsageError(f"path is {path!r}; give the name of a file, such as motion.glb")
         from toolkit.output.export.run import export_people
 
         return export_people([self.person], path, rig=rig, origin=origin)[0]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +18,8 @@ from depthmocap import tracks
 from tests.fake_tracker import FakeTracker
 from tests.run_helpers import run
 from tests.sensing_scenes import KINECT, scene
+from toolkit.app.cli.main import standard_streams
+from toolkit.app.cli.terminal import program
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.manifest import MANIFEST_FILE
 from toolkit.app.pipeline.run_summary import RunSummary, track_warnings
@@ -263,3 +267,31 @@ def test_a_body_that_is_no_person_s_size_is_doubted(tmp_path: Path, stature: flo
     summary = RunSummary("take", tmp_path, 9, 9, {}, 1.0, {"tracked": 9, "lost": 0, "empty": 0}, confidence=0.7)
     assert bool(found := track_warnings(summary, [1.7, stature])) == doubted
     assert not doubted or f"a fitted body is {stature:.2f} m tall; check --intrinsics" in str(found[0])
+
+
+def test_the_rows_before_a_frame_that_cannot_be_read_are_a_track(tmp_path: Path, fake: dict[str, Any]) -> None:
+    fake["broken"] = 3
+    save_recording(tmp_path / "take.npz", depth=frames(), camera=KINECT, timestamps=np.arange(4) / 30)
+    assert run("track", tmp_path / "take.npz", "--output", tmp_path / "run") == 1
+    (stored,) = depthmocap.Track.load(tmp_path / "run")
+    assert len(stored) == 3
+    assert stored.export(tmp_path / "motion.csv").stat().st_size > 0
+
+
+def test_a_closed_pipe_or_terminal_takes_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with open(writing, "w") as broken, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", broken)
+        with standard_streams():
+            for _ in range(3):
+                print("x" * 100_000, flush=True)
+        broken.write("nothing is left to fail")
+
+
+def test_a_working_folder_that_was_removed_stops_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert program()

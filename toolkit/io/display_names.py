@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Literal
 
 Place = Literal["text", "plot", "table"]
 LONGEST_NAME = 120
 """Characters of a name that are shown."""
-_FORMULA = "=+-@'"
-"""What the cells begin with that spreadsheets calculate, and the mark that says that one is text."""
+_FORMULA_START = re.compile(r"(^|[;\t]\s*)(?=[=+\-@'\uff1d\uff0b\uff0d\uff20])")
+"""Where a cell may begin that spreadsheets calculate, also in full-width characters and behind a semicolon, which
+separates cells in many countries; or the mark that says that a cell is text."""
 
 
 def shown(name: object, on: Place = "text") -> str:
@@ -28,7 +30,7 @@ def shown(name: object, on: Place = "text") -> str:
         text = f"{text[:half]}...{text[-half:]}"
     if on == "plot":
         return text.replace("$", "\\$")
-    return f"'{text}" if on == "table" and text[:1] in _FORMULA and text else text
+    return re.sub(_FORMULA_START, r"\1'", text) if on == "table" else text
 
 
 def printable(text: str) -> str:

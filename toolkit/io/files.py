@@ -72,9 +72,14 @@ def flush_to_disk(path: Path, flags: int) -> None:
 
 
 def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+    """Return the mask of new files; it is read from the system, because setting it would affect other threads."""
+    try:
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("Umask:")[1].split()[0], 8)
+    except (OSError, IndexError, ValueError):
+        mask = os.umask(0)
+        os.umask(mask)
+        return mask
 
 
 def save_npz(path: str | Path, arrays: dict[str, Any], *, compressed: bool = True) -> None:

@@ -84,7 +84,7 @@ def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -
 
 @cache
 def _plain_yaml() -> Any:
-    """The safe loader, which also refuses aliases and whole numbers that no float holds."""
+    """The safe loader, which also refuses aliases, repeated keys and whole numbers that no float holds."""
     import yaml
 
     class Plain(yaml.SafeLoader):
@@ -92,6 +92,13 @@ def _plain_yaml() -> Any:
             if self.check_event(yaml.events.AliasEvent):
                 raise ValueError("it holds an alias (*); write the value out")
             return super().compose_node(parent, index)
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+            twice = [key for i, key in enumerate(keys) if key in keys[:i]]
+            if twice:
+                raise ValueError(f"the key {twice[0]!r} stands twice")
+            return super().construct_mapping(node, deep=deep)
 
         def construct_yaml_int(self, node: Any) -> int:
             value = super().construct_yaml_int(node)

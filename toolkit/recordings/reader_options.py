@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,8 @@ class ReaderOptions:
     mirrored : flip the images of a mirrored source; None = decided by the reader
     radial : pixels hold the distance to the camera's centre instead of the depth along z
     depth_unit : "mm", "m" or the metres per unit, such as 0.0002; None = "mm", for clouds "m"
-    intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file that holds them
+    intrinsics : fx, fy, cx, cy in pixels, a mapping with these names, a camera matrix (3, 3), or the path of a JSON
+        file that holds them
     size : width and height in pixels, for raw files and for clouds without a pixel grid
     frame_rate : frame rate of a source without timestamps, Hz; None = that of the format, or 30
     up_camera : the vertical in the camera frame
@@ -75,6 +77,8 @@ class ReaderOptions:
         plain = {
             k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
         }
+        if isinstance(plain.get("frame_rate"), str):
+            plain["frame_rate"] = _number(plain["frame_rate"], "--frame-rate", "frames a second")
         made = cls(**plain)
         rate = made.frame_rate
         if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= LARGEST_RATE):
@@ -101,10 +105,32 @@ def _plain(value: Any) -> Any:
     return value
 
 
+def _number(text: str, flag: str, what: str) -> float:
+    """Parse one number."""
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{flag} is {text!r}; give {what}") from None
+
+
+def _camera_numbers(value: Any) -> Any:
+    """Return fx, fy, cx, cy of a mapping with these names or of a camera matrix (3, 3); any other value unchanged."""
+    if isinstance(value, Mapping):
+        missing = [name for name in ("fx", "fy", "cx", "cy") if name not in value]
+        if missing:
+            raise UsageError(f"intrinsics have no {', '.join(missing)}; give fx, fy, cx, cy in pixels")
+        return [value[name] for name in ("fx", "fy", "cx", "cy")]
+    if not isinstance(value, (str, Path)) and np.shape(value) == (3, 3):
+        matrix = np.asarray(value)
+        return [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]]
+    return value
+
+
 def _numbers(name: str, value: Any) -> Any:
     """Parse numbers from a list, an array or a text such as `320,240`; other text is a path."""
     if value is None:
         return None
+    value = _camera_numbers(value) if name == "intrinsics" else value
     parts = value.split(",") if isinstance(value, str) else value
     try:
         numbers = tuple(float(part) for part in parts)

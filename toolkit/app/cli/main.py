@@ -101,7 +101,7 @@ def main(arguments: list[str] | None = None) -> None:
     not stop the work and does not change the exit code.
     """
     gc.set_threshold(COLLECTED)
-    with _standard_streams(), warnings.catch_warnings():
+    with standard_streams(), warnings.catch_warnings():
         warnings.simplefilter("always", PlausibilityWarning)
         warnings.showwarning = _show_warning
         _run(arguments)
@@ -140,6 +140,11 @@ class _LossyStream(io.TextIOBase):
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
+    @property
+    def closed(self) -> bool:
+        """Return whether the stream below is closed."""
+        return self._stream.closed
+
     def isatty(self) -> bool:
         """Return whether a terminal shows it."""
         return self._stream.isatty()
@@ -158,7 +163,7 @@ class _LossyStream(io.TextIOBase):
 
 
 @contextmanager
-def _standard_streams() -> Iterator[None]:
+def standard_streams() -> Iterator[None]:
     """Have the standard streams take everything while the block runs, even where their other end is closed."""
     before = sys.stdout, sys.stderr
     for number, name in ((1, "stdout"), (2, "stderr")):

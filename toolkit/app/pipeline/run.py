@@ -133,7 +133,7 @@ def track_recording(
     OutputError
         The run folder cannot be written, or another process writes to it; the earlier rows stay.
     RecordingError
-        A frame cannot be read; the rows before it stay.
+        A frame cannot be read; the track of the rows before it is put in place.
 
     Warns
     -----
@@ -228,7 +228,12 @@ def _first_pass(
     logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
     if watcher is not None:
         watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
-    _follow(recording, crowd, sink, report, stop, watcher)
+    try:
+        _follow(recording, crowd, sink, report, stop, watcher)
+    except RecordingError:
+        if crowd.settled and sink.begun:
+            sink.finish(crowd.bodies, complete=False)
+        raise
     bodies, complete = crowd.bodies, crowd.frames == len(recording)
     if complete:
         sink.judge(crowd.finder.evidence)
