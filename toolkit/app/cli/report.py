@@ -41,7 +41,21 @@ def report(
     say(page)
 
 
-def view(run: Run) -> None:
+def view(
+    run: Run,
+    browser: Annotated[bool, typer.Option("--browser", help="Open the run's report in the browser instead.")] = False,
+    recording: MovedRecording = None,
+) -> None:
+    """Open a window on a run: measured points, bodies, skeletons and floor on a timeline."""
+    if browser:
+        _view_page(run, recording)
+        return
+    from toolkit.output.rendering.open3d_window import view_run
+
+    view_run(run, recording)
+
+
+def _view_page(run: Path, recording: Path | None) -> None:
     """Open the report of a run in the browser. Writes the page into the run folder if it is older than the track."""
     import webbrowser
 
@@ -55,7 +69,7 @@ def view(run: Run) -> None:
     older = page.exists() and any(t.exists() and t.stat().st_mtime > page.stat().st_mtime for t in tracks)
     if older or not page.exists():
         with progress_bars() as bars:
-            write_report([run], page, progress=bars)
+            write_report([run], page, recording=recording, progress=bars)
     say(page)
     if not webbrowser.open(page.resolve().as_uri()):
         say("no browser could be opened; open the page yourself")

@@ -30,6 +30,11 @@ class Ground:
     Parameters
     ----------
     people : all of the run
+
+    Attributes
+    ----------
+    height : y of the ground, metres, level frame
+    pieces : float64 (K, 2, 3), ends of the lines of a grid on it, metres, level frame
     """
 
     def __init__(self, people: Sequence[Person]) -> None:
@@ -37,7 +42,7 @@ class Ground:
         self._soles = [soles(person.body, person.track.pose) for person in people]
         self._contact = [person.track.contact for person in people]
         there = [placed[person.there].reshape(-1, 3) for placed, person in zip(self._soles, people, strict=True)]
-        self._pieces = grid(np.concatenate(there)[:, [0, 2]], self.height)
+        self.pieces = grid(np.concatenate(there)[:, [0, 2]], self.height)
 
     @property
     def carries(self) -> bool:
@@ -46,7 +51,7 @@ class Ground:
 
     def draw_floor(self, image: np.ndarray, project: Project) -> None:
         """Draw the grid on an RGB image."""
-        for start, end in project(self._pieces):
+        for start, end in project(self.pieces):
             draw_line(image, start, end, FLOOR, 1)
 
     def draw_soles(self, image: np.ndarray, project: Project, frame: int, numbers: Sequence[int]) -> None:

@@ -1,0 +1,111 @@
+"""The window of a run: it opens, plays and closes; its timeline; the sentence where it cannot open.
+
+Open3D ends its process where Vulkan fails, so that the window has a process of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.run_helpers import run, write_run
+from tests.sensing_scenes import standing
+from toolkit.output.rendering import open3d_ready
+from toolkit.output.rendering.playback import Playback
+
+needs_vulkan = pytest.mark.skipif(
+    open3d_ready.obstacle_to_drawing() is not None, reason=f"no Vulkan here: {open3d_ready.VULKAN_PACKAGES}"
+)
+needs_xvfb = pytest.mark.skipif(shutil.which("xvfb-run") is None, reason="no xvfb-run here: apt-get install xvfb")
+
+WINDOW = """
+import json, sys
+from pathlib import Path
+from open3d.visualization import gui
+from toolkit.output.rendering import open3d_window
+from toolkit.tracks.runs import load_persons
+
+open3d_window.SIZE = (480, 320)
+application = gui.Application.instance
+application.initialize()
+window = open3d_window.RunWindow(load_persons(sys.argv[1]), None, title="test", folder=Path(sys.argv[2]))
+told = {"closed": False}
+def shot(path):
+    told["picture"] = path.name
+    told["playing"] = window.playback.playing
+    window.window.close()
+window._show(1)
+window.toggle()
+window.screenshot(Path(sys.argv[2]) / "scene.png", shot)
+application.run()
+told["closed"] = not window.playback.playing
+print(json.dumps(told))
+"""
+
+
+def told_by(script: str, *words: object, display: bool = False) -> dict[str, object]:
+    """What a script printed last, as JSON."""
+    command = [sys.executable, "-c", script, *map(str, words)]
+    screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24"] if display else []
+    place = Path(__file__).parents[1]
+    environment = os.environ | {"PYTHONPATH": str(place)}
+    done = subprocess.run([*screen, *command], capture_output=True, text=True, timeout=300, env=environment, cwd=place)
+    assert done.returncode == 0, done.stderr[-2000:]
+    answer: dict[str, object] = json.loads(done.stdout.strip().splitlines()[-1])
+    return answer
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A run of a person who walks to the subject's left."""
+    return write_run(tmp_path / "run", np.stack([standing(x, 2.8, 1.2) for x in (-0.1, 0.0, 0.1)]))
+
+
+@needs_vulkan
+@needs_xvfb
+def test_a_window_opens_plays_writes_a_picture_and_closes(folder: Path, tmp_path: Path) -> None:
+    told = told_by(WINDOW, folder, tmp_path, display=True)
+    assert told["closed"] and told["picture"] == "scene.png"
+    assert (tmp_path / "scene.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("missing", ["display", "vulkan"])
+def test_what_is_missing_is_said_with_what_to_do(
+    folder: Path, missing: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(open3d_ready, "_has_x_display", lambda: missing == "vulkan")
+    monkeypatch.setattr(open3d_ready, "_vulkan_devices", lambda: 0)
+    assert run("view", folder) == 2
+    said = capsys.readouterr().err
+    assert ("libvulkan1 mesa-vulkan-drivers" if missing == "vulkan" else "no display") in said and "--browser" in said
+
+
+def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DISPLAY", ":4711")
+    assert not open3d_ready._has_x_display()
+
+
+def test_time_passes_at_the_speed_that_is_set() -> None:
+    playback = Playback(5.0 + np.arange(10) / 10)
+    assert not playback.advance(1.0) and playback.frame == 0
+    playback.toggle()
+    assert playback.advance(0.25) and playback.frame == 2
+    playback.speed = 0.5
+    assert not playback.advance(0.01) and playback.advance(0.2) and playback.frame == 3
+    playback.show(99)
+    assert playback.frame == 9 and playback.seconds == pytest.approx(0.9)
+    playback.show(-1)
+    assert playback.frame == 0
+    playback.speed = 4.0
+    assert playback.advance(9.0) and playback.frame == 9 and not playback.playing, "it stops at the end"
+    playback.toggle()
+    assert playback.playing and playback.frame == 0, "and plays from the start again"
