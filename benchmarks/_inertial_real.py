@@ -23,14 +23,13 @@ from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import track_recording
 from toolkit.database.database import PoseDatabase
 from toolkit.datasets.folder import data_folder
-from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, better_clock, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate, refined_clock
 from toolkit.inertial.distance import distances, worlds_of
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import SensorStream
-from toolkit.inertial.suspicions import other_side
 from toolkit.inertial.synchronise import (
-    STEP,
     Clock,
+    SignalSettings,
     SyncSettings,
     sensor_signals,
     smoothing_for,
@@ -72,7 +71,7 @@ def takes_of(runs: Path, sensors: Path, people: Sequence[str]) -> list[Calibrati
         clip = run.name.removesuffix("_depth")
         if clip.split("_")[1].removeprefix("s") not in people or not (run / "track.npz").exists():
             continue
-        measured = read_sensors([sensors / f"{clip}_inertial.mat"]).sensors
+        measured = read_sensors([sensors / f"{clip}_inertial.mat"])
         motion = TrackedMotion.load(run)
         takes.append(CalibrationSequence(motion, measured, synchronise(motion, measured, SYNC, check=False)))
     return takes
@@ -81,14 +80,14 @@ def takes_of(runs: Path, sensors: Path, people: Sequence[str]) -> list[Calibrati
 def figures_of_clip(take: CalibrationSequence, others: Sequence[CalibrationSequence]) -> ClipFigures:
     """Figures of a clip with the mounting of the person's other clips."""
     (stream,) = take.sensors
-    limb, across = stream.name, other_side(stream.name)
+    limb, across = stream.name, stream.name.replace("right_", "left_")
     exchanged = replace(take.sensors, streams=(replace(stream, name=across),))
     wrong = synchronise(take.motion, exchanged, SYNC, check=False)
     full = axis = float("nan")
     try:
         calibration = calibrate(others, CALIBRATION)
         worlds = worlds_of(calibration, take)
-        better = better_clock(take, worlds, {limb: calibration.mounting(limb)})
+        better = refined_clock(take, worlds, {limb: calibration.mounting(limb)})
         (found,) = distances(calibration, better)
         full, axis = float(np.nanmedian(found.full)), float(np.nanmedian(found.axis))
     except InertialError as error:
@@ -112,7 +111,7 @@ def speed_correlation(motion: TrackedMotion, stream: SensorStream, clock: Clock)
     tracked = track_signals(motion, stream.name, clock.rate, smoothing)[0]
     measured = sensor_signals(stream, smoothing)[0]
     out = np.empty(1)
-    lag = np.array([round((tracked.start + clock.offset - measured.start) / STEP)])
+    lag = np.array([round((tracked.start + clock.offset - measured.start) / SignalSettings.step)])
     correlation_over_lags(tracked.values, tracked.known, measured.values, measured.known, lag, 10, out)
     return float(out[0])
 

@@ -76,7 +76,7 @@ def matrices(clips: Sequence[CutClip]) -> dict[str, list[Any]]:
     return {label: [c.features for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
 
 
-def judged(annotate: Annotate, documents: Sequence[Document], labels: Sequence[str]) -> dict[str, Any]:
+def scores_on(annotate: Annotate, documents: Sequence[Document], labels: Sequence[str]) -> dict[str, Any]:
     """Scores over frames and segments, per class and confused, of an annotator on documents."""
     frames, segments, classes = NOTHING, NOTHING, dict.fromkeys(labels, NOTHING)
     table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
@@ -248,12 +248,12 @@ def rotate(
     for name, part in documents.items():
         measured.searched[name] += found_by_search(model, part)
         begin = time.process_time()
-        measured.rows[name].setdefault(TWO, []).append(judged(model.annotate, part, labels))
+        measured.rows[name].setdefault(TWO, []).append(scores_on(model.annotate, part, labels))
         spent = max(time.process_time() - begin, 1e-9)
         minutes = sum(document.features.duration for document in part) / 60.0
         measured.annotated.append(minutes / spent)
         for row, annotate in others.items():
-            measured.rows[name].setdefault(row.split(" (")[0], []).append(judged(annotate, part, labels))
+            measured.rows[name].setdefault(row.split(" (")[0], []).append(scores_on(annotate, part, labels))
 
 
 def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool) -> dict[str, Any]:

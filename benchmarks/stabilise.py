@@ -9,7 +9,7 @@
   10 ms. Each is tracked without and with them.
 
 Mean error over joints and frames, its standard deviation and largest value over the frames (Table 6.1), of joints that
-the camera sees and of hidden ones, before, after the first round and at the end; drawn frame by frame (Fig. 6.14).
+the camera sees and of hidden ones, before and after; drawn frame by frame (Fig. 6.14).
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from tests.support.labelled import SEQUENCES, MotionSequence, Performed, class_c
 from tests.support.scenes import people_of, record_scene
 from tests.support.suite import RATE, takes
 from toolkit.app.pipeline import TrackerRecipe, track_recording
-from toolkit.app.stabilise.loop import Round, StabiliseSettings, annotate, best_round, stabilise
 from toolkit.app.stabilise.result_page import write_page
 from toolkit.app.stabilise.source_run import SourceRun, open_source
+from toolkit.app.stabilise.stabiliser import Stabilised, StabiliseSettings, annotate, stabilise
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joint_errors import NEAR, joint_errors, visible_joints
@@ -46,8 +46,7 @@ from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.features.motion import from_poses
-from toolkit.retrieval.features.relational import FEATURES, relational_features
-from toolkit.retrieval.templates import WILDCARD
+from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.inertial import NOISE, simulate_sensors
@@ -57,7 +56,7 @@ from toolkit.tracking.guide import Guide, InertialGuide
 from toolkit.tracks import TRACK_FILE, Track
 
 FIGURES = ("mean mm", "seen mm", "hidden mm", "hidden within 100 mm", "deviation mm", "largest mm")
-LINES = {"before": "tab:red", "after one round": "tab:blue", "at the end": "black"}
+LINES = {"before": "tab:red", "after": "black"}
 NOTHING = Scores(0, 0, 0, 0)
 
 
@@ -78,8 +77,8 @@ def figures_of(track: Track, truth: np.ndarray, seen: np.ndarray) -> list[float]
     return [*means, float(frames.std()), float(frames.max())]
 
 
-def labels_of(found: Round, performed: Performed, classes: list[MotionClass]) -> tuple[Scores, Scores]:
-    """Scores over segments and over frames of the labels that a round began with."""
+def labels_of(found: Stabilised, performed: Performed, classes: list[MotionClass]) -> tuple[Scores, Scores]:
+    """Return the scores of the labels of a track, over segments and over frames."""
     labels = [c.label for c in classes]
     length = len(performed.clip)
     frames = [label_frames(s, labels, length, performed.clip.frame_rate) for s in (performed.segments, found.segments)]
@@ -130,13 +129,13 @@ def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespac
 
 
 class Measured(NamedTuple):
-    """Of one sequence: its row, scores over segments and frames of its labels and of those of the true motions, and
-    frames (40,) that each feature's marks say something about, and errors (T,) of the frames, mm, after each round."""
+    """Figures of one sequence: its row, scores of its labels and of those of the true motions (over segments, over
+    frames), number of frames with a held foot, and errors (T,) of the frames, mm, before and after."""
 
     row: dict[str, Any]
     labels: tuple[Scores, Scores]
     true_labels: tuple[Scores, Scores]
-    marked: np.ndarray
+    contact_frames: int
     errors: list[np.ndarray]
 
 
@@ -146,26 +145,23 @@ def measured(
 ) -> Measured:  # fmt: skip
     """Stabilise a track, and compare it with the truth."""
     start = time.process_time()
-    labels, marked = (NOTHING, NOTHING), np.zeros(len(FEATURES), dtype=np.int64)
-    rounds = stabilise(source, classes, settings)
+    result = stabilise(source, classes, settings)
     seconds = time.process_time() - start
-    best = best_round(rounds)
-    tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
-    for found in rounds:
-        marked += (found.priors != WILDCARD).sum(axis=1)
-    labels = labels_of(rounds[-1], performed, classes)
+    tracks = [source.track, result.track]
+    labels = labels_of(result, performed, classes)
     if options.pages:
         (options.pages / name).mkdir(parents=True, exist_ok=True)
-        write_page(source, rounds, best, options.pages / name)
+        write_page(source, result, options.pages / name)
     truth, seen = np.asarray(source.recording.joints), visible(source.recording)
     own = [figures_of(track, truth, seen) for track in tracks]
     print(name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own), flush=True)
     row = {
-        "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
+        "frames": len(source.track),
+        **{kind: dict(zip(FIGURES, f, strict=True)) for kind, f in zip(LINES, own, strict=True)},
         "F segments": labels[0].f, "F frames": labels[1].f, "seconds of processor": seconds,
     }  # fmt: skip
     errors = [1000 * joint_errors(track.joints, truth).mean(axis=1) for track in tracks]
-    return Measured(row, labels, labels_of_truth(performed, classes, settings), marked, errors)
+    return Measured(row, labels, labels_of_truth(performed, classes, settings), result.contact_frames, errors)
 
 
 def classes(parser: argparse.ArgumentParser) -> None:
@@ -174,14 +170,10 @@ def classes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", default="hybrid", help="settings of the tracker")
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--noise", type=float, default=0.0, help="standard deviation of every depth, millimetres")
-    parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
     parser.add_argument("--pages", type=Path, help="folder for the pages of `depthmocap stabilise`, with pictures")
-    parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
-    settings = StabiliseSettings(rounds=options.rounds)
-    if options.without_marks:
-        settings = replace(settings, marks=False)
+    settings = StabiliseSettings()
     database, classes = poses_of(options), learn_templates(class_clips(options.split))
     done: dict[str, Measured] = {}
     for sequence in SEQUENCES:
@@ -195,8 +187,7 @@ def classes(parser: argparse.ArgumentParser) -> None:
     for words, kind in (("", "labels"), (", true motions", "true_labels")):
         segments, frames = (sum((getattr(found, kind)[k] for found in done.values()), NOTHING) for k in (0, 1))
         labels |= {f"F segments{words}": segments.f, f"F frames{words}": frames.f}
-    marked = np.sum([found.marked for found in done.values()], axis=0)
-    labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
+    labels["frames with a held foot"] = sum(found.contact_frames for found in done.values())
     figures = {"sequences": rows, **_summary(rows), **labels}
     for name, value in figures.items():
         if name != "sequences":
@@ -205,7 +196,6 @@ def classes(parser: argparse.ArgumentParser) -> None:
         options.split,
         *([options.config] if options.config != "hybrid" else []),
         *["noise"] * bool(options.noise),
-        *["without_marks"] * options.without_marks,
     ]
     name = "_".join(["stabilise", *marks])
     plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.jpg")
@@ -213,14 +203,14 @@ def classes(parser: argparse.ArgumentParser) -> None:
 
 
 def plot_errors(errors: Mapping[str, Sequence[np.ndarray]], path: Path) -> None:
-    """Millimetres (T,) frame by frame before, after the first round and at the end, as in Fig. 6.14."""
+    """Draw the errors (T,) in mm frame by frame, before and after, as in Fig. 6.14."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 1.2 + 1.6 * len(errors)), layout="constrained")
-    for panel, (name, rounds) in zip(np.atleast_1d(figure.subplots(len(errors), 1)), errors.items(), strict=True):
-        for label, place in (("before", 0), ("after one round", min(1, len(rounds) - 1)), ("at the end", -1)):
-            panel.plot(rounds[place], color=LINES[label], lw=1.0, label=label)
-        panel.set(xlim=(0, len(rounds[0]) - 1), ylim=(0, None), ylabel="mm")
+    for panel, (name, curves) in zip(np.atleast_1d(figure.subplots(len(errors), 1)), errors.items(), strict=True):
+        for (label, color), curve in zip(LINES.items(), curves, strict=True):
+            panel.plot(curve, color=color, lw=1.0, label=label)
+        panel.set(xlim=(0, len(curves[0]) - 1), ylim=(0, None), ylabel="mm")
         panel.set_title(name, fontsize=9, loc="left")
     figure.axes[0].legend(fontsize=7, ncols=3, frameon=False)
     figure.axes[-1].set_xlabel("frame")
@@ -230,12 +220,11 @@ def plot_errors(errors: Mapping[str, Sequence[np.ndarray]], path: Path) -> None:
 def _summary(rows: dict[str, Any]) -> dict[str, Any]:
     """Means over the sequences, and the largest harm."""
 
-    def mean(place: int) -> dict[str, float]:
-        per = [r["rounds"][min(place, len(r["rounds"]) - 1) if place >= 0 else -1] for r in rows.values()]
-        return {name: float(np.mean([p[name] for p in per])) for name in FIGURES}
+    def mean(kind: str) -> dict[str, float]:
+        return {name: float(np.mean([row[kind][name] for row in rows.values()])) for name in FIGURES}
 
-    harm = [r["rounds"][-1]["mean mm"] - r["rounds"][0]["mean mm"] for r in rows.values()]
-    return {"before": mean(0), "after one round": mean(1), "at the end": mean(-1), "most harm mm": float(max(harm))}
+    harm = [row["after"]["mean mm"] - row["before"]["mean mm"] for row in rows.values()]
+    return {**{kind: mean(kind) for kind in LINES}, "most harm mm": float(max(harm))}
 
 
 CARRIED = ("left_forearm", "right_forearm", "left_shin", "right_shin", "pelvis")

@@ -21,7 +21,6 @@ from tests.sample_files import (
     classes_file,
     cloud_file,
     database_file,
-    feature_matrices,
     index_file,
     inertial_matlab_file,
     intrinsics_file,
@@ -65,11 +64,10 @@ from toolkit.output.export.tree import read_bones
 from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotation_report import read_segments
-from toolkit.retrieval.annotation.classes import learn_classes, load_classes
+from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query_file import load_queries
-from toolkit.retrieval.priors.marks import load_marks
 from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
@@ -152,11 +150,6 @@ def _person_state(path: Path) -> Any:
     return state.export(), moved, state.rng().random()
 
 
-def _marks(path: Path) -> Any:
-    matrices = feature_matrices()
-    return load_marks(path, learn_classes({"walk": matrices[:2], "jump": matrices[2:]}))
-
-
 def _events(path: Path) -> Any:
     EventStream((), (), path).begin(30.0, None, np.ones(1, [("timestamps", "f8")]))
     return path.read_bytes()
@@ -168,10 +161,6 @@ QUERIES = json.dumps(
 RIG = "joints:\n  root: Hips\n  thorax: [Spine2, Chest]\n  head: Head\n"
 
 MT = "// Update Rate: 100.0Hz\nPacketCounter\tRoll\tPitch\tYaw\n1\t10\t20\t30\n2\t11\t20\t30\n"
-DOT = (
-    "sep=,\nDeviceTag:,7,\n\nPacketCounter,SampleTimeFine,Quat_W,Quat_X,Quat_Y,Quat_Z\n"
-    "1,16667,1,0,0,0\n2,33334,0.8,0.6,0,0\n"
-)
 MVNX = (
     '<?xml version="1.0" encoding="UTF-8"?><mvnx version="4"><subject label="S" frameRate="60"><segments>'
     '<segment label="Pelvis" id="1"/></segments><frames>'
@@ -179,7 +168,6 @@ MVNX = (
     '<frame time="17" index="1" type="normal"><orientation>0.8 0.6 0 0</orientation></frame>'
     "</frames></subject></mvnx>"
 )
-TOTAL = "1\t2\n1\nHead\t1\t0\t0\t0\t0\t0\t9.8\n2\nHead\t0.8\t0.6\t0\t0\t0\t0\t9.8\n"
 STO = "DataRate=100.0\nDataType=Quaternion\nversion=3\nendheader\ntime\tpelvis_imu\n0.00\t1,0,0,0\n0.01\t0.8,0.6,0,0\n"
 BOXES = "boxes:\n- {low: [0, 0, 0], high: [1, 0.7, 0.5]}\n- low: [-1, 0, 0]\n  high: [0, 1, 1]\n"
 BONES = "export:\n" + "".join(
@@ -240,9 +228,7 @@ FORMATS: dict[str, Format] = {
     "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
     "sensors csv": Format(sensors_file(".csv"), read_file),
     "sensors xsens mt": _sensors("MT_00B421AF.txt", MT),
-    "sensors xsens dot": _sensors("dot.csv", DOT),
     "sensors mvnx": _sensors("take.mvnx", MVNX),
-    "sensors total capture": _sensors("s1.sensors", TOTAL),
     "sensors sto": _sensors("take.sto", STO),
     "sensors czu text": _sensors("pi03", "0 0 1 0 0 90 100.0\n0 0 1 0 0 90 100.003\n"),
     "sensors mat": Format(inertial_matlab_file, read_file),
@@ -251,7 +237,6 @@ FORMATS: dict[str, Format] = {
     "known errors csv": Format(text_file("truth.csv", "run,limb,start,end\na,left_shin,1.5,2\n"), read_truth),
     "motion model": Format(model_file, MotionModel.load, checked=True),
     "skeletons json": Format(skeletons_file, lambda path: read_k4abt(path).at(np.array([0.0, 0.0333]))),
-    "marks yaml": Format(text_file("m.yaml", "walk: [{feature: 26, value: 0, columns: [2, 9]}]\njump: []\n"), _marks),
     "recording db3 metadata": Format(metadata_file, _recording),
     "events jsonl": Format(text_file("e.jsonl", '{"time": 0.5}\n{"time": 1.5}\n'), _events),
 }

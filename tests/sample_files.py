@@ -24,8 +24,8 @@ from toolkit.io.checkpoint import save_checkpoint
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.examples import ExampleSet
-from toolkit.retrieval.annotation.judge import Judge
 from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.annotation.place_classifier import PlaceClassifier
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.sensing.camera import Camera
@@ -157,7 +157,7 @@ def graded_features(number: int) -> FeatureMatrix:
 
 def model_file(folder: Path) -> Path:
     examples = ExampleSet.of([(graded_features(0), "walk"), (graded_features(1), "jump")])
-    MotionModel(examples, (Judge.of_cost(),) * 2).save(folder / "model.npz")
+    MotionModel(examples, (PlaceClassifier.of_cost(),) * 2).save(folder / "model.npz")
     return folder / "model.npz"
 
 

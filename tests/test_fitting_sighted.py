@@ -13,7 +13,7 @@ from toolkit.body.shape import load_body
 from toolkit.fitting.image_joints import CAP, PULL, WITHIN, SightedJoints
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.joints2d import SURE, Joints2D
+from toolkit.sensing.joints2d import MIN_JOINT_CONFIDENCE, Joints2D
 
 BODY = load_body("neutral")
 LEVEL = level_rotation(np.array([0.1, -0.9, -0.3]))
@@ -50,7 +50,7 @@ def plain_cost(points: np.ndarray, sighted: Joints2D) -> float:
         total = weights = 0.0
         for joint, other in enumerate(side):
             weight = float(sighted.confidence[other])
-            if weight < SURE or skeleton.REPORTED[joint] in DERIVED:
+            if weight < MIN_JOINT_CONFIDENCE or skeleton.REPORTED[joint] in DERIVED:
                 continue
             u, v = sighted.pixels[other].astype(np.float64)
             ray = np.array([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0])
@@ -71,7 +71,7 @@ def test_a_pose_costs_what_its_joints_are_beside_their_rays_joint_by_joint() -> 
     assert SightedJoints(sighted, CAMERA).cost(placed()) > 0.01
 
 
-@pytest.mark.parametrize("confidence", [0.0, SURE - 0.01])
+@pytest.mark.parametrize("confidence", [0.0, MIN_JOINT_CONFIDENCE - 0.01])
 def test_what_the_detector_is_not_sure_of_says_nothing(confidence: float) -> None:
     evidence = SightedJoints(seen(joints() + [0.3, 0.0, 0.0], confidence), CAMERA)
     assert evidence.cost(placed()) == 0.0

@@ -91,21 +91,21 @@ def test_the_thesis_is_exact_without_noise_and_breaks_on_wrong_frames():
 def test_the_solver_with_a_vertical_is_the_least_squares_one():
     rng = np.random.default_rng(3)
     mountings = random_turns(rng, 2)
-    strands = [replace(strand_of(rng, solvers.yaw(0.7), mountings[k], 150, noise=3.0), sensor=k) for k in range(2)]
-    psis, found, cost = solvers.heading(strands, 1, 2)
+    segments = [replace(strand_of(rng, solvers.yaw(0.7), mountings[k], 150, noise=3.0), sensor=k) for k in range(2)]
+    psis, found, cost = solvers.heading(segments, 1, 2)
     scale = float(solvers.SCALES[-1])
 
     def left(x):
         parts = []
-        for k, strand in enumerate(strands):
+        for k, segment in enumerate(segments):
             mount = quat.multiply(mountings[k], quat.exponential(x[1 + 3 * k : 4 + 3 * k]))
-            parts.append(solvers.residuals(strand, solvers.yaw(x[0]), mount))
+            parts.append(solvers.residuals(segment, solvers.yaw(x[0]), mount))
         e = np.concatenate(parts)
         return e / np.sqrt(1.0 + (e / scale) ** 2)
 
     best = least_squares(left, np.array([0.7, 0, 0, 0, 0, 0, 0]))
     assert abs(np.degrees(psis[0] - best.x[0])) < 0.1
-    left_over = np.concatenate([solvers.residuals(s, solvers.yaw(psis[0]), found[k]) for k, s in enumerate(strands)])
+    left_over = np.concatenate([solvers.residuals(s, solvers.yaw(psis[0]), found[k]) for k, s in enumerate(segments)])
     np.testing.assert_allclose(cost, solvers.cost_of(left_over, scale), rtol=1e-6)
     for k in range(2):
         expected = quat.multiply(mountings[k], quat.exponential(best.x[1 + 3 * k : 4 + 3 * k]))
@@ -117,11 +117,11 @@ def test_the_solver_with_a_vertical_is_the_least_squares_one():
 def test_a_calibration_without_noise_is_exact_for_every_offset(seed):
     rng = np.random.default_rng(seed)
     psi, mounting = rng.uniform(-np.pi, np.pi), random_turns(rng, 1)[0]
-    strand = strand_of(rng, solvers.yaw(psi), mounting, count=40)
-    psis, found, _ = solvers.heading([strand], 1, 1)
+    segment = strand_of(rng, solvers.yaw(psi), mounting, count=40)
+    psis, found, _ = solvers.heading([segment], 1, 1)
     assert np.degrees(quat.angle(solvers.yaw(psis[0]), solvers.yaw(psi))) < 1e-3
     assert np.degrees(quat.angle(found[0], mounting)) < 1e-3
-    assert abs(solvers.heading_given([strand], mounting[None]) - psis[0]) % (2 * np.pi) < 1e-3
+    assert abs(solvers.heading_given([segment], mounting[None]) - psis[0]) % (2 * np.pi) < 1e-3
 
 
 def test_turning_the_world_changes_q_g_alone_and_turning_the_sensor_q_l_alone():
@@ -245,11 +245,11 @@ def test_the_vertical_of_all_takes_starts_a_calibration_whatever_the_first_of_th
     mounting, psis = random_turns(rng, 1)[0], rng.uniform(-3, 3, 4)
     upright_only = quat.exponential(np.array([0.0, 1.0, 0.0]) * rng.uniform(-0.05, 0.05, (60, 1)))
     tracked = [upright_only, *(random_turns(rng, 60, 0.5) for _ in range(3))]
-    strands = [
+    segments = [
         SynchronisedSegment(0, g, quat.multiply(quat.multiply(solvers.yaw(psi), own), mounting), own)
         for g, (psi, own) in enumerate(zip(psis, tracked, strict=True))
     ]
-    headings, mountings = solvers.by_vertical(strands, 4, 1)
+    headings, mountings = solvers.by_vertical(segments, 4, 1)
     assert np.degrees(quat.angle(mountings[0], mounting)) < 1e-3
     for psi, found in zip(psis, headings, strict=True):
         assert np.degrees(quat.angle(solvers.yaw(psi), solvers.yaw(found))) < 1e-2

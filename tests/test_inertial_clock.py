@@ -1,4 +1,4 @@
-"""Simulated sensors, orientation from raw data, clocks, suspicions, and the verb `read`."""
+"""Simulated sensors, orientation from raw data, clocks, and the verb `read`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.fusion import NORTH, fused
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors
-from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
 from toolkit.inertial.workflow import load_sensors
 from toolkit.io.errors import InertialError
@@ -106,8 +105,6 @@ def test_the_ratio_of_clocks_is_found_where_it_is_free_and_said():
     slow = [replace(stream, times=1.6 * stream.times, gyro=stream.gyro / 1.6) for stream in simulated.sensors]
     clock = synchronise(motion_of("semaphore"), Sensors(tuple(slow)), SyncSettings(rates=RATES))
     assert abs(clock.rate - 1.6) < 0.02
-    assert "its frames lie 53 ms apart" in clock_suspicion(1.6)[0]
-    assert clock_suspicion(1.0001) == []
 
 
 def test_periodic_motion_is_refused_because_it_locks_a_period_off():
@@ -129,29 +126,6 @@ def test_an_offset_at_the_border_of_the_search_is_refused():
     )
     with pytest.raises(InertialError, match="border of the search"):
         synchronise(late, Sensors(tuple(moved)), SyncSettings(max_offset=0.1))
-
-
-def spoilt(**changes):
-    stream = sensors_of(noise="mtx").sensors.streams[0]
-    return Sensors((replace(stream, **{name: change(getattr(stream, name)) for name, change in changes.items()}),))
-
-
-@pytest.mark.parametrize(
-    ("changes", "sentence"),
-    (
-        ({"gyro": lambda g: 3.0 * np.degrees(g)}, "may be in deg/s"),
-        ({"acceleration": lambda a: a / GRAVITY}, "may be in g"),
-        ({"acceleration": lambda a: 0.1 * a}, "less than gravity|may be in g"),
-        ({"rotations": quat.conjugate}, "look conjugated"),
-        ({"rotations": lambda q: q[:, [1, 2, 3, 0]]}, "look x y z w"),
-        ({"gyro": lambda g: g[:, [1, 0, 2]]}, "contradicts its orientations"),
-    ),
-)
-def test_what_looks_wrong_is_said_with_its_evidence(changes, sentence):
-    import re
-
-    said = suspicions(spoilt(**changes))
-    assert any(re.search(sentence, text) for text in said), said
 
 
 def typed(*words) -> None:

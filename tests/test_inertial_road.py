@@ -63,7 +63,7 @@ def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path, bund
     truth = open_recording(road / "take.npz").joints
     plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (road / "run", guided))
     assert better < plain + 0.005
-    with pytest.raises(InertialError, match="with these very sensors"):
+    with pytest.raises(InertialError, match="with these sensors"):
         take_of(guided, sensors)
 
 

@@ -14,7 +14,6 @@ from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.database.canonical import mirrored
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
-from toolkit.inertial.suspicions import mirrored_take, other_side
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion
 from toolkit.retrieval.annotation.classes import learn_classes
@@ -22,6 +21,21 @@ from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import MIRROR, relational_features
 
 NAMES = ("knee_to_elbow", "semaphore")
+
+
+def other_side(name: str) -> str:
+    """Return the limb of the other side; the same name for the trunk."""
+    sides = {"left": "right", "right": "left"}
+    side, _, part = name.partition("_")
+    return f"{sides[side]}_{part}" if side in sides else name
+
+
+def mirrored_take(take: CalibrationSequence) -> CalibrationSequence:
+    """Return the sequence mirrored at x = 0: left and right exchanged."""
+    rows = [skeleton.JOINT_NAMES.index(other_side(name)) for name in skeleton.JOINT_NAMES]
+    rotations = take.motion.rotations[:, rows] * (1.0, 1.0, -1.0, -1.0)
+    origins = take.motion.origins[:, rows] * (-1.0, 1.0, 1.0)
+    return replace(take, motion=replace(take.motion, rotations=rotations, origins=origins))
 
 
 def mirrored_angles(angles: np.ndarray) -> np.ndarray:

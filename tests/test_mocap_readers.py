@@ -252,7 +252,7 @@ Frame Time: 0.1
             "End Site has channels",
         ),
         ("OFFSET 0 1.7 0", "OFFSET 0 0 0", "fits no usual unit"),
-        ("\n0 0 0 0 0 0", "\n0 1e308 0 0 0 0", "no angle of a joint"),
+        ("\n0 0 0 0 0 0", "\n0 1e308 0 0 0 0", "not a joint angle"),
         ("CHANNELS 3 Z", "CHANNELS 4 Xposition Z", "fits|columns"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Motion models: examples, judges, what is learned from documents of other people, and the file."""
+"""Motion models: examples, classifiers, what is learned from documents of other people, and the file."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.kernels.motion.graded import differences, graded_distances, nearest_example
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
-from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge
 from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.annotation.place_classifier import MEASURES, ClassifierSettings, PlaceClassifier
 from toolkit.retrieval.annotation.training import (
     CutClip,
+    folds_of,
     leave_one_out,
     train,
-    turns_of,
 )
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
@@ -100,12 +100,12 @@ def test_a_judge_learns_which_difference_matters_and_otherwise_looks_at_the_cost
     rng = np.random.default_rng(0)
     measures = rng.random((200, MEASURES))
     true = measures[:, 3] < 0.2
-    judge = Judge.learned(measures, true)
-    assert ((judge.probability(measures) >= 0.5) == true).mean() > 0.9
-    assert np.abs(judge.weights).argmax() == 3
-    plain = Judge.learned(measures, np.zeros(200, dtype=bool))
+    classifier = PlaceClassifier.learned(measures, true)
+    assert ((classifier.probability(measures) >= 0.5) == true).mean() > 0.9
+    assert np.abs(classifier.weights).argmax() == 3
+    plain = PlaceClassifier.learned(measures, np.zeros(200, dtype=bool))
     costs = np.zeros((3, MEASURES))
-    costs[:, -2] = [10 * USUAL_COST - 0.5, 10 * USUAL_COST, 10 * USUAL_COST + 0.5]
+    costs[:, -2] = 10 * ClassifierSettings.usual_cost + np.array([-0.5, 0.0, 0.5])
     assert plain.probability(costs)[1] == 0.5 and (np.diff(plain.probability(costs)) < -0.4).all()
 
 
@@ -125,7 +125,7 @@ def test_equal_seeds_learn_equal_models_and_a_file_gives_them_back(
     model: MotionModel, others: list[Motion], tmp_path: Path
 ) -> None:
     again = train(clips_of(), others, np.random.default_rng(0))
-    np.testing.assert_array_equal([j.offset for j in model.judges], [j.offset for j in again.judges])
+    np.testing.assert_array_equal([j.offset for j in model.classifiers], [j.offset for j in again.classifiers])
     model.save(tmp_path / "model.npz")
     loaded = MotionModel.load(tmp_path / "model.npz")
     assert loaded.labels == model.labels and loaded.examples.names == model.examples.names
@@ -165,9 +165,9 @@ def test_leaving_people_out_tells_what_to_expect(others: list[Motion]) -> None:
 
 def test_classes_of_one_clip_each_are_found_by_their_cost(others: list[Motion]) -> None:
     clips = clips_of(people=1, copies=1)
-    assert not turns_of(clips, np.random.default_rng(0)) and not leave_one_out(clips, others, np.random.default_rng(0))
+    assert not folds_of(clips, np.random.default_rng(0)) and not leave_one_out(clips, others, np.random.default_rng(0))
     model = train(clips, others, np.random.default_rng(0))
-    np.testing.assert_array_equal(model.judges[0].weights, Judge.of_cost().weights)
+    np.testing.assert_array_equal(model.classifiers[0].weights, PlaceClassifier.of_cost().weights)
     assert [s.label for s in model.annotate(relational_features(performed(2, 70))).segments] == ["move 2"]
 
 

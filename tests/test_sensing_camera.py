@@ -61,7 +61,7 @@ def test_a_mirrored_camera_sees_the_flipped_rays():
         ((np.nan, 285, 159, 120), "not finite"),
         ((0.0, 285, 159, 120), "focal length of 0"),
         ((-285, 285, 159, 120), "focal length of -285"),
-        ((0.9, 0.9, 0.5, 0.5), "absurd"),
+        ((0.9, 0.9, 0.5, 0.5), "implausible"),
         ((285, 285, 159e3, 120), "principal point"),
     ],
 )

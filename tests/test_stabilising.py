@@ -13,8 +13,8 @@ import pytest
 from tests.run_helpers import KNOWN_SIZE, write_people, write_run
 from tests.test_inertial_clock import typed
 from tests.test_stabilising_priors import BODY, classes_of, example_of
-from toolkit.app.stabilise.loop import StabiliseSettings, stabilise
 from toolkit.app.stabilise.source_run import open_source
+from toolkit.app.stabilise.stabiliser import StabiliseSettings, stabilise
 from toolkit.app.stabilise.workflow import output_folders, stabilise_run
 from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise
@@ -27,8 +27,9 @@ from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.priors.allocation import Allocation, allocate
 from toolkit.retrieval.priors.expectation import GapContext
-from toolkit.retrieval.priors.gap_trajectories import bad_frames, cheapest_path, whole_priors, widened
-from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.gap_settings import GapSettings
+from toolkit.retrieval.priors.gap_trajectories import cheapest_path, whole_priors
+from toolkit.retrieval.priors.gaps import Gap, bad_frames, widened
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.tracks import RunInfo, Track
@@ -54,8 +55,8 @@ def test_the_cheapest_path_is_the_best_of_all(seed):
 
 def test_gaps_grow_and_meet_within_the_track():
     gaps = [Gap("left_arm", 5, 10), Gap("left_arm", 30, 40), Gap("left_leg", 50, 58)]
-    assert widened(gaps, 60, 10) == [Gap("left_arm", 0, 50), Gap("left_leg", 40, 60)]
-    assert widened(gaps, 60, 0) == gaps
+    assert widened(gaps, 60, GapSettings(widened_frames=10)) == [Gap("left_arm", 0, 50), Gap("left_leg", 40, 60)]
+    assert widened(gaps, 60, GapSettings(widened_frames=0)) == gaps
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +103,7 @@ def error_of(run: Path, road: Path, joints: np.ndarray | slice = OUTER[ARM]) -> 
 
 def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
     output = road / "stabilised"
-    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", output, "--rounds", 2)
+    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", output)
     assert error_of(output, road) < 0.6 * error_of(road / "wrong", road)
     before, after = Track.load(road / "wrong"), Track.load(output)
     # The neck lies between the shoulders, and the spine below it: they move with a collar bone.
@@ -110,7 +111,7 @@ def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
     others = [j for j, name in enumerate(skeleton.REPORTED) if j not in OUTER[ARM] and name not in moving]
     np.testing.assert_allclose(after.joints[:, others], before.joints[:, others], atol=1e-6)
     result = json.loads((output / "stabilise.json").read_text())
-    gap = result["rounds"][0]["gaps"][0]
+    gap = result["gaps"][0]
     assert gap["limb"] == ARM and gap["accepted"] and gap["residual_after"] <= gap["residual_before"]
     assert {"segments.csv", "segments.json", "annotation.png", "report.html"} <= {p.name for p in output.iterdir()}
     typed("evaluate", output)
@@ -130,8 +131,7 @@ def test_a_person_who_was_mistaken_as_a_whole_is_tracked_again(road: Path, tmp_p
     replace(track, pose=poses, joints=joints, confidence=confidence).save(run)
     (tmp_path / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
     stabilise_run(
-        run, road / "classes.npz", tmp_path / "out", settings=StabiliseSettings(rounds=1),
-        segments=tmp_path / "segments.csv",
+        run, road / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv",
     )  # fmt: skip
     assert error_of(tmp_path / "out", road, slice(None)) < 0.3 * error_of(run, road, slice(None))
 
@@ -155,20 +155,16 @@ def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
     assert whole_priors(nothing, bad) == {}
 
 
-def test_without_a_gap_nothing_changes(road: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("toolkit.retrieval.priors.gaps.HIDDEN", 0.0)
+def test_without_a_gap_nothing_changes(road: Path) -> None:
     source = open_source(road / "run")
-    (only,) = stabilise(source, classes_of("semaphore"))
+    only = stabilise(source, classes_of("semaphore"), StabiliseSettings(gaps=GapSettings(hidden_confidence=0.0)))
     assert only.track is source.track and only.gaps == ()
 
 
 def test_given_segments_take_the_place_of_labels(road: Path) -> None:
     (road / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
-    rounds = stabilise_run(
-        road / "wrong", road / "classes.npz", road / "given", settings=StabiliseSettings(rounds=1),
-        segments=road / "segments.csv",
-    )  # fmt: skip
-    assert rounds[0].annotation is None and [s.label for s in rounds[0].segments] == ["semaphore"]
+    result = stabilise_run(road / "wrong", road / "classes.npz", road / "given", segments=road / "segments.csv")
+    assert result.annotation is None and [s.label for s in result.segments] == ["semaphore"]
     assert error_of(road / "given", road) < error_of(road / "wrong", road)
 
 
@@ -178,7 +174,7 @@ def test_given_segments_take_the_place_of_labels(road: Path) -> None:
         ("0.0,2.0,semaphore\n1.5,2.3,semaphore", "overlaps the one that ends at 2 s"),
         ("0.0,9.0,semaphore", "ends after the track, which has 2.30 s"),
         ("2.0,1.0,semaphore", "has no length"),
-        ("0.0,1.0,jump", "has no known label; the classes are knee_to_elbow, semaphore"),
+        ("0.0,1.0,jump", "has an unknown label; the classes are knee_to_elbow, semaphore"),
     ],
 )
 def test_segments_that_cannot_be_are_refused(road: Path, tmp_path: Path, lines: str, match: str) -> None:
@@ -195,10 +191,10 @@ def test_classes_without_motions_serve_repetitions(road: Path, tmp_path: Path) -
 
 def test_without_a_hit_the_track_comes_out_as_it_was(road: Path, tmp_path: Path) -> None:
     save_classes(tmp_path / "other.npz", classes_of("knee_to_elbow"))
-    rounds = stabilise_run(
-        road / "wrong", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6, rounds=2)
+    result = stabilise_run(
+        road / "wrong", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6)
     )
-    assert [found.segments for found in rounds] == [()]
+    assert result.segments == ()
     before, after = Track.load(road / "wrong"), Track.load(tmp_path / "out")
     np.testing.assert_array_equal(after.joints, before.joints)
     np.testing.assert_array_equal(after.pose, before.pose)
@@ -239,12 +235,10 @@ def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
         output_folders([tmp_path / "a", tmp_path / "c" / "a"], tmp_path / "out")
 
 
-def test_stabilise_takes_marks_and_says_what_became_of_them(road: Path, tmp_path: Path):
-    (tmp_path / "marks.yaml").write_text("semaphore: [{feature: 7, value: 0, columns: [2, 30]}]\nknee_to_elbow: []\n")
-    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", tmp_path / "out", "--rounds", 1,
-          "--marks", tmp_path / "marks.yaml")  # fmt: skip
+def test_the_result_file_has_the_contacts_and_the_floor(road: Path, tmp_path: Path) -> None:
+    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", tmp_path / "out")
     result = json.loads((tmp_path / "out" / "stabilise.json").read_text())
-    assert set(result["rounds"][0]["marked_frames"]) == {"F7"} and result["result"] == 1
+    assert result["contact_frames"] == 0, "only an arm is occluded"
     assert result["floor"]["source"] == "soles"
     assert (tmp_path / "out" / "changes.png").stat().st_size > 1000
     assert len(Track.load(tmp_path / "out")) == len(Track.load(road / "wrong"))

@@ -29,7 +29,7 @@ from toolkit.simulation.interiors.room import KINDS
 from toolkit.simulation.person import SimulatedPerson, facing_of, grown_to, prepare_person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import MIDDLE, CaptureSettings, simulate_scene
+from toolkit.simulation.simulate import AIM_HEIGHT, CaptureSettings, simulate_scene
 
 GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty")
 VIEWS = ("cut", "background", "room")
@@ -153,7 +153,7 @@ def distance_needed(person: SimulatedPerson, sensor: str, height: float) -> floa
     body = performer.body
     joints = body.joint_positions(performer.poses).reshape(-1, 3)
     for distance in np.arange(1.8, 7.0, 0.1):
-        tilt = float(np.arctan2(height - MIDDLE * body.height, distance))
+        tilt = float(np.arctan2(height - AIM_HEIGHT * body.height, distance))
         view = place_camera(distance=float(distance), height=height, tilt=tilt)
         seen = view.to_camera(joints)
         border = camera.fx * MARGIN / np.maximum(seen[:, 2], 1e-3)

@@ -1,4 +1,4 @@
-"""The actor's body: a skinned mesh on the kinematic chain (Baak 2013, 5.3.2)."""
+"""Skinned body mesh on the kinematic chain (Baak 2013, 5.3.2)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BONE_AXIS: dict[str, int] = {
 
 @dataclass(frozen=True)
 class PlacedJoints:
-    """Where a pose puts every joint: rotation vectors (J, 3), rotations (J, 3, 3) and origins (J, 3), metres."""
+    """Joints of a pose: rotation vectors (J, 3), rotations (J, 3, 3) and origins (J, 3), metres."""
 
     vectors: np.ndarray
     rotations: np.ndarray
@@ -29,21 +29,20 @@ class PlacedJoints:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A closed mesh in the T-pose with its skinning, in the body frame (metres, y up, facing +z), root at the origin.
+    """Closed mesh in the T-pose with its skinning, in the body frame (metres, y up, facing +z), root at the origin.
 
     Attributes
     ----------
-    name : what it is called in reports
+    name : name in reports
     vertices : float64 (V, 3), rest positions
     faces : int32 (F, 3), counter-clockwise seen from outside
     skin_joints, skin_weights : int64 and float64 (V, S), S at most 4; weights of a row sum to 1
     joints : float64 (18, 3), rest positions of the articulated joints, root at the origin
     sites : float64 (5, 3), rest positions of `skeleton.SITES`
     end_effectors : int64 (5,), mesh vertices at the tips, ordered as `skeleton.END_EFFECTORS`
-    shape : float64 (K,), coefficients in the shape space that made it (empty for a body that came from elsewhere)
+    shape : float64 (K,), coefficients of its shape space (empty for a body of another source)
     scale : uniform factor already contained in the positions
-    offsets : float64 (V,), metres before scaling by which vertices lie outside the body of these coefficients, along
-        its normals; None for none
+    offsets : float64 (V,), metres before scaling, displacements of the vertices along the normals; None for none
     """
 
     name: str
@@ -69,12 +68,12 @@ class Body:
 
     @cached_property
     def part(self) -> np.ndarray:
-        """int64 (V,): the joint with the largest weight at each vertex."""
+        """Joint with the largest weight at each vertex, int64 (V,)."""
         return self.skin_joints[np.arange(len(self.vertices)), self.skin_weights.argmax(axis=1)]
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """float64 (V, 3): outward unit normals of the rest mesh, area-weighted over the faces at a vertex."""
+        """Outward unit normals of the rest mesh, float64 (V, 3), area-weighted over the faces at a vertex."""
         return vertex_normals(self.vertices, self.faces)
 
     @cached_property
@@ -83,7 +82,7 @@ class Body:
         return float(np.ptp(self.vertices[:, 1]))
 
     def scaled(self, factor: float) -> Body:
-        """The same body, uniformly scaled by `factor` (> 0)."""
+        """Return the body, uniformly scaled by `factor` (> 0)."""
         if not factor > 0:
             raise BodyError(f"a body cannot be scaled by {factor}; use a positive factor")
         return replace(
@@ -95,10 +94,10 @@ class Body:
         )
 
     def stretched(self, factors: dict[str, float]) -> Body:
-        """The same body with other bone lengths, both sides alike.
+        """Return the body with other bone lengths, both sides alike.
 
-        `factors` (> 0) are keyed by the joint at the upper end without its side: `{"shoulder": 1.05}` makes both upper
-        arms 5 % longer, and what hangs below moves along. Each bone is stretched along its axis in the rest pose
+        `factors` (> 0) are keyed by the joint at the upper end without its side: `{"shoulder": 1.05}` lengthens both
+        upper arms by 5 % and moves the joints below. Each bone is stretched along its axis in the rest pose
         (`BONE_AXIS`), vertices follow by their skinning weights, and all positions are linear in the factors.
 
         Raises
@@ -129,7 +128,7 @@ class Body:
 
     def place(self, pose: np.ndarray) -> PlacedJoints:
         """Forward kinematics of one pose (P,)."""
-        pose = np.array(skeleton.check_pose(pose))  # one kind of array, so that one kernel is compiled
+        pose = np.array(skeleton.check_pose(pose))  # one memory layout, so that numba compiles one kernel
         count = len(skeleton.JOINTS)
         placed = PlacedJoints(np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)))
         kinematics.forward_kinematics(
@@ -207,4 +206,4 @@ def _below() -> np.ndarray:
 
 
 BELOW: np.ndarray = _below()
-"""Bool (18, 18): `BELOW[i, j]` where joint j is i or hangs below it."""
+"""Bool (18, 18): `BELOW[i, j]` is True if joint j is joint i or one of its descendants."""

@@ -1,9 +1,9 @@
-"""The 32 joints of the Azure Kinect body tracking SDK (k4abt), placed on our body.
+"""The 32 joints of the Azure Kinect body tracking SDK (k4abt) on the project's body.
 
-Names, order, parents and bones are those of its `k4abttypes.h` and of the bone list of its offline processor. Each
-joint has a right-handed frame; in a T-pose its axes lie as `REST_FRAMES` says (`docs/from_k4abt.md` draws them). The
-axes of the right limbs are those of the left ones in a mirror, all three reversed, so that equal turns of both sides
-are a mirrored movement. The frames are those that the SDK's Unity sample and K4AdotNet undo, which agree.
+Names, order, parents and bones are those of `k4abttypes.h` and of the bone list of the SDK's offline processor. Each
+joint has a right-handed frame; `REST_FRAMES` has its axes in a T-pose (`docs/from_k4abt.md` shows them). The axes of
+the right limbs are the mirrored axes of the left ones, all three reversed, so that equal angles on both sides are a
+mirrored movement. The SDK's Unity sample and K4AdotNet use the same frames.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ NAMES: tuple[str, ...] = (
     *(f"{part}_{side}" for side in ("LEFT", "RIGHT") for part in _LEG),
     "HEAD", "NOSE", "EYE_LEFT", "EAR_LEFT", "EYE_RIGHT", "EAR_RIGHT",
 )  # fmt: skip
-"""In the SDK's order."""
+"""Joint names in the SDK's order."""
 OLD_NAMES = {"SPINE_NAVAL": "SPINE_NAVEL"}
-"""How versions before 1.0.1 wrote them."""
+"""Spelling of joint names before version 1.0.1."""
 
 
 def _side_bones(side: str) -> tuple[tuple[str, str], ...]:
@@ -42,7 +42,7 @@ BONES: tuple[tuple[str, str], ...] = (
     ("SPINE_CHEST", "SPINE_NAVEL"), ("SPINE_NAVEL", "PELVIS"), ("SPINE_CHEST", "NECK"), ("NECK", "HEAD"),
     ("HEAD", "NOSE"), *_side_bones("LEFT"), *_side_bones("RIGHT"),
 )  # fmt: skip
-"""The bone list of the SDK's offline processor, in its order."""
+"""Bone list of the SDK's offline processor, in its order."""
 
 LEFT, UP, FRONT = np.eye(3)
 """Axes of the body frame."""
@@ -88,27 +88,27 @@ def _carrier(name: str) -> int:
 
 
 CARRIERS: np.ndarray = np.array([_carrier(name) for name in NAMES])
-"""int64 (32,): our joint whose rotation each one has."""
+"""Joint of `skeleton.JOINT_NAMES` whose rotation each SDK joint has, int64 (32,)."""
 
-HEAD_SHARE = 0.5
-"""Of the way from the base of the neck to the middle of the skull: where the SDK's HEAD lies, at the skull's base."""
+K4ABT_HEAD_FRACTION = 0.5
+"""Position of the SDK's HEAD, at the base of the skull, between the base of the neck (0) and the skull's centre (1)."""
 EYE_RISE, EYE_APART, EYE_DEPTH = 0.035, 0.032, 0.025
-"""Metres from the tip of the nose up to the eyes, from the middle to each of them, and back (neutral stature)."""
-NEUTRAL = 1.71
-"""Metres: the stature to which these belong."""
+"""Metres from the tip of the nose up to the eyes, sideways to each eye, and back (neutral stature)."""
+NEUTRAL_STATURE = 1.71
+"""Stature in metres for `EYE_RISE`, `EYE_APART` and `EYE_DEPTH`."""
 
 
 def rest_points(body: Body) -> np.ndarray:
-    """Where the 32 joints lie on a body in the T-pose: float64 (32, 3), body frame, metres."""
+    """Return the positions of the 32 joints on a body in the T-pose: float64 (32, 3), body frame, metres."""
     points = {name.upper(): place for name, place in zip(skeleton.JOINT_NAMES, body.joints, strict=True)}
     points |= {name.upper(): place for (name, _), place in zip(skeleton.SITES, body.sites, strict=True)}
     tips = dict(zip(skeleton.END_EFFECTORS, body.vertices[body.end_effectors], strict=True))
-    skull, size = points["HEAD"], body.height / NEUTRAL
+    skull, size = points["HEAD"], body.height / NEUTRAL_STATURE
     face = body.vertices[body.part == skeleton.JOINT_NAMES.index("cervical")]
     nose, half = face[face[:, 2].argmax()], 0.5 * np.ptp(face[:, 0])
     found = {
         "PELVIS": points["ROOT"], "SPINE_NAVEL": points["LUMBAR"], "SPINE_CHEST": points["THORAX"],
-        "NECK": points["CERVICAL"], "HEAD": points["CERVICAL"] + HEAD_SHARE * (skull - points["CERVICAL"]),
+        "NECK": points["CERVICAL"], "HEAD": points["CERVICAL"] + K4ABT_HEAD_FRACTION * (skull - points["CERVICAL"]),
         "NOSE": np.array([skull[0], *nose[1:]]),
     }  # fmt: skip
     for side, sign in (("LEFT", 1.0), ("RIGHT", -1.0)):
@@ -119,7 +119,7 @@ def rest_points(body: Body) -> np.ndarray:
             f"HANDTIP_{side}": tips[f"{side.lower()}_hand"],
             f"THUMB_{side}": palm[palm[:, 2].argmax()],
             f"EYE_{side}": found["NOSE"] + size * np.array([sign * EYE_APART, EYE_RISE, -EYE_DEPTH]),
-            f"EAR_{side}": skull + [sign * half, 0.0, 0.0],  # their middle is the middle of the skull
+            f"EAR_{side}": skull + [sign * half, 0.0, 0.0],  # their midpoint is the skull's centre
         }
     return np.array([found[name] for name in NAMES])
 
@@ -132,7 +132,7 @@ class Placed(NamedTuple):
 
 
 def place(body: Body, poses: np.ndarray) -> Placed:
-    """The joints and their frames in poses (T, P), in the frame in which the poses are."""
+    """Return the joints and their frames in poses (T, P), in the frame of the poses."""
     rest = rest_points(body) - body.joints[CARRIERS]
     positions, frames = np.empty((len(poses), len(NAMES), 3)), np.empty((len(poses), len(NAMES), 3, 3))
     for t, pose in enumerate(poses):
@@ -144,9 +144,9 @@ def place(body: Body, poses: np.ndarray) -> Placed:
 
 
 def reported(positions: np.ndarray) -> np.ndarray:
-    """Our 20 joints from the SDK's positions (..., 32, 3): float64 (..., 20, 3), in the same unit.
+    """Return the 20 reported joints of SDK positions (..., 32, 3): float64 (..., 20, 3), in the same unit.
 
-    The head is the middle of both ears; pelvis, neck and spine are derived from hips and shoulders as everywhere.
+    The head is the midpoint of both ears; pelvis, neck and spine are derived from hips and shoulders (`trunk_of`).
     """
     at = {name: positions[..., i, :] for i, name in enumerate(NAMES)}
     found = {
@@ -176,4 +176,4 @@ def _closest(name: str) -> int:
 
 
 WITNESS: np.ndarray = np.array([_closest(name) for name in NAMES])
-"""int64 (32,): the reported joint whose confidence each one has."""
+"""Reported joint whose confidence each SDK joint has, int64 (32,)."""

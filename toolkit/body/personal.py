@@ -1,4 +1,4 @@
-"""A person's own body as a file: coefficients of the shape space and offsets, NPZ (`depthmocap body scan`)."""
+"""Body files (NPZ): coefficients of the shape space and vertex offsets (`depthmocap body scan`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COLUMNS = {
 
 
 def topology() -> str:
-    """Sixteen hexadecimal digits that name the mesh, its weights and its joint tree."""
+    """Return sixteen hexadecimal digits that identify the mesh, its weights and its joint tree."""
     space = ShapeSpace.load()
     digest = hashlib.sha256(skeleton.fingerprint().encode())
     for array in (space.faces, space.skin_joints, space.skin_weights):
@@ -32,12 +32,12 @@ def topology() -> str:
 
 
 def save_body(body: Body, path: str | Path) -> None:
-    """Write a body of the shape space, with its offsets if it has any.
+    """Write a body of the shape space with its offsets.
 
     Raises
     ------
     BodyError
-        It was not made by the shape space.
+        The body was not made by the shape space.
     OutputError
         The file cannot be written.
     """
@@ -49,7 +49,7 @@ def save_body(body: Body, path: str | Path) -> None:
 
 
 def load_body_file(path: str | Path) -> Body:
-    """The body in a file that `save_body` wrote.
+    """Return the body of a file that `save_body` wrote.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Shape space of the body and the bodies made from it.
+"""Shape space of the body, and bodies made from it.
 
-People drawn over MakeHuman's gender, age (from about eight years), weight, muscle, height and proportions were brought
-into the T-pose; a principal component analysis of tracker vertices, joints and sites together gives K = 10 components
+People sampled over MakeHuman's gender, age (from about eight years), weight, muscle, height and proportions were
+brought into the T-pose. A principal component analysis of tracker vertices, joints and sites gives K = 10 components
 (`scripts/make_body_assets.py`). Size is part of the space: the first component is mostly body height.
 """
 
@@ -20,15 +20,15 @@ from toolkit.io.errors import BodyError
 from toolkit.kernels import linear
 
 GROWTH: tuple[float, ...] = (1.0, -0.06, 0.41, 0.54, 0.46, 0.18, 0.26, 0.19, -0.75, -1.46)
-"""Direction in the shape space, per standard deviation of size, in which a child of eight years becomes a toddler:
-large head, short legs. Fitted on MakeHuman's people from one to eight years, which then lie 12 mm from it, not 20."""
+"""Direction in the shape space, per standard deviation of size, from a child of eight years to a toddler: large head,
+short legs. Fitted on MakeHuman's people from one to eight years; the residual is 12 mm instead of 20 mm."""
 CHILD = 2.4
-"""Size (first coefficient) from which on people are smaller than the population that the space was made from."""
+"""Size (first coefficient) of the smallest people of the shape space's population."""
 SIZE_LIMITS = (-3.6, 7.2)
-"""First coefficient of people of 2.1 and of 0.66 m."""
+"""First coefficients of people of 2.1 m and of 0.66 m."""
 ASSETS = Path(__file__).parent / "assets"
 CLOTHING = 0.01
-"""Metres per standard deviation: the population of the shape space is naked and bald; who is recorded seldom is."""
+"""Metres per standard deviation of a clothing component; the population of the shape space is naked and bald."""
 CLOTHES = (
     ("cervical",),
     ("root", "lumbar", "thorax", "left_clavicle", "right_clavicle"),
@@ -37,20 +37,20 @@ CLOTHES = (
     ("left_knee", "right_knee"),
     ("left_ankle", "right_ankle"),
 )
-"""What hair, shirts, sleeves, trousers and shoes cover, each a component: the skin that these joints carry."""
+"""Joints whose skin is covered by hair, shirts, sleeves, trousers and shoes; each row is a component."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpace:
-    """Tracker bodies as mean + coefficients @ basis, coefficients in standard deviations of the population.
+    """Linear shape space: mean + coefficients @ basis, coefficients in standard deviations of the population.
 
     Attributes
     ----------
     mean : float64 (V + 18 + 5, 3), metres: vertices, joints, sites
     basis : float64 (K, V + 18 + 5, 3), metres per standard deviation: orthogonal components of the population, then
-        the surface under each of `CLOTHES` moved outwards by `CLOTHING`, joints where they are
+        one outward displacement of the skin by `CLOTHING` for each of `CLOTHES`, without joints
     faces, skin_joints, skin_weights, end_effectors : as in `Body`
-    variance : float64 (K,), share of the population's variance that each component explains
+    variance : float64 (K,), fraction of the population's variance that each component explains
     named : coefficients (K,) of each named body
     """
 
@@ -66,7 +66,7 @@ class ShapeSpace:
     @staticmethod
     @cache
     def load() -> ShapeSpace:
-        """The shipped shape space (read once).
+        """Return the shipped shape space (read once).
 
         Raises
         ------
@@ -90,11 +90,11 @@ class ShapeSpace:
 
     @property
     def size(self) -> int:
-        """K, the number of components."""
+        """Number of components, K."""
         return len(self.basis)
 
     def at(self, vertices: np.ndarray) -> ShapeSpace:
-        """The space of the bodies that have of the skin nothing but `vertices` (N,), and neither faces nor tips."""
+        """Return the space restricted to the skin vertices `vertices` (N,), without faces and end effectors."""
         rows = np.concatenate([vertices, np.arange(len(self.skin_joints), len(self.mean))])
         return replace(
             self,
@@ -113,7 +113,7 @@ class ShapeSpace:
         name: str = "body",
         offsets: np.ndarray | None = None,
     ) -> Body:
-        """The body of up to K coefficients (standard deviations; missing ones are 0), uniformly scaled by `scale`.
+        """Return the body of up to K coefficients (standard deviations; missing ones are 0), scaled by `scale`.
 
         `offsets` (V,), metres before scaling, move its vertices outwards along their normals.
 
@@ -137,29 +137,29 @@ class ShapeSpace:
         return body if scale == 1.0 else body.scaled(scale)
 
     def typical(self, stature: float) -> np.ndarray:
-        """Coefficients (K,) of the average person of a stature in metres, from toddlers (0.66) to giants (2.1).
+        """Return the coefficients (K,) of the average person of a stature, 0.66 to 2.1 m.
 
-        Other statures are taken as the nearest of these.
+        Other statures are clipped to this range.
         """
         statures, shapes = self._growth
         return np.array([np.interp(-stature, -statures, column) for column in shapes.T])
 
     def childhood(self, size: float) -> np.ndarray:
-        """What the average person of a size (first coefficient) has of a toddler: (K,), zeros down to `CHILD`."""
+        """Return the toddler component of a size (first coefficient): (K,), zeros for sizes up to `CHILD`."""
         shape = np.zeros(self.size)
         shape[: len(GROWTH)] = max(size - CHILD, 0.0) * np.array(GROWTH)
         return shape
 
     @cached_property
     def _growth(self) -> tuple[np.ndarray, np.ndarray]:
-        """Statures (N,), metres, falling, and coefficients (N, K) of average people from giants to toddlers."""
+        """Statures (N,), metres, decreasing, and coefficients (N, K) of average people of these statures."""
         sizes = np.linspace(*SIZE_LIMITS, 33)
         shapes = np.array([self.childhood(size) for size in sizes])
         shapes[:, 0] += np.minimum(sizes, CHILD)
         return np.array([self.body(shape).height for shape in shapes]), shapes
 
     def project(self, body: Body) -> np.ndarray:
-        """Coefficients (K,) of the body of this space that is nearest to `body`, by least squares over all points.
+        """Return the coefficients (K,) of the body of this space closest to `body` (least squares over all points).
 
         Raises
         ------
@@ -176,7 +176,7 @@ class ShapeSpace:
 
 
 def _clothes(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray) -> np.ndarray:
-    """The components of clothing, (6, V + 18 + 5, 3): outwards along the normals, hands bare."""
+    """Return the clothing components, (6, V + 18 + 5, 3): outward along the normals, hands uncovered."""
     normals = vertex_normals(mean[: len(skin_joints)], faces)
     out = np.zeros((len(CLOTHES), *mean.shape))
     for component, names in zip(out, CLOTHES, strict=True):
@@ -200,11 +200,11 @@ def load_body(name: str = "neutral") -> Body:
 
 
 def subject_body(shape: str | Sequence[float] | np.ndarray, *, seed: int | None = None) -> Body:
-    """A person to be recorded: MakeHuman's whole skin (13,380 vertices) with the weights of its own finest rig.
+    """Return a subject for simulated recordings: MakeHuman's full skin (13,380 vertices) with its finest rig.
 
-    A subject follows 20 components, of which the tracker's space holds the first 10. With a `seed` it also gets
-    local deformations that no shape space knows: MakeHuman's own (belly, shoulders, hips, calves, limb lengths, ...)
-    by random amounts, and smooth bumps of up to 12 mm as clothes make them.
+    A subject has 20 components; the tracker's space contains the first 10. With a `seed` it also has local deformations
+    outside any shape space: MakeHuman's own (belly, shoulders, hips, calves, limb lengths, ...) by random amounts, and
+    smooth bumps of clothing up to 12 mm.
 
     Parameters
     ----------
@@ -260,11 +260,11 @@ def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
 
 
 BUMPS = 40
-"""Bumps and dents of a subject's clothes."""
+"""Number of bumps and dents of a subject's clothes."""
 
 
 def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random places below the neck."""
+    """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random points below the neck."""
     corners = skin[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = vertex_normals(skin, faces)

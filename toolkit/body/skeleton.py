@@ -1,8 +1,8 @@
-"""The kinematic chain: joints, their free axes and limits, and the names of the pose vector.
+"""Kinematic chain: joints, their free axes and limits, and the names of the pose vector.
 
 Every joint frame is aligned with the body frame in the rest pose (a T-pose: y up, facing +z, the subject's left at +x).
-A joint's rotation is `exp(w)`, its exponential coordinates `w` restricted to the joint's free axes: a hinge has one, a
-wrist two (a pure swing), a ball joint three (Baak 2013, 5.3.2; thesis 6.2.1).
+A joint's rotation is `exp(w)` with exponential coordinates `w` along the joint's free axes: a hinge has one, a wrist
+two (a pure swing), a ball joint three (Baak 2013, 5.3.2; thesis 6.2.1).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FLEXION = 2.6  # rad: elbow and knee flexion, Qammaz, Table 1, rounded up to 150
 
 @dataclass(frozen=True)
 class Joint:
-    """One articulated joint: its parent, its free axes in the rest pose and their limits in radians."""
+    """Articulated joint with its parent, its free axes in the rest pose and their limits in radians."""
 
     name: str
     parent: str | None
@@ -27,7 +27,7 @@ class Joint:
 
 
 def _side(side: str) -> tuple[Joint, ...]:
-    """Arm and leg of one side. In the T-pose an arm points along +x (left) or -x (right)."""
+    """Return arm and leg of one side. In the T-pose an arm points along +x (left) or -x (right)."""
     s = 1.0 if side == "left" else -1.0
 
     def span(low: float, high: float) -> tuple[float, float]:
@@ -52,16 +52,16 @@ JOINTS: tuple[Joint, ...] = (
     *_side("left"),
     *_side("right"),
 )
-"""The 18 articulated joints, parents before children; only the root is free in space."""
+"""The 18 articulated joints, parents before children; only the root is unconstrained."""
 
 JOINT_NAMES: tuple[str, ...] = tuple(joint.name for joint in JOINTS)
 LEGS = tuple(f"{side}_{name}" for side in ("left", "right") for name in ("hip", "knee", "ankle"))
 PARENTS: np.ndarray = np.array([JOINT_NAMES.index(j.parent) if j.parent else -1 for j in JOINTS], dtype=np.int64)
 
 ROOT_POSITION = slice(0, 3)
-"""Where the root's position (metres) stands in a pose vector."""
+"""Entries of a pose vector with the root's position (metres)."""
 ROOT_ROTATION = slice(3, 6)
-"""Where the root's orientation (exponential coordinates, radians) stands in a pose vector."""
+"""Entries of a pose vector with the root's orientation (exponential coordinates, radians)."""
 
 POSE_NAMES: tuple[str, ...] = (
     *(f"root_t{axis}" for axis in "xyz"),
@@ -90,7 +90,7 @@ SITES: tuple[tuple[str, str], ...] = (
     ("left_foot", "left_ankle"),
     ("right_foot", "right_ankle"),
 )
-"""Reported points that are no joint centres, with the joint that carries them."""
+"""Reported points that are not joint centres, with the joint that moves them."""
 SITE_PARENTS: np.ndarray = np.array([JOINT_NAMES.index(parent) for _, parent in SITES], dtype=np.int64)
 
 REPORTED: tuple[str, ...] = (
@@ -124,7 +124,7 @@ END_EFFECTORS: tuple[str, ...] = ("left_hand", "right_hand", "left_foot", "right
 
 
 def trunk_of(hips: np.ndarray, shoulders: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pelvis, spine and neck, each (..., 3), of both hips and both shoulders, (..., 2, 3)."""
+    """Pelvis, spine and neck, each (..., 3), from both hips and both shoulders, (..., 2, 3)."""
     pelvis, neck = hips.mean(axis=-2), shoulders.mean(axis=-2)
     return pelvis, pelvis + 0.4 * (neck - pelvis), neck
 
@@ -148,7 +148,7 @@ REPORTED_FROM_POINTS: np.ndarray = _reported_matrix()
 
 
 def fingerprint() -> str:
-    """Sixteen hexadecimal digits that name the joint tree and its parametrisation (not the shape)."""
+    """Return sixteen hexadecimal digits that identify the joint tree and its parametrisation (not the shape)."""
     text = repr([(j.name, j.parent, tuple(j.limits)) for j in JOINTS]) + repr(SITES) + repr(POSE_NAMES)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

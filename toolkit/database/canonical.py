@@ -1,7 +1,7 @@
-"""The canonical frame: where a pose or a cloud stands and which way it faces, taken away (Baak 2013, 5.3.3 and 5.3.4).
+"""Canonical frame: poses and clouds without position and facing (Baak 2013, 5.3.3 and 5.3.4).
 
 A canonical pose has its root at the origin and faces +z. A canonical cloud has its centre at the origin and faces +z.
-The two differ by the offset of a pose: the centre and facing that a tracker estimates on a view of it, see `origin.py`.
+They differ by the offset of a pose: centre and facing as a tracker estimates them on a view of it, see `origin.py`.
 Facing yaw is the angle about +y from +z.
 """
 
@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 TRUNK_RADIUS = 0.11
-"""Metres: by how much the centre of a cloud wanders, fitted on views of mocap poses turned by 20 to 60 degrees."""
+"""Metres, amplitude of the movement of a cloud's centre with the yaw, fitted on views of mocap poses at yaws of 20 to
+60 degrees."""
 _CHEST_CHAIN = ("lumbar", "thorax")
 
 
@@ -39,8 +40,8 @@ def about_up(yaw: np.ndarray | float) -> np.ndarray:
 def body_facing(poses: np.ndarray) -> np.ndarray:
     """Facing yaw of poses (..., P): float64 (...), radians in (-pi, pi].
 
-    The horizontal direction at right angles to the mean of the hips' and the chest's left. It turns with the torso's
-    front, and unlike that front it keeps its direction in a deep bend, forwards or back.
+    The horizontal direction perpendicular to the mean left axis of hips and chest. It follows the torso's front, and
+    keeps its direction in a deep bend forwards or backwards.
     """
     poses = skeleton.check_pose(poses)
     flat = poses.reshape(-1, skeleton.POSE_SIZE)
@@ -54,13 +55,13 @@ def body_facing(poses: np.ndarray) -> np.ndarray:
 
 
 def canonicalise(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Take position and facing away from poses (..., P) of any y-up frame.
+    """Remove position and facing from poses (..., P) of any y-up frame.
 
     Returns
     -------
     canonical : float64 (..., P), root at the origin, facing yaw 0
-    positions : float64 (..., 3), metres, where the roots were
-    yaws : float64 (...), radians, which way they faced
+    positions : float64 (..., 3), metres, positions of the roots
+    yaws : float64 (...), radians, facing yaws
     """
     poses = skeleton.check_pose(poses)
     yaws = body_facing(poses)
@@ -71,7 +72,7 @@ def canonicalise(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def place(poses: np.ndarray, offsets: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
-    """Put canonical poses where a cloud's centre and facing say, the inverse of the common origin.
+    """Place canonical poses at the centre and facing of a cloud, the inverse of the common origin.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def place(poses: np.ndarray, offsets: np.ndarray, centre: np.ndarray, yaw: np.nd
 
     Returns
     -------
-    float64 (..., P) in the frame of `centre`: the centre of each pose lies at `centre` and faces `yaw`
+    float64 (..., P) in the frame of `centre`: each pose has its centre at `centre` and faces `yaw`
     """
     offsets = np.asarray(offsets, dtype=np.float64)
     turn = np.asarray(yaw, dtype=np.float64) - offsets[..., 3]
@@ -92,31 +93,31 @@ def place(poses: np.ndarray, offsets: np.ndarray, centre: np.ndarray, yaw: np.nd
 
 
 def normalise(points: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
-    """Points (..., K, 3) of a y-up frame about `centre` (..., 3), turned so that `yaw` (...) faces +z: float64,
-    metres."""
+    """Return points (..., K, 3) of a y-up frame relative to `centre` (..., 3), rotated so that `yaw` (...) becomes
+    +z.
+    """
     shifted = np.asarray(points, dtype=np.float64) - np.asarray(centre)[..., None, :]
     return np.einsum("...ab,...kb->...ka", about_up(-np.asarray(yaw)), shifted)
 
 
 def frontal_centre(centre: np.ndarray, yaw: float, size: float = 1.0) -> np.ndarray:
-    """Where the centre of a cloud would be if the camera stood in front of the person: float64 (3,), metres, level
-    frame.
+    """Return the centre of a cloud as seen from the front of the person: float64 (3,), metres, level frame.
 
-    A camera sees the side of the torso that is turned to it, so as a person turns, the centre wanders around the trunk.
-    Its part across the person is put back as on an upright cylinder; the part along the facing is small.
+    A camera sees only the near side of the torso, so the centre moves around the trunk with the person's yaw. Its
+    lateral part is corrected as on an upright cylinder; the part along the facing is small.
 
     Parameters
     ----------
     centre : (3,), metres, level frame (origin at the camera), from `cloud_centre`
     yaw : radians, facing of the cloud
-    size : of the person against an adult
+    size : stature of the person relative to an adult
     """
     turn = yaw - camera_yaw(centre)
     return centre + size * TRUNK_RADIUS * np.sin(turn) * np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
 
 
 def feature_vectors(end_effectors: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """The 15-dimensional features (`E^5`) of canonical poses: end effectors about the pose's centre, its facing +z.
+    """Return the 15-dimensional features (`E^5`) of canonical poses: end effectors relative to the pose's centre.
 
     Parameters
     ----------
@@ -132,7 +133,7 @@ def feature_vectors(end_effectors: np.ndarray, offsets: np.ndarray) -> np.ndarra
 
 
 def mirrored(poses: np.ndarray) -> np.ndarray:
-    """Poses (..., P) seen in a mirror at x = 0: left becomes right."""
+    """Return poses (..., P) mirrored at x = 0: left becomes right."""
     poses = skeleton.check_pose(poses)
     return poses[..., _MIRROR_SOURCE] * _MIRROR_SIGN
 
@@ -146,7 +147,7 @@ def torso_length(body: Body) -> float:
 
 
 def _turned(poses: np.ndarray, yaws: np.ndarray) -> np.ndarray:
-    """Turn poses (..., P) by `yaws` (...) about +y through the origin."""
+    """Rotate poses (..., P) by `yaws` (...) about +y through the origin."""
     yaws = np.broadcast_to(yaws, poses.shape[:-1])
     rotvecs = poses[..., skeleton.ROOT_ROTATION].reshape(-1, 3)
     turns = np.zeros_like(rotvecs)
@@ -170,7 +171,7 @@ def _entries(joint: str) -> list[int]:
 
 
 def _mirror_table() -> tuple[np.ndarray, np.ndarray]:
-    """Entry that each entry of a mirrored pose comes from, and its sign.
+    """Return the source entry of each entry of a mirrored pose, and its sign.
 
     A mirror at x = 0 negates x of a position, and y and z of a rotation vector.
     """

@@ -1,4 +1,4 @@
-"""The pose database: canonical poses, their joints and features, one file, and its query (Baak 2013, 5.3.3)."""
+"""Pose database: canonical poses, their joints and features, its file and its query (Baak 2013, 5.3.3)."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from toolkit.io.yaml_reader import parse_json
 from toolkit.landmarks.regressor import JointRegressor
 
 FORMAT_VERSION = 2
-"""Raised whenever the meaning of a stored array changes."""
+"""Version of the file format; increased when the meaning of a stored array changes."""
 STORED_TYPE = np.float16
-"""Of poses and offsets in a file: half a millimetre and 0.06 degrees."""
+"""Type of poses and offsets in a file; a step is half a millimetre or 0.06 degrees."""
 
 
 def as_stored(poses: np.ndarray) -> np.ndarray:
-    """Poses (N, P) as a file gives them back: float32, of the precision of `STORED_TYPE`, no zero negative."""
+    """Return poses (N, P) rounded as by a file: float32 with the precision of `STORED_TYPE`, without negative zeros."""
     return np.asarray(poses).astype(STORED_TYPE).astype(np.float32) + np.float32(0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class PoseOrigins:
-    """Where the poses of a database come from; attributes as in `PoseDatabase`."""
+    """Sources of the poses of a database; attributes as in `PoseDatabase`."""
 
     sources: Sequence[str]
     hashes: Sequence[str]
@@ -50,7 +50,7 @@ class PoseOrigins:
 
 @dataclass(frozen=True, eq=False)
 class PoseDatabase:
-    """Poses in the canonical frame (root at the origin, facing +z), with what a lookup needs of them.
+    """Poses in the canonical frame (root at the origin, facing +z), with their search index.
 
     Attributes
     ----------
@@ -59,15 +59,15 @@ class PoseDatabase:
     features : float32 (N, 15), metres: end effectors about each pose's centre, its facing +z (`E_chi^5`)
     offsets : float32 (N, 4): centre (metres) and facing yaw (radians) of each pose as seen by a camera, canonical frame
     pose_source, pose_frame : int32 (N,), number in `sources` and frame there
-    mirrored : bool (N,), whether the pose is the mirror image of that frame
-    sources : names of the files or generators that the poses were chosen from
+    mirrored : bool (N,), True for the mirror image of that frame
+    sources : names of the files or generators of the poses
     hashes : SHA-256 of each file, of the poses themselves for a generator
-    threshold : metres in the unit of Eq. 5.1: every two poses are farther apart (0: stopped by a maximum count only)
+    threshold : metres in the unit of Eq. 5.1, smallest distance between two poses (0: limited by a maximum count only)
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
-    notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
+    notes : JSON-compatible record of the build (poses read, files skipped, residual of the offsets, settings)
     regressor : the joint regressor trained on these poses, or None
-    prior : the pose prior given the situation, learnt from these poses; None in files from before there was one
-    search : what finds the nearest neighbours of features (N, 15)
+    prior : pose prior learnt from these poses; None in older files
+    search : constructor of the nearest-neighbour index of features (N, 15)
     """
 
     poses: np.ndarray
@@ -116,10 +116,10 @@ class PoseDatabase:
         regressor: JointRegressor | None = None,
         prior: PosePrior | None = None,
     ) -> PoseDatabase:
-        """Database of canonical poses (N, P) of `body`, with joints and features; fields as in the class.
+        """Return the database of canonical poses (N, P) of `body`, with joints and features.
 
-        `offsets` (N, 4) are found by looking at every pose (`observed_offsets`, about half a millisecond each) unless
-        given.
+        Parameters are fields of the class. `offsets` (N, 4) are measured on rendered views (`observed_offsets`, about
+        half a millisecond per pose) unless given.
         """
         stored = as_stored(poses)
         if offsets is None:
@@ -149,15 +149,15 @@ class PoseDatabase:
         return self.search(self.features)
 
     def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """The `k` poses whose features are nearest to each query, nearest first.
+        """Return the `k` poses with the nearest features of each query, nearest first.
 
         Parameters
         ----------
         features : (M, 15), metres: labelled end effectors of a cloud about its centre and facing
         (`canonical.normalise`)
-        k : neighbours of each query, at least 1; never more than there are poses
-        present : bool (M, 5) or (5,), which end effectors of a query are known (`skeleton.END_EFFECTORS`), at least one
-            of each; the others are left out of the distance and may hold anything. None = all
+        k : neighbours of each query, at least 1; at most the number of poses
+        present : bool (M, 5) or (5,), known end effectors of a query (`skeleton.END_EFFECTORS`), at least one per
+            query; the others are ignored. None = all
 
         Returns
         -------
@@ -168,7 +168,7 @@ class PoseDatabase:
         Raises
         ------
         DatabaseError
-            Shapes do not fit, a coordinate that is present is not finite, or nothing is asked for.
+            Shapes do not fit, a known coordinate is not finite, or no end effector is known.
         """
         queries = np.atleast_2d(np.asarray(features, dtype=np.float32))
         if queries.ndim != 2 or queries.shape[1] != FEATURE_SIZE or k < 1:
@@ -188,11 +188,11 @@ class PoseDatabase:
         return self._search.query(queries, min(k, len(self)), used)
 
     def placed(self, indices: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
-        """Poses `indices` (...) put where a cloud of that `centre` (3,) and facing `yaw` is: float64 (..., P)."""
+        """Return poses `indices` (...) placed at the `centre` (3,) and facing `yaw` of a cloud: float64 (..., P)."""
         return place(self.poses[indices], self.offsets[indices], centre, yaw)
 
     def for_body(self, body: Body) -> PoseDatabase:
-        """The same poses with joints and features of another body; offsets grow with the length of its torso."""
+        """Return the same poses with joints and features of another body; offsets scale with its torso length."""
         length = torso_length(body)
         poses = self.poses.astype(np.float64)
         offsets = self.offsets.astype(np.float64)
@@ -214,19 +214,19 @@ class PoseDatabase:
         return self if search is self.search else replace(self, search=search)
 
     def limited(self, count: int) -> PoseDatabase:
-        """The first `count` poses: as farthest-first order has it, the sample of that size."""
+        """Return the first `count` poses, the sample of that size in farthest-first order."""
         if count < 1:
-            raise DatabaseError(f"a pose database cannot be cut to {count} poses; keep at least 1")
+            raise DatabaseError(f"a pose database cannot be limited to {count} poses; keep at least 1")
         names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
         return replace(self, **{name: getattr(self, name)[:count] for name in names})
 
     def save(self, path: str | Path) -> None:
-        """Write one NPZ file, whole or not at all. Joints and features follow from poses and body and are left out.
+        """Write one NPZ file atomically, without joints and features, which follow from poses and body.
 
         Raises
         ------
         DatabaseError
-            Its body is none of the shape space.
+            Its body is not of the shape space.
         OutputError
             The file cannot be written.
         """
@@ -287,7 +287,7 @@ class PoseDatabase:
 
 @dataclass(frozen=True)
 class _Residual:
-    """How far centre and facing are from the stored ones, from one viewpoint."""
+    """Residual of centre and facing from one viewpoint."""
 
     yaw_degrees: float
     distance: float
@@ -300,7 +300,7 @@ class _Residual:
 
 @dataclass(frozen=True)
 class _Notes:
-    """What notes must be as far as they are shown."""
+    """Types of the displayed notes."""
 
     max_poses: int | None = None
     poses_read: int | None = None
@@ -310,29 +310,29 @@ class _Notes:
 
 BUILD = "depthmocap database build MOCAP"
 BUILT_AGAIN = f"build it again with `{BUILD}`"
-FARTHEST = 10.0
-"""Metres: no entry of a canonical pose, joint, feature or offset is larger."""
+LARGEST_ENTRY = 10.0
+"""Largest absolute entry (metres, radians) of a canonical pose, joint, feature or offset."""
 
 
 def _rebuild(file: Path) -> str:
-    """What to do about a file that is of no use, with a command that a shell takes."""
+    """Return the advice for an unusable file, with a shell command."""
     return f"build it again with `{BUILD} --output {shlex.quote(str(file))}`"
 
 
 def _columns(sources: int) -> dict[str, Column]:
-    """What the arrays and numbers of a database must be."""
+    """Return the requirements on the arrays and numbers of a database."""
     return {
-        "poses": Column("f", ("poses", skeleton.POSE_SIZE), -FARTHEST, FARTHEST),
-        "joints": Column("f", ("poses", len(skeleton.REPORTED), 3), -FARTHEST, FARTHEST),
-        "features": Column("f", ("poses", FEATURE_SIZE), -FARTHEST, FARTHEST),
-        "offsets": Column("f", ("poses", 4), -FARTHEST, FARTHEST),
+        "poses": Column("f", ("poses", skeleton.POSE_SIZE), -LARGEST_ENTRY, LARGEST_ENTRY),
+        "joints": Column("f", ("poses", len(skeleton.REPORTED), 3), -LARGEST_ENTRY, LARGEST_ENTRY),
+        "features": Column("f", ("poses", FEATURE_SIZE), -LARGEST_ENTRY, LARGEST_ENTRY),
+        "offsets": Column("f", ("poses", 4), -LARGEST_ENTRY, LARGEST_ENTRY),
         "pose_source": Column("iu", ("poses",), 0, sources - 1),
         "pose_frame": Column("iu", ("poses",), 0),
         "mirrored": Column("b", ("poses",)),
         "body_shape": Column("f", (ShapeSpace.load().size,), -100, 100),
-        "threshold": Column("iuf", (), 0, FARTHEST),
+        "threshold": Column("iuf", (), 0, LARGEST_ENTRY),
         "body_scale": Column("iuf", (), 0.1, 10),
-        "torso_length": Column("iuf", (), 0.05, FARTHEST),
+        "torso_length": Column("iuf", (), 0.05, LARGEST_ENTRY),
     }
 
 

@@ -1,7 +1,7 @@
-"""The pose database that lies in the package, for those who name none.
+"""Pose database of the package, the default of every command.
 
-It is made by `scripts/make_default_database.py` of motions of the CMU Graphics Lab and of the project's own; its notice
-is `assets/LICENSE.md`, and its file names every source with the SHA-256 of what was read.
+`scripts/make_default_database.py` builds it from motions of the CMU Graphics Lab and of the project. Its notice is
+`assets/LICENSE.md`; the file lists every source with its SHA-256.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ DEFAULT_DATABASE = Path(__file__).parent / "assets" / "default.npz"
 
 
 def default_database_path() -> Path:
-    """Path of the pose database of the package.
+    """Return the path of the pose database of the package.
 
     Raises
     ------
     DatabaseError
-        The package came without it.
+        The package has no database.
     """
     if not is_file(DEFAULT_DATABASE):
         raise DatabaseError(

@@ -1,8 +1,8 @@
-"""The common origin of clouds and poses: centre and facing of a pose as a tracker would estimate them on a view of it.
+"""Common origin of clouds and poses: centre and facing of a pose as a tracker estimates them on a view of it.
 
-The centre of a depth cloud lies on the visible front of the torso, not at a pose's root, and where arms or a bend
-change what the camera sees, it moves. So every pose is looked at once, in the canonical frame, by a camera in front
-of it, and the same code that finds the centre and the facing of a cloud (`toolkit.landmarks`) is run on that view.
+The centre of a depth cloud lies on the visible front of the torso, not at a pose's root, and it moves with arms and
+bends that change the visible surface. Each pose is therefore rendered once, in the canonical frame, by a camera in
+front of it; the estimators of centre and facing of a cloud (`toolkit.landmarks`) run on that view.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
 ADULT_HEIGHT = 1.7
-"""Metres: the size of a person for which the landmarks' lengths are stated."""
+"""Stature in metres for the lengths of the landmarks."""
 
 
 @dataclass(frozen=True)
 class RootView:
-    """A camera that looks horizontally at the root of a canonical pose.
+    """Horizontal camera that points at the root of a canonical pose.
 
     Attributes
     ----------
     distance : metres from camera to root
-    yaw : radians, facing of the body against the camera: at 0 the pose faces it
+    yaw : radians, facing of the body relative to the camera; 0 faces it
     """
 
     distance: float = 3.0
@@ -45,10 +45,10 @@ R_LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])
 
 
 def observed_offsets(body: Body, poses: np.ndarray, view: RootView | None = None) -> np.ndarray:
-    """Offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians), canonical frame.
+    """Return the offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians).
 
-    Where an arm hides the torso, the facing estimate has a low weight and a tracker keeps the facing that it had; so
-    the yaw is the mean, by weight, of the estimate and the body's own facing. The centre is that of `frontal_centre`.
+    Where an arm occludes the torso, the facing estimate has a low weight and a tracker keeps its previous facing.
+    The yaw is therefore the weighted mean of the estimate and the body's own facing. The centre is `frontal_centre`.
     """
     view = view or RootView()
     scale = body.height / ADULT_HEIGHT
@@ -67,7 +67,7 @@ def observed_offsets(body: Body, poses: np.ndarray, view: RootView | None = None
 
 
 def seen_points(body: Body, pose: np.ndarray) -> np.ndarray:
-    """Points that `CAMERA` sees of a pose (P,) in the level frame: float32 (N, 3), metres, level frame."""
+    """Return the points of a pose (P,) in the level frame that are visible to `CAMERA`: float32 (N, 3), metres."""
     vertices_camera = linear.rotated(body.vertex_positions(pose), R_LEVEL_CAMERA)
     projected = np.empty_like(vertices_camera)
     raster.project(vertices_camera, np.asarray(CAMERA.intrinsics, dtype=np.float64), projected)

@@ -1,8 +1,8 @@
-"""The pose prior given the situation: what limbs without evidence do while the rest of the body is seen.
+"""Pose prior by situation: the distribution of unobserved limbs given the observed rest of the body.
 
-A mixture of Gaussians over the joint angles of a database, some for people who stand, some for people who sit, crouch
-and lie. The variables that a tracker knows say which of them are likely, and each of those says where the others are:
-the conditional of a Gaussian is a Gaussian, and so a pose prior of the kind that a least squares fit takes.
+A mixture of Gaussians over the joint angles of a database, with components for standing, seated, crouching and lying
+people. The known variables weight the components; each component gives the conditional Gaussian of the other
+variables, a quadratic prior for a least squares fit.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from toolkit.kernels.learning import gaussians
 
 SITUATIONS: tuple[str, ...] = ("standing", "seated", "crouching", "lying")
 ANGLES = slice(0, skeleton.POSE_SIZE - 6)
-"""Where the joint angles `pose[6:]` (radians) stand among the variables."""
+"""Joint angles `pose[6:]` (radians) among the variables."""
 UP = slice(skeleton.POSE_SIZE - 6, skeleton.POSE_SIZE - 3)
-"""Where the vertical in the root's frame stands: the orientation without the heading."""
+"""Vertical in the root's frame among the variables: the orientation without the heading."""
 HEIGHT = skeleton.POSE_SIZE - 3
-"""Where the height of the pelvis over the lowest joint stands, in lengths of the leg; known where a floor is."""
+"""Height of the pelvis over the lowest joint among the variables, in leg lengths; known with a floor."""
 SIZE = skeleton.POSE_SIZE - 2
 """Number of variables."""
 NOISE = 0.1
-"""Radians by which a tracked joint angle differs from the true one; and about the same share of a leg's length."""
+"""Radians, standard deviation of a tracked joint angle; about the same fraction of the leg length for the height."""
 _RAISED_THIGH = -float(np.cos(np.radians(60.0)))
-"""Vertical part of a thigh's direction in the root's frame above which a thigh is a seated person's."""
+"""Vertical component of a thigh's direction in the root's frame above which a person may be seated."""
 _UPRIGHT = float(np.cos(np.radians(50.0)))
-"""Vertical part of the trunk's direction below which no person sits."""
+"""Vertical component of the trunk's direction below which a person is not seated."""
 _WIDEST = 10.0
-"""Radians, or lengths of the leg: no person's variables are larger."""
+"""Largest absolute variable, radians or leg lengths."""
 _COLUMNS = {
     "weights": Column("f", ("components",), 0.0, 1.0),
     "means": Column("f", ("components", SIZE), -_WIDEST, _WIDEST),
@@ -45,7 +45,7 @@ _STANDING_HEIGHT = 0.8
 
 
 def variables(poses: np.ndarray, body: Body) -> np.ndarray:
-    """The variables of poses (..., P) of `body` in any y-up frame: float64 (..., SIZE)."""
+    """Return the variables of poses (..., P) of `body` in any y-up frame: float64 (..., SIZE)."""
     poses = skeleton.check_pose(poses)
     flat = poses.reshape(-1, skeleton.POSE_SIZE)
     out = np.empty((len(flat), SIZE))
@@ -63,11 +63,10 @@ def leg_length(body: Body) -> float:
 
 
 def situations(values: np.ndarray) -> np.ndarray:
-    """Which of `SITUATIONS` poses of these variables (N, SIZE) are: int64 (N,).
+    """Return the rows in `SITUATIONS` of poses with these variables (N, SIZE): int64 (N,).
 
-    A person who has both thighs raised under an upright trunk sits, be it on a chair, on the floor or on the heels; a
-    person who is low with a level trunk lies; any other person who has the pelvis below 0.8 of the leg's length
-    crouches.
+    A person with both thighs raised under an upright trunk is seated, on a chair, on the floor or on the heels. A low
+    person with a horizontal trunk is lying. Any other person with the pelvis below 0.8 leg lengths is crouching.
     """
     up, height = values[:, UP], values[:, HEIGHT]
     raised = np.ones(len(values), dtype=np.bool_)
@@ -81,15 +80,15 @@ def situations(values: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Conditional:
-    """What a prior expects of the variables that are not known.
+    """Distribution of the unknown variables given the known ones.
 
     Attributes
     ----------
-    unknown : int64 (B,), which variables
+    unknown : int64 (B,), rows of the unknown variables
     mean, covariance : float64 (B,) and (B, B), of the whole mixture
     responsibilities : float64 (K,), probability of each component
     situations : float64 (4,), probability of each of `SITUATIONS`
-    log_density : of the known values under the prior: low where no person was ever seen like that
+    log_density : log density of the known values under the prior; low for poses unlike any in the database
     """
 
     unknown: np.ndarray
@@ -102,13 +101,13 @@ class Conditional:
 
 @dataclass(frozen=True, eq=False)
 class PosePrior:
-    """A mixture of K Gaussians over the variables of `variables`.
+    """Mixture of K Gaussians over the variables of `variables`.
 
     Attributes
     ----------
     weights : float64 (K,), sum 1
     means, covariances : float64 (K, SIZE) and (K, SIZE, SIZE)
-    situation : int64 (K,), which of `SITUATIONS` each component was learnt from
+    situation : int64 (K,), row in `SITUATIONS` that each component was learnt from
 
     Raises
     ------
@@ -128,7 +127,7 @@ class PosePrior:
             raise DatabaseError("the pose prior has no component, or one without weight; build the database again")
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The arrays by name, as they stand in a database file."""
+        """Return the arrays by name, as stored in a database file."""
         return {
             "weights": self.weights,
             "means": self.means.astype(np.float32),
@@ -138,12 +137,12 @@ class PosePrior:
 
     @staticmethod
     def of_arrays(arrays: dict[str, np.ndarray]) -> PosePrior:
-        """The prior of stored arrays.
+        """Return the prior of stored arrays.
 
         Raises
         ------
         DatabaseError
-            One is missing, of another type, or does not fit.
+            An array is missing, has another type, or does not fit.
         """
         check_columns(arrays, _COLUMNS, DatabaseError, "the pose prior", "build the database again")
         try:
@@ -155,13 +154,13 @@ class PosePrior:
             raise DatabaseError(f"the pose prior lacks {error}; build the database again") from error
 
     def expected(self, values: np.ndarray, known: np.ndarray, noise: float = NOISE) -> Conditional:
-        """What is to be expected of the variables that are not known.
+        """Return the distribution of the unknown variables.
 
         Parameters
         ----------
-        values : (SIZE,), see `variables`; unknown ones may hold anything
+        values : (SIZE,), see `variables`; unknown ones are ignored
         known : bool (SIZE,)
-        noise : standard deviation of the known values about the true ones, radians
+        noise : standard deviation of the error of the known values, radians
         """
         given, missing = np.flatnonzero(known), np.flatnonzero(~known)
         factors, gains, remaining = self._condition(given, missing, noise)
@@ -174,10 +173,10 @@ class PosePrior:
         return Conditional(missing, mean, covariance, shares, by_situation, float(log_density))
 
     def _condition(self, given: np.ndarray, missing: np.ndarray, noise: float) -> tuple[np.ndarray, ...]:
-        """See `gaussians.condition`; kept, because the same limbs stay hidden from frame to frame."""
+        """Return `gaussians.condition`, cached, because the same limbs stay occluded from frame to frame."""
         key = (given.tobytes(), noise)
         if key not in self._conditioned:
-            if len(self._conditioned) >= KEPT:
+            if len(self._conditioned) >= CACHED_CONDITIONS:
                 self._conditioned.clear()
             count = len(self.weights)
             made = (
@@ -190,8 +189,8 @@ class PosePrior:
         return self._conditioned[key]
 
 
-KEPT = 32
-"""Sets of known variables whose factors are kept: half a megabyte each."""
+CACHED_CONDITIONS = 32
+"""Number of sets of known variables with cached factors, half a megabyte each."""
 
 
 def _up_in_root(poses: np.ndarray) -> np.ndarray:
@@ -202,7 +201,7 @@ def _up_in_root(poses: np.ndarray) -> np.ndarray:
 
 
 def _thigh(values: np.ndarray, side: str) -> np.ndarray:
-    """Vertical part in the root's frame of the direction of a thigh (N,)."""
+    """Return the vertical component in the root's frame of the direction of a thigh (N,)."""
     from scipy.spatial.transform import Rotation
 
     columns = [skeleton.POSE_NAMES.index(f"{side}_hip_r{letter}") - 6 for letter in "xyz"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import THRESHOLD, Distances, WrongStretch, distances, errors_of, runs_above
+from toolkit.inertial.distance import Distances, ErrorSegment, ErrorSettings, distances, errors_of, runs_above
 from toolkit.inertial.sensor_limbs import PARTS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import SyncSettings
@@ -39,11 +39,11 @@ class RunCheck:
     name: str
     calibration: Calibration
     distances: tuple[Distances, ...]
-    errors: tuple[WrongStretch, ...]
+    errors: tuple[ErrorSegment, ...]
     truth: tuple[Segment, ...] | None = None
-    threshold: float = THRESHOLD
+    threshold: float = ErrorSettings.threshold
 
-    def segments(self, errors: Sequence[WrongStretch] | None = None) -> list[Segment]:
+    def segments(self, errors: Sequence[ErrorSegment] | None = None) -> list[Segment]:
         """Return the errors as labelled segments that end at their last frame."""
         step = float(np.median(np.diff(self.distances[0].times)))
         chosen = self.errors if errors is None else errors
@@ -81,7 +81,7 @@ def check_runs(
     *,
     calibration: str | Path | Calibration | None = None,
     truth: str | Path | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float = ErrorSettings.threshold,
     sync: SyncSettings | None = None,
 ) -> list[RunCheck]:
     """Check runs with their sensors (`depthmocap inertial check`).

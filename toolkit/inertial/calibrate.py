@@ -1,14 +1,14 @@
-"""How sensors sit on the limbs and where their world points, from what a tracker saw (thesis 7.5).
+"""Calibration of sensors against a track: their mounting on the limbs and the heading of their world (thesis 7.5).
 
-The default, `robust`, knows the vertical in both worlds: what is left of `q_G` is a heading, one for all sensors of a
-magnetic world or one each, and one turn about a horizontal axis determines all. Frames in which the tracker erred lose
-their say. `thesis` is the reference, by Park and Martin. Neither gives a number that the motion does not determine.
+The default, `robust`, uses the known vertical of both worlds. The rest of `q_G` is a heading, one for all sensors of a
+magnetic world or one for each, so a single tilt determines all offsets. Frames with tracking errors get low weights.
+`thesis` is the reference, by Park and Martin. Both methods refuse mountings that the motion does not determine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,37 +22,53 @@ from toolkit.inertial.synchronise import Clock
 from toolkit.io.errors import InertialError, UsageError
 
 METHODS, HEADINGS = ("robust", "thesis"), ("shared", "own")
-AGREE = np.radians(20.0)
-"""Residual below which a frame speaks for itself."""
-GOOD_SPREAD: dict[str, float] = {"robust": 15.0, "thesis": 20.0}
-WEAK_SPREAD: dict[str, float] = {"robust": 5.0, "thesis": 8.0}
-"""Degrees of spread (see `_spread`) from which a mounting is good, or is told at all."""
-GOOD_INLIERS = 0.5
-"""Share of the frames in which sensor and track agree from which a mounting is good (a weight above one half: within
-6.4 degrees, so that at one half the median residual is below that too). On simulated sensors whose track is wrong for a
-part of the time, every mounting with one half or more is right within 1.3 degrees; below 0.3 it is off by 31 in the
-median."""
-MOST_RESIDUAL = 40.0
-"""Degrees, median residual above which sensor and track do not belong together."""
-LEAST_FRAMES = 10
-"""Frames that sensor and track have in common, below which nothing is said."""
-ROWS = 600
-"""Frames per strand that take part."""
-LAGS, LAG_STEP = 0.06, 0.01
-"""Seconds: largest correction of the clock by what the calibration leaves over, and the step between those tried."""
+
+
+@dataclass(frozen=True)
+class CalibrationThresholds:
+    """Thresholds and step sizes of the calibration.
+
+    Attributes
+    ----------
+    agreement : radians, largest residual of a frame in which sensor and track agree
+    good_spread : degrees of spread (see `_spread`) of a good mounting: `robust`, `thesis`
+    weak_spread : degrees of spread below which a mounting is refused: `robust`, `thesis`
+    good_inliers : fraction of the frames with a weight above one half (residual below 6.4 degrees) of a good
+        mounting. On simulated sensors with partly wrong tracks, every mounting with 0.5 or more was within 1.3
+        degrees; below 0.3 the median error was 31 degrees
+    largest_residual : degrees, largest median residual of a sensor that belongs to the track
+    least_frames : smallest number of common frames of sensor and track
+    rows : largest number of frames of a segment that are used
+    largest_lag : seconds, largest correction of the clock by the residual of the calibration
+    lag_step : seconds between two tried corrections
+    """
+
+    agreement: float = np.radians(20.0)
+    good_spread: dict[str, float] = field(default_factory=lambda: {"robust": 15.0, "thesis": 20.0})
+    weak_spread: dict[str, float] = field(default_factory=lambda: {"robust": 5.0, "thesis": 8.0})
+    good_inliers: float = 0.5
+    largest_residual: float = 40.0
+    least_frames: int = 10
+    rows: int = 600
+    largest_lag: float = 0.06
+    lag_step: float = 0.01
+
+
+SETTINGS = CalibrationThresholds()
+
 Y_UP: np.ndarray = np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """How sensors are calibrated.
+    """Settings of the calibration.
 
     Attributes
     ----------
     method : `robust` or `thesis`
-    heading : `shared`, `own`, or None: shared where the devices know north
-    refine_clock : whether the clock may be corrected by what the calibration leaves over
-    refuse : whether mountings that the motion does not determine, or that disagree with the track, are refused
+    heading : `shared`, `own`, or None: shared if the devices measure magnetic north
+    refine_clock : correct the clock by the residual of the calibration
+    refuse : refuse mountings that the motion does not determine, or that disagree with the track
     """
 
     method: str = "robust"
@@ -69,35 +85,35 @@ class CalibrationSettings:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationSequence:
-    """One tracked recording with its sensors and their clock."""
+    """Tracked recording with its sensors and their clock."""
 
     motion: TrackedMotion
     sensors: Sensors
     clock: Clock
 
     def measured(self, sensor: str, lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Orientations of a sensor in the motion's frames, quaternions (T, 4), and where both are known, bool (T,)."""
+        """Return orientations of a sensor in the motion's frames, (T, 4), and a bool (T,) mask of known ones."""
         inertial, known = self.sensors.named(sensor).at(self.clock.sensor_times(self.motion.times) + lag)
         return inertial, known & self.motion.valid
 
-    def strand(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> SynchronisedSegment:
-        """Orientations of a sensor and of its part of the body where both are known."""
+    def segment(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> SynchronisedSegment:
+        """Return the orientations of a sensor and of its part of the body in frames where both are known."""
         inertial, known = self.measured(limb, lag)
         return SynchronisedSegment(number, group, inertial[known], self.motion.orientation(limb)[known])
 
 
 def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSettings | None = None) -> Calibration:
-    """The calibration that all takes agree on.
+    """Return the calibration with the smallest residual over all sequences.
 
     Parameters
     ----------
-    takes : of one person whose sensors stay where they are; their names differ
+    takes : sequences of one person with unchanged mountings; their names differ
     settings : see `CalibrationSettings`
 
     Raises
     ------
     InertialError
-        No sensor and no track have `LEAST_FRAMES` in common, or the motion determines no sensor at all.
+        No sensor has enough frames in common with a track, or the motion determines no sensor.
     """
     settings = settings or CalibrationSettings()
     limbs = tuple(dict.fromkeys(name for take in takes for name in take.sensors.names))
@@ -109,10 +125,10 @@ def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSetting
         for _ in range(2):
             worlds, mountings = _by_heading(takes, limbs, heading)
             if settings.refine_clock:
-                takes = [better_clock(take, worlds[i], mountings) for i, take in enumerate(takes)]
+                takes = [refined_clock(take, worlds[i], mountings) for i, take in enumerate(takes)]
     spreads = {limb: _spread(takes, limb, worlds, mountings[limb], settings.method) for limb in limbs}
     shared = heading == "shared" and settings.method == "robust"
-    sensors = {limb: _judged(takes, limb, worlds, mountings[limb], spreads, shared, settings) for limb in limbs}
+    sensors = {limb: _assessed(takes, limb, worlds, mountings[limb], spreads, shared, settings) for limb in limbs}
     if all(sensor.status == REFUSED for sensor in sensors.values()):
         reasons = "; ".join(f"{limb}: {sensor.reason}" for limb, sensor in sensors.items())
         raise InertialError(f"no sensor can be calibrated ({reasons})")
@@ -126,67 +142,67 @@ def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSetting
 
 
 def upright(world_up: np.ndarray) -> np.ndarray:
-    """The change of axes (4,) from a world with y up, such as the level frame, to one with `world_up`."""
+    """Return the rotation (4,) from a world with y up, such as the level frame, to one with `world_up`."""
     return quat.between(Y_UP, world_up)
 
 
-def strands_of(
+def segments_of(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
 ) -> tuple[list[SynchronisedSegment], list[int]]:
-    """Strands in worlds with y up, and for each the number of its take; those of few frames are left out."""
-    strands, owners, groups = [], [], 0
+    """Return segments in worlds with y up, and the number of the sequence of each; short ones are skipped."""
+    segments, owners, groups = [], [], 0
     for i, take in enumerate(takes):
         change = quat.conjugate(upright(take.sensors.world_up))
         for limb in take.sensors.names:
             group = groups if heading == "own" else 0
-            strand = take.strand(limb, limbs.index(limb), group)
-            if len(strand.inertial) < LEAST_FRAMES:
+            segment = take.segment(limb, limbs.index(limb), group)
+            if len(segment.inertial) < SETTINGS.least_frames:
                 continue
-            strands.append(replace(strand, inertial=quat.multiply(change, strand.inertial)).thinned(ROWS))
+            segments.append(replace(segment, inertial=quat.multiply(change, segment.inertial)).thinned(SETTINGS.rows))
             owners.append(i)
             groups += 1
-    if not strands:
+    if not segments:
         raise InertialError("no sensor and its track have ten frames in common; check clocks and gaps")
-    return strands, owners
+    return segments, owners
 
 
 def _by_heading(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
-    strands, owners = strands_of(takes, limbs, heading)
-    groups = max(s.group for s in strands) + 1
+    segments, owners = segments_of(takes, limbs, heading)
+    groups = max(s.group for s in segments) + 1
     psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (len(limbs), 1))
-    if heading == "own":  # sensors with headings of their own have nothing to say to each other
+    if heading == "own":  # sensors with separate headings are independent
         for k in range(len(limbs)):
-            own = [s for s in strands if s.sensor == k]
+            own = [s for s in segments if s.sensor == k]
             numbers = sorted({s.group for s in own})
             local = [replace(s, sensor=0, group=numbers.index(s.group)) for s in own]
             found, mounting, _ = solvers.heading(local, len(numbers), 1)
             psis[numbers], mountings[k] = found, mounting[0]
     else:
-        psis, mountings, _ = solvers.heading(strands, groups, len(limbs))
+        psis, mountings, _ = solvers.heading(segments, groups, len(limbs))
     worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
-    for strand, i in zip(strands, owners, strict=True):
+    for segment, i in zip(segments, owners, strict=True):
         up = upright(takes[i].sensors.world_up)
-        worlds[i][limbs[strand.sensor]] = quat.multiply(up, solvers.yaw(psis[strand.group]))
+        worlds[i][limbs[segment.sensor]] = quat.multiply(up, solvers.yaw(psis[segment.group]))
     return _filled(worlds, takes), dict(zip(limbs, mountings, strict=True))
 
 
 def _by_thesis(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str]
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
-    """World and mounting of each sensor by itself, from all takes at once: they share one world."""
+    """Return world and mounting of each sensor separately, from all sequences together, which share one world."""
     worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
     mountings = {}
     for limb in limbs:
         rng = np.random.default_rng(0)
-        own = [(i, take.strand(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
-        strand = SynchronisedSegment(
+        own = [(i, take.segment(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
+        segment = SynchronisedSegment(
             0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own])
         )
-        if len(strand.inertial) < LEAST_FRAMES:
-            raise InertialError(f"the sensor on {limb} and its track have {len(strand.inertial)} frames in common")
-        thinned = strand.thinned(ROWS)
+        if len(segment.inertial) < SETTINGS.least_frames:
+            raise InertialError(f"the sensor on {limb} and its track have {len(segment.inertial)} frames in common")
+        thinned = segment.thinned(SETTINGS.rows)
         world, mountings[limb] = solvers.thesis(thinned.inertial, thinned.tracked, rng)
         for i, _ in own:
             worlds[i][limb] = world
@@ -194,7 +210,7 @@ def _by_thesis(
 
 
 def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[CalibrationSequence]) -> list[dict[str, np.ndarray]]:
-    """A sensor without frames of its own in a take has the world of the others there, else of any take."""
+    """Return the worlds with missing ones copied from another sensor of the sequence, else of any sequence."""
     anywhere = next(world for own in worlds for world in own.values())
     for own, take in zip(worlds, takes, strict=True):
         there = next(iter(own.values()), anywhere)
@@ -203,18 +219,21 @@ def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[CalibrationSequ
     return worlds
 
 
-def better_clock(
+def refined_clock(
     take: CalibrationSequence, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray]
 ) -> CalibrationSequence:
-    """The take with its clock at the lag of least calibrated distance: orientations are sharper than their speeds."""
-    lags = np.arange(-LAGS, LAGS + 1e-9, LAG_STEP)
+    """Return the sequence with the clock lag of the smallest calibrated distance.
+
+    Orientations determine the lag more accurately than angular speeds.
+    """
+    lags = np.arange(-SETTINGS.largest_lag, SETTINGS.largest_lag + 1e-9, SETTINGS.lag_step)
     costs = np.zeros(len(lags))
     for k, lag in enumerate(lags):
         for limb in worlds:
-            strand = take.strand(limb, lag=lag).thinned(ROWS)
-            if len(strand.inertial) >= LEAST_FRAMES:
+            segment = take.segment(limb, lag=lag).thinned(SETTINGS.rows)
+            if len(segment.inertial) >= SETTINGS.least_frames:
                 costs[k] += solvers.cost_of(
-                    solvers.residuals(strand, worlds[limb], mountings[limb]), float(solvers.SCALES[-1])
+                    solvers.residuals(segment, worlds[limb], mountings[limb]), float(solvers.SCALES[-1])
                 )
     best = int(costs.argmin())
     if best in (0, len(lags) - 1):
@@ -222,7 +241,7 @@ def better_clock(
     left, middle, right = costs[best - 1 : best + 2]
     bend = left - 2.0 * middle + right
     step = 0.5 * (left - right) / bend if bend > 0 else 0.0
-    offset = take.clock.offset + lags[best] + LAG_STEP * step
+    offset = take.clock.offset + lags[best] + SETTINGS.lag_step * step
     return replace(take, clock=replace(take.clock, offset=float(offset)))
 
 
@@ -233,19 +252,19 @@ def _spread(
     mounting: np.ndarray,
     method: str,
 ) -> float:
-    """Degrees by which the vertical moves about in the limb's frame; of `thesis`, which knows no vertical, the extent
-    of the turns about their second axis.
+    """Return the degrees by which the vertical moves in the limb's frame.
 
-    Of the frames in which sensor and track agree: a tracker that errs pretends a motion.
+    For `thesis`, which uses no vertical, the spread of the rotations about their second axis. Only frames with
+    agreement of sensor and track are used, because tracking errors look like motion.
     """
     parts = []
     for i, take in enumerate(takes):
         if limb in take.sensors.names:
-            strand = take.strand(limb)
-            agree = solvers.residuals(strand, worlds[i][limb], mounting) < AGREE
-            parts.append(strand.tracked[agree])
+            segment = take.segment(limb)
+            agree = solvers.residuals(segment, worlds[i][limb], mounting) < SETTINGS.agreement
+            parts.append(segment.tracked[agree])
     tracked = np.concatenate(parts)
-    if len(tracked) < LEAST_FRAMES:
+    if len(tracked) < SETTINGS.least_frames:
         return 0.0
     if method == "robust":
         up = quat.rotate(quat.conjugate(tracked), Y_UP)
@@ -255,7 +274,7 @@ def _spread(
     return float(np.degrees(np.sqrt(max(squares[1], 0.0))))
 
 
-def _judged(
+def _assessed(
     takes: Sequence[CalibrationSequence],
     limb: str,
     worlds: Sequence[dict[str, np.ndarray]],
@@ -264,38 +283,39 @@ def _judged(
     shared: bool,
     settings: CalibrationSettings,
 ) -> Mounting:
-    """A mounting with its residuals and whether the motion determined it."""
+    """Return a mounting with its residuals and its status."""
     angles = np.concatenate(
         [
-            solvers.residuals(take.strand(limb), worlds[i][limb], mounting)
+            solvers.residuals(take.segment(limb), worlds[i][limb], mounting)
             for i, take in enumerate(takes)
             if limb in take.sensors.names
         ]
     )
     degrees = np.degrees(angles)
-    # a shared heading is known by all sensors together, the best of which is enough
+    # a shared heading is determined by the best of all sensors
     spread = max(spreads.values()) if shared else spreads[limb]
-    good, weak = GOOD_SPREAD[settings.method], WEAK_SPREAD[settings.method]
+    good, weak = SETTINGS.good_spread[settings.method], SETTINGS.weak_spread[settings.method]
     what = "tilted" if settings.method == "robust" else "turned about a second axis"
     inliers = float((solvers.weights_of(angles, float(solvers.SCALES[-1])) > 0.5).mean()) if len(degrees) else 0.0
     status, reason = GOOD, ""
-    if len(degrees) < LEAST_FRAMES:
-        status, reason = REFUSED, f"only {len(degrees)} frames are known to both"
-    elif settings.refuse and float(np.median(degrees)) > MOST_RESIDUAL:
+    if len(degrees) < SETTINGS.least_frames:
+        status, reason = REFUSED, f"only {len(degrees)} frames have both sensor and track"
+    elif settings.refuse and float(np.median(degrees)) > SETTINGS.largest_residual:
         status = REFUSED
-        reason = f"it disagrees by {np.median(degrees):.0f} degrees in the middle; check placement and clock"
+        reason = f"its median residual is {np.median(degrees):.0f} degrees; check placement and clock"
     elif settings.refuse and spread < weak:
         status, reason = (
             REFUSED,
-            f"it {what} by {spread:.1f} degrees only; bend and lean in a take of at least {good:.0f}",
+            f"it {what} by {spread:.1f} degrees only; record bends of at least {good:.0f} degrees",
         )
     elif spread < good:
-        status, reason = WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} make it sure"
-    elif inliers < GOOD_INLIERS:
+        status, reason = WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} are needed"
+    elif inliers < SETTINGS.good_inliers:
         status = WEAK
         reason = (
             f"it agrees with the track in {100 * inliers:.0f} % of the frames only, its median residual is "
-            f"{np.median(degrees):.0f} degrees; {100 * GOOD_INLIERS:.0f} % make it sure: show the limb longer"
+            f"{np.median(degrees):.0f} degrees; {100 * SETTINGS.good_inliers:.0f} % are needed; "
+            "record a visible limb for longer"
         )
     return Mounting(
         _plain(mounting), status, reason, spreads[limb],

@@ -1,4 +1,4 @@
-"""What a calibration found, and its file `calibration.json`."""
+"""Result of a calibration, and its file `calibration.json`."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ GOOD, WEAK, REFUSED = "good", "weak", "refused"
 
 @dataclass(frozen=True)
 class Mounting:
-    """How one sensor sits on its part of the body.
+    """Orientation of one sensor on its part of the body.
 
     Attributes
     ----------
     mounting : `q_L`: sensor to the part's frame, w x y z
-    status : `good`, `weak` (the motion hardly determines it) or `refused` (it does not)
-    reason : of a status that is not good
-    spread : degrees, how far the vertical, seen from the limb, moved about; what the heading is known by
+    status : `good`, `weak` (poorly determined by the motion) or `refused` (not determined)
+    reason : reason of a status other than good
+    spread : degrees, motion of the vertical in the limb's frame, which determines the heading
     median, p90 : degrees, of the residuals over the frames
-    inliers : share of the frames with a weight above one half
-    device : id of the sensor, if it is known
+    inliers : fraction of the frames with a weight above one half
+    device : id of the sensor, if known
     """
 
     mounting: tuple[float, float, float, float]
@@ -43,7 +43,7 @@ class Mounting:
 
 @dataclass(frozen=True)
 class TakeClock:
-    """What belongs to one take only.
+    """Clock and worlds of one sequence.
 
     Attributes
     ----------
@@ -58,15 +58,15 @@ class TakeClock:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The offsets of all sensors.
+    """Offsets of all sensors.
 
     Attributes
     ----------
     method : `robust` or `thesis`
-    heading : `shared` (one magnetic world) or `own` (each sensor and take has its heading)
-    sensors : part of the body -> how its sensor sits
+    heading : `shared` (one magnetic world) or `own` (one heading per sensor and sequence)
+    sensors : part of the body -> mounting of its sensor
     takes : name of the run -> its clock and worlds
-    notes : sentences about what looks wrong
+    notes : reasons of skipped runs
     """
 
     method: str
@@ -77,7 +77,7 @@ class Calibration:
 
     @property
     def usable(self) -> tuple[str, ...]:
-        """Parts of the body whose calibration was not refused."""
+        """Parts of the body with an accepted calibration."""
         return tuple(limb for limb, sensor in self.sensors.items() if sensor.status != REFUSED)
 
     def mounting(self, limb: str) -> np.ndarray:
@@ -85,10 +85,10 @@ class Calibration:
         return np.array(self.sensors[limb].mounting)
 
     def check_placement(self, sensors: Sensors) -> None:
-        """Raise InertialError where the sensors are not those that were calibrated, each on its part of the body."""
+        """Raise InertialError if the sensors are not the calibrated ones, each on its part of the body."""
         if missing := sorted(set(sensors.names) - set(self.sensors)):
             raise InertialError(
-                f"the calibration is of another placement: it knows {', '.join(self.sensors)}, not "
+                f"the calibration is of another placement: it has {', '.join(self.sensors)}, not "
                 f"{', '.join(missing)}; calibrate these sensors"
             )
         for limb, device in sensors.devices.items():
@@ -100,7 +100,7 @@ class Calibration:
                 )
 
     def save(self, path: str | Path) -> None:
-        """Write `calibration.json`, whole or not at all."""
+        """Write `calibration.json`, atomically."""
         save_json(path, asdict(self))
 
     @classmethod
@@ -110,7 +110,7 @@ class Calibration:
         Raises
         ------
         InertialError
-            It is missing, damaged or something else.
+            The file is missing, damaged or another file.
         """
         hint = "write it with `depthmocap inertial calibrate`"
         reader = TypedReader(InertialError, hint, loose=True, source=str(path))

@@ -1,4 +1,4 @@
-"""How far a track is from what the sensors say, frame by frame, and the stretches in which it errs (thesis 7.5)."""
+"""Distance of a track from its sensors in each frame, and the segments with tracking errors (thesis 7.5)."""
 
 from __future__ import annotations
 
@@ -8,29 +8,42 @@ import numpy as np
 
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
-from toolkit.inertial.calibrate import CalibrationSequence, strands_of, upright
+from toolkit.inertial.calibrate import CalibrationSequence, segments_of, upright
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.sensor_limbs import bone_axis
 from toolkit.io.errors import InertialError
 from toolkit.io.spans import spans
 
 ERROR, TWIST = "error", "twist"
-THRESHOLD = 45.0
-"""Degrees, `tau` of Eq. 7.16: above it a track errs."""
-RELEASE = 0.8
-"""Share of the threshold below which an error is over."""
-SHORTEST = 0.1
-"""Seconds: shorter errors are left out, and shorter gaps between them closed."""
+
+
+@dataclass(frozen=True)
+class ErrorSettings:
+    """Thresholds of tracking errors.
+
+    Attributes
+    ----------
+    threshold : degrees, `tau` of Eq. 7.16; the distance of a tracking error
+    release : fraction of the threshold below which an error ends
+    shortest : seconds; shorter errors are dropped, and shorter gaps between errors are closed
+    """
+
+    threshold: float = 45.0
+    release: float = 0.8
+    shortest: float = 0.1
+
+
+SETTINGS = ErrorSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class Distances:
-    """One part of the body over the frames of a take.
+    """Distances of one part of the body over the frames of a sequence.
 
     Attributes
     ----------
-    limb : its name
-    times : float64 (T,), of the frames, seconds
+    limb : part of the body
+    times : float64 (T,), seconds
     full : float64 (T,), degrees between the orientations (Eq. 7.16), NaN where one is unknown
     axis : float64 (T,), degrees between the directions of the bone alone
     """
@@ -42,15 +55,15 @@ class Distances:
 
 
 @dataclass(frozen=True)
-class WrongStretch:
-    """A stretch in which a part of the body is tracked wrongly.
+class ErrorSegment:
+    """Segment with a tracking error of one part of the body.
 
     Attributes
     ----------
-    limb : its name
+    limb : part of the body
     start, end : seconds, of the first and the last frame
     peak, mean : degrees
-    kind : `twist` where the bone's direction agrees throughout, else `error`
+    kind : `twist` if only the rotation about the bone differs, else `error`
     """
 
     limb: str
@@ -62,29 +75,29 @@ class WrongStretch:
 
 
 def worlds_of(calibration: Calibration, take: CalibrationSequence) -> dict[str, np.ndarray]:
-    """`q_G` of every sensor in a take: the shared one, or by the heading alone.
+    """Return `q_G` of every sensor in a sequence: the shared one, or a heading for each sensor.
 
-    A sensor without north starts each recording with another heading; the mounting stays.
+    A sensor without north has another heading in each recording; its mounting is constant.
     """
     if calibration.heading == "shared":
         return {limb: np.array(q) for other in calibration.takes.values() for limb, q in other.worlds.items()}
     limbs = tuple(calibration.sensors)
-    strands, _ = strands_of([take], limbs, "own")
+    segments, _ = segments_of([take], limbs, "own")
     mountings = np.array([calibration.mounting(limb) for limb in limbs])
     up = upright(take.sensors.world_up)
     return {
-        limbs[strand.sensor]: quat.multiply(up, solvers.yaw(solvers.heading_given([strand], mountings)))
-        for strand in strands
+        limbs[segment.sensor]: quat.multiply(up, solvers.yaw(solvers.heading_given([segment], mountings)))
+        for segment in segments
     }
 
 
 def distances(calibration: Calibration, take: CalibrationSequence) -> list[Distances]:
-    """The distances of every sensor whose calibration was not refused.
+    """Return the distances of every sensor with an accepted calibration.
 
     Raises
     ------
     InertialError
-        The sensors are not those of the calibration, or none is left.
+        The sensors differ from those of the calibration, or none is calibrated.
     """
     calibration.check_placement(take.sensors)
     worlds = worlds_of(calibration, take)
@@ -93,14 +106,14 @@ def distances(calibration: Calibration, take: CalibrationSequence) -> list[Dista
         if stream.name in calibration.usable and stream.name in worlds:
             found.append(_distances(stream.name, take, worlds[stream.name], calibration.mounting(stream.name)))
     if not found:
-        raise InertialError(f"no sensor of {take.motion.name} is calibrated; calibrate on a take with more motion")
+        raise InertialError(f"no sensor of {take.motion.name} is calibrated; calibrate on a recording with more motion")
     return found
 
 
 def measured_limb(
     limb: str, take: CalibrationSequence, world: np.ndarray, mounting: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What a sensor says of its limb in the level frame, quaternions (T, 4), and where it is known, bool (T,)."""
+    """Return the measured orientations of a limb in the level frame, (T, 4), and a bool (T,) mask of known ones."""
     inertial, known = take.measured(limb)
     return quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting)), known
 
@@ -119,15 +132,15 @@ def _distances(limb: str, take: CalibrationSequence, world: np.ndarray, mounting
     )
 
 
-def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[WrongStretch]:
-    """Stretches above a threshold, degrees, with hysteresis; short gaps closed, short stretches left out."""
+def errors_of(found: Distances, threshold: float = SETTINGS.threshold) -> list[ErrorSegment]:
+    """Return the segments above a threshold in degrees, with hysteresis, without short gaps and short segments."""
     runs = runs_above(found.full, found.times, threshold)
     errors = []
     for first, last in runs:
         full, axis = found.full[first : last + 1], found.axis[first : last + 1]
         kind = ERROR if np.nanmax(axis) > threshold else TWIST
         errors.append(
-            WrongStretch(
+            ErrorSegment(
                 found.limb, float(found.times[first]), float(found.times[last]), float(np.nanmax(full)),
                 float(np.nanmean(full)), kind,
             )
@@ -136,13 +149,13 @@ def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[WrongStret
 
 
 def runs_above(values: np.ndarray, times: np.ndarray, threshold: float) -> list[tuple[int, int]]:
-    """First and last frame of every stretch that exceeds the threshold and has not yet fallen below the release."""
-    inside = spans(values > RELEASE * threshold)  # NaN is outside
+    """Return first and last frame of each run above the threshold that has not yet fallen below the release value."""
+    inside = spans(values > SETTINGS.release * threshold)  # NaN is outside
     runs = [(span.start, span.stop - 1) for span in inside if values[span].max() > threshold]
     joined: list[tuple[int, int]] = []
     for first, last in runs:
-        if joined and times[first] - times[joined[-1][1]] < SHORTEST:
+        if joined and times[first] - times[joined[-1][1]] < SETTINGS.shortest:
             first = joined.pop()[0]
         joined.append((first, last))
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return [(first, last) for first, last in joined if times[last] - times[first] + step >= SHORTEST]
+    return [(first, last) for first, last in joined if times[last] - times[first] + step >= SETTINGS.shortest]

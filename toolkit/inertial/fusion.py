@@ -1,14 +1,14 @@
-"""Orientation from raw measurements: the gyroscope integrated, the tilt held by gravity, the heading free.
+"""Orientation from raw measurements: integrated gyroscope, tilt from gravity, free heading.
 
-The integrated frame turns only as fast as the gyroscope's bias drifts. In it the accelerations of a limb cancel over
-time, since it does not fly away, and what remains of a slow low-pass is gravity (as in Laidig and Seel 2023). To let
-rows count less in which the limb accelerates makes the tilt worse: over time those accelerations cancel, of the others
-only some do. The inertial world has z up. With a steady magnetic field the heading is tied to north; else it is free.
+The integrated frame rotates only with the drift of the gyroscope's bias. The accelerations of a limb in it cancel over
+time, so a slow low-pass leaves gravity (as in Laidig and Seel 2023). Lower weights for accelerated rows increase the
+tilt error, because all accelerations together cancel and a part of them does not. The inertial world has z up. With a
+steady magnetic field the heading refers to north, else it is free.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,19 +19,35 @@ from toolkit.kernels.motion.inertial import integrate
 
 NORTH = "gyroscope, gravity and magnetic north"
 UP: np.ndarray = np.array([0.0, 0.0, 1.0])
-GRAVITY_SECONDS = 1.5
-"""Standard deviation of the low-pass that leaves gravity: longer than a motion, shorter than the drift."""
-STILL_RATE, STILL_SECONDS = 0.03, 0.5
-"""rad/s, standard deviation of the gyroscope within a rest, and how long one lasts at least; its mean rate is the
-bias."""
-MOST_BIAS = 0.1
-"""rad/s: a steadier turn that is faster is no rest."""
-STEADY_FIELD = 0.1
-"""Share by which the magnetic field's strength may differ from its median to be north."""
+
+
+@dataclass(frozen=True)
+class FusionSettings:
+    """Settings of the orientation filter.
+
+    Attributes
+    ----------
+    gravity_seconds : seconds, standard deviation of the low-pass of gravity: longer than a motion, shorter than the
+        drift
+    still_rate : rad/s, largest standard deviation of the gyroscope at rest
+    still_seconds : seconds, shortest rest; its mean rate is the bias
+    largest_bias : rad/s; a steady rotation that is faster is no rest
+    field_tolerance : largest relative deviation of the magnetic field's strength from its median for a north
+        direction
+    """
+
+    gravity_seconds: float = 1.5
+    still_rate: float = 0.03
+    still_seconds: float = 0.5
+    largest_bias: float = 0.1
+    field_tolerance: float = 0.1
+
+
+SETTINGS = FusionSettings()
 
 
 def oriented(sensors: Sensors) -> Sensors:
-    """The sensors with an orientation each: their own where they have one, else fused.
+    """Return the sensors with orientations: their own, else fused.
 
     Raises
     ------
@@ -45,19 +61,19 @@ def oriented(sensors: Sensors) -> Sensors:
 
 
 def fused(stream: SensorStream, world_up: np.ndarray = UP, declination: float = 0.0) -> SensorStream:
-    """One stream with orientations from its gyroscope, accelerometer and, where it is steady, magnetometer.
+    """Return a stream with orientations from gyroscope, accelerometer and, if its field is steady, magnetometer.
 
     Parameters
     ----------
     stream : raw measurements
-    world_up : (3,), the vertical of the world that is wanted
-    declination : degrees by which magnetic north lies east of the north that x points to (thesis, App. A); with 0 x
-        points to magnetic north, and a calibration finds what is left as part of the heading
+    world_up : (3,), vertical of the wanted world
+    declination : degrees from the north of the x axis east to magnetic north (thesis, App. A); with 0, x points to
+        magnetic north, and the rest becomes part of the calibrated heading
 
     Raises
     ------
     InertialError
-        It has no gyroscope or no accelerometer.
+        The stream has no gyroscope or no accelerometer.
     """
     if stream.gyro is None or stream.acceleration is None:
         raise InertialError(
@@ -79,20 +95,20 @@ def fused(stream: SensorStream, world_up: np.ndarray = UP, declination: float = 
 
 
 def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
-    """Mean rate (3,) of the still stretches; zero where the sensor never rests."""
-    width = max(2, round(STILL_SECONDS / float(np.median(np.diff(times)))))
+    """Return the mean rate (3,) of the still windows; zero if the sensor never rests."""
+    width = max(2, round(SETTINGS.still_seconds / float(np.median(np.diff(times)))))
     if len(gyro) < width:
         return np.zeros(3)
     windows = np.lib.stride_tricks.sliding_window_view(gyro, width, axis=0)
     means = windows.mean(axis=2)
-    still = windows.std(axis=2).max(axis=1) < STILL_RATE
-    still &= np.linalg.norm(means, axis=1) < MOST_BIAS
+    still = windows.std(axis=2).max(axis=1) < SETTINGS.still_rate
+    still &= np.linalg.norm(means, axis=1) < SETTINGS.largest_bias
     return np.median(means[still], axis=0) if still.any() else np.zeros(3)
 
 
 def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Turns (N, 4) of the integrated frame that bring gravity on to z, each the smallest after the one before."""
-    up = _smoothed(quat.rotate(free, acceleration), GRAVITY_SECONDS / float(np.median(np.diff(times))))
+    """Return the rotations (N, 4) of the integrated frame that align gravity with z."""
+    up = _smoothed(quat.rotate(free, acceleration), SETTINGS.gravity_seconds / float(np.median(np.diff(times))))
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
     half = np.concatenate([1.0 + up[:, 2:], np.cross(up, UP)], axis=1)
     half[np.linalg.norm(half, axis=1) < 1e-6] = (0.0, 1.0, 0.0, 0.0)
@@ -100,20 +116,20 @@ def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray) -> n
 
 
 def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
-    """A Gaussian mean over rows (N, K), of those that are there: nothing is made up beyond the ends."""
+    """Return a Gaussian mean over rows (N, K), without padding beyond the ends."""
     from scipy.ndimage import gaussian_filter1d
 
     return gaussian_filter1d(values, sigma, axis=0, mode="constant", truncate=3.0)
 
 
 def _north(q: np.ndarray, magnetic: np.ndarray, declination: float) -> np.ndarray | None:
-    """Turn about the vertical (N,) that brings x to the north; None where the field is never steady.
+    """Return the rotation about the vertical (N,) from x to north; None if the field is not steady.
 
-    The heading error is smoothed over the steady rows, since a gyroscope drifts slowly.
+    The heading error is smoothed over the steady rows, because a gyroscope drifts slowly.
     """
     strength = np.linalg.norm(magnetic, axis=1)
     typical = float(np.median(strength[strength > 0])) if (strength > 0).any() else 0.0
-    steady = (typical > 0) & (np.abs(strength - typical) <= STEADY_FIELD * typical)
+    steady = (typical > 0) & (np.abs(strength - typical) <= SETTINGS.field_tolerance * typical)
     if steady.sum() < max(10, 0.5 * len(q)):
         return None
     field = quat.rotate(q, magnetic / typical)

@@ -1,4 +1,4 @@
-"""Which sensor sits on which part of the body: `placement.yaml`, or names that say so themselves."""
+"""Placement of sensors on the body: `placement.yaml`, or sensor names that identify the part."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _PARTS = {
     "lowerleg": "shin", "lowleg": "shin", "shin": "shin", "shank": "shin", "tibia": "shin",
     "foot": "foot", "calcn": "foot",
 }  # fmt: skip
-"""Parts of the body as MVN, TotalCapture and OpenSim call them. A wrist is none: it may mean hand or forearm."""
+"""Names of parts of the body in MVN, TotalCapture and OpenSim. A wrist is ambiguous: hand or forearm."""
 
 
 def limb_named(name: str) -> str | None:
-    """The part of the body that a foreign name means (`R_LowArm`, `RightForeArm`, `femur_r_imu`), or None."""
+    """Return the part of the body of a foreign name (`R_LowArm`, `RightForeArm`, `femur_r_imu`), or None."""
     text = name.strip().lower().removesuffix("_imu")
     if text in PARTS:
         return text
@@ -45,7 +45,7 @@ def load_placement(path: str | Path) -> dict[str, str]:
     Raises
     ------
     InertialError
-        It cannot be read, is no table of names, or names a part that does not exist or twice the same.
+        The file cannot be read, is no table of names, or has an unknown or repeated part.
     """
     hint = "write lines such as 00B421AF: left_shin"
     table = read_yaml(path, f"the placement {path}", InertialError, hint)
@@ -57,32 +57,32 @@ def load_placement(path: str | Path) -> dict[str, str]:
 
 
 def check_limbs(limbs: Iterable[str]) -> None:
-    """Raise InertialError for a part of the body that does not exist or is named twice."""
+    """Raise InertialError for an unknown or repeated part of the body."""
     seen: set[str] = set()
     for limb in limbs:
         if limb not in PARTS:
-            raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(PARTS)}")
+            raise InertialError(f"no part of the body is called {limb!r}; use one of: {', '.join(PARTS)}")
         if limb in seen:
-            raise InertialError(f"two sensors are placed on {limb}; every part of the body carries one")
+            raise InertialError(f"two sensors are placed on {limb}; place one sensor on each part")
         seen.add(limb)
 
 
 def placed(sensors: Sensors, placement: Mapping[str, str] | None = None) -> Sensors:
-    """Sensors named after the parts of the body that carry them; those that the placement does not name are left out.
+    """Return the sensors renamed by their parts of the body; those outside the placement are dropped.
 
-    Without a placement the sensors' own names must say where they sit.
+    Without a placement the sensors' names must identify their parts.
 
     Raises
     ------
     InertialError
-        A sensor sits nowhere, two sit on one part, or the placement names none that is there.
+        A sensor has no part, two have the same part, or the placement names an unknown sensor.
     """
     pairs: list[tuple[SensorStream, str]] = []
     if placement is None:
         for stream in sensors:
             if (limb := limb_named(stream.name)) is None:
                 raise InertialError(
-                    f"sensor {stream.name!r} does not say which part of the body carries it; "
+                    f"sensor {stream.name!r} has no part of the body in its name; "
                     f"give --placement with a line such as {stream.name}: left_shin"
                 )
             pairs.append((stream, limb))

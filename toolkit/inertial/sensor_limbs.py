@@ -1,4 +1,4 @@
-"""The parts of the body that carry a sensor, and what a track says about their orientation and path."""
+"""Parts of the body with a sensor, and their tracked orientation and path."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ PARTS: dict[str, tuple[str, str]] = {
     **_CENTRAL,
     **{f"{s}_{limb}": (f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for limb, (a, b) in _PAIRED.items()},
 }
-"""Part of the body -> the joint whose frame it is, and the joint or site at its other end."""
+"""Joint whose frame each part of the body has, and the joint or site at its other end."""
 
 
 def joint_of(limb: str) -> int:
-    """Row of `skeleton.JOINTS` whose frame the part of the body is.
+    """Return the row of `skeleton.JOINTS` whose frame a part of the body has.
 
     Raises
     ------
@@ -35,17 +35,17 @@ def joint_of(limb: str) -> int:
         There is no such part.
     """
     if limb not in PARTS:
-        raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(PARTS)}")
+        raise InertialError(f"no part of the body is called {limb!r}; use one of: {', '.join(PARTS)}")
     return skeleton.JOINT_NAMES.index(PARTS[limb][0])
 
 
 def bone_axis(limb: str) -> np.ndarray:
-    """Unit vector (3,) along the part's bone in its own frame."""
+    """Unit vector (3,) along the part's bone in its frame."""
     return np.eye(3)[BONE_AXIS[PARTS[limb][0].removeprefix("left_").removeprefix("right_")]]
 
 
 def bone_vector(body: Body, limb: str) -> np.ndarray:
-    """From the joint of a part of the body to its other end at rest: float64 (3,), metres."""
+    """Vector from the joint of a part of the body to its other end at rest: float64 (3,), metres."""
     start, stop = PARTS[limb]
     points = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     points.update(zip((name for name, _ in skeleton.SITES), body.sites, strict=True))
@@ -54,17 +54,17 @@ def bone_vector(body: Body, limb: str) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class TrackedMotion:
-    """What a tracker says about the body over time, as far as sensors can check it.
+    """Tracked motion of a body, for comparison with sensors.
 
     Attributes
     ----------
-    name : of the run
-    times : float64 (T,), seconds, rising
+    name : name of the run
+    times : float64 (T,), seconds, increasing
     rotations : float64 (T, 18, 4), of the joints' frames, level frame
     origins : float64 (T, 18, 3), of the joints, level frame, metres
-    valid : bool (T,), frames in which the person was followed
-    body : whose motion it is
-    sensors_sha256 : of the file of sensors that guided the tracker, empty without
+    valid : bool (T,), frames with a tracked person
+    body : body of the motion
+    sensors_sha256 : SHA-256 of the sensor file that guided the tracker, empty without one
     """
 
     name: str
@@ -79,7 +79,7 @@ class TrackedMotion:
     def of_poses(
         cls, body: Body, poses: np.ndarray, times: np.ndarray, valid: np.ndarray | None = None, name: str = "motion"
     ) -> TrackedMotion:
-        """Forward kinematics of poses (T, P), level frame, at `times` (T,)."""
+        """Return the motion of poses (T, P), level frame, at `times` (T,), by forward kinematics."""
         placed = [body.place(pose) for pose in np.atleast_2d(poses)]
         return cls(
             name,
@@ -92,19 +92,19 @@ class TrackedMotion:
 
     @classmethod
     def load(cls, run: str | Path) -> TrackedMotion:
-        """Of a finished run folder.
+        """Return the motion of a finished run folder.
 
         Raises
         ------
         TrackError
-            There is none, or it was made with another body.
+            There is no run, or its body differs.
         InertialError
             Fewer than three frames were tracked.
         """
         track, info = Track.load(run), RunInfo.load(run)
         valid = track.state == TRACKED
         if valid.sum() < 3:
-            raise InertialError(f"{run} holds {valid.sum()} tracked frames; at least 3 are needed to say anything")
+            raise InertialError(f"{run} holds {valid.sum()} tracked frames; at least 3 are needed")
         motion = cls.of_poses(info.body(), track.pose, track.timestamps, valid, Path(run).name)
         return replace(motion, sensors_sha256=info.sensors_sha256)
 
@@ -113,6 +113,6 @@ class TrackedMotion:
         return self.rotations[:, joint_of(limb)]
 
     def middle(self, limb: str) -> np.ndarray:
-        """Path of the middle of a part of the body, level frame: float64 (T, 3), metres."""
+        """Path of the midpoint of a part of the body, level frame: float64 (T, 3), metres."""
         j = joint_of(limb)
         return self.origins[:, j] + quat.rotate(self.rotations[:, j], 0.5 * bone_vector(self.body, limb))

@@ -1,8 +1,7 @@
-"""The two offsets between sensor and limb: `q_I(t) = q_G q_T(t) q_L` for all t (thesis, Eq. 7.5).
+"""Solvers of the two offsets between sensor and limb: `q_I(t) = q_G q_T(t) q_L` for all t (thesis, Eq. 7.5).
 
-`park_martin` is the thesis's own, linear and unprotected. `heading` knows the vertical in both worlds, so that `q_G` is
-an angle, and weighs each frame by Geman and McClure, from a wide scale to a narrow one, so that frames in which the
-tracker erred lose their say.
+`park_martin` is the thesis's method, linear and not robust. `heading` uses the known vertical of both worlds, so that
+`q_G` is an angle. It weights frames by Geman and McClure, from a wide scale to a narrow one, against tracking errors.
 """
 
 from __future__ import annotations
@@ -16,26 +15,43 @@ from toolkit.body.rotations import quaternions as quat
 
 SCALES = np.radians([40.0, 28.0, 20.0, 14.0, 10.0])
 """Scale of the weights, narrower and narrower, radians: ten degrees is what soft tissue and a good track differ by."""
-ROUNDS, LAST_ROUNDS = 3, 12
-"""Rounds at each scale, and at the last."""
-STARTS = 12
-"""Headings that are tried first, 30 degrees apart."""
-FINALISTS = 3
-"""Starts that compete to the end."""
-ROUGH_ROWS = 120
-"""Frames per strand while the starts compete."""
-LEAST_TURN, MOST_TURN = np.radians(20.0), np.radians(160.0)
-"""Turns between two frames that have an axis worth having: below it is noise, near a half turn it flips."""
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """Iterations of the robust solver.
+
+    Attributes
+    ----------
+    rounds : iterations at each scale
+    last_rounds : iterations at the last scale
+    starts : number of initial headings, 30 degrees apart
+    finalists : number of starts that are refined to the narrowest scale
+    rough_rows : frames per segment for the comparison of the starts
+    least_turn : radians, smallest rotation between two frames with a usable axis
+    largest_turn : radians, largest such rotation; near a half turn the axis flips
+    """
+
+    rounds: int = 3
+    last_rounds: int = 12
+    starts: int = 12
+    finalists: int = 3
+    rough_rows: int = 120
+    least_turn: float = np.radians(20.0)
+    largest_turn: float = np.radians(160.0)
+
+
+SETTINGS = SolverSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class SynchronisedSegment:
-    """Orientations of one sensor in one take.
+    """Orientations of one sensor in one sequence.
 
     Attributes
     ----------
-    sensor : number of the sensor; all its strands share `q_L`
-    group : number of the heading; all its strands share it
+    sensor : number of the sensor; its segments share `q_L`
+    group : number of the heading, shared by its segments
     inertial : float64 (N, 4), `q_I`
     tracked : float64 (N, 4), `q_T`
     """
@@ -46,7 +62,7 @@ class SynchronisedSegment:
     tracked: np.ndarray
 
     def thinned(self, rows: int) -> SynchronisedSegment:
-        """At most so many rows, evenly."""
+        """Return at most `rows` rows, evenly spaced."""
         step = max(1, -(-len(self.inertial) // rows))
         return SynchronisedSegment(self.sensor, self.group, self.inertial[::step], self.tracked[::step])
 
@@ -63,9 +79,9 @@ def cost_of(angles: np.ndarray, scale: float) -> float:
 
 
 def park_martin(alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
-    """`X` (4,) with `A X = X B`, of rotation vectors (N, 3) of A and B (thesis, Eq. 7.13 and 7.14).
+    """`X` (4,) with `A X = X B`, from rotation vectors (N, 3) of A and B (thesis, Eq. 7.13 and 7.14).
 
-    `X` is taken from the singular vectors with determinant +1, which is `(M'M)^(-1/2) M'` where that is a rotation.
+    `X` comes from the singular vectors with determinant +1, which equals `(M'M)^(-1/2) M'` if that is a rotation.
     """
     u, _, v = np.linalg.svd(np.einsum("ni,nj->ij", alpha, beta))
     return quat.from_matrices((u * [1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
@@ -75,7 +91,7 @@ def thesis(inertial: np.ndarray, tracked: np.ndarray, rng: np.random.Generator) 
     """`q_G` and `q_L` (4,) of orientations (N, 4), by pairs of frames (thesis, Eq. 7.7 and 7.15)."""
     s, t = rng.integers(0, len(tracked), size=(2, 4000))
     turn = quat.angle(tracked[s], tracked[t])
-    fine = (turn > LEAST_TURN) & (turn < MOST_TURN)
+    fine = (turn > SETTINGS.least_turn) & (turn < SETTINGS.largest_turn)
     s, t = (s[fine], t[fine]) if fine.any() else (s, t)
 
     def pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -86,47 +102,48 @@ def thesis(inertial: np.ndarray, tracked: np.ndarray, rng: np.random.Generator) 
     return world, quat.conjugate(local)
 
 
-def residuals(strand: SynchronisedSegment, world: np.ndarray, mounting: np.ndarray) -> np.ndarray:
-    """Angles (N,), radians, between what the sensor says and what the track says of it (thesis, Eq. 7.16)."""
-    return quat.angle(strand.inertial, quat.multiply(quat.multiply(world, strand.tracked), mounting))
+def residuals(segment: SynchronisedSegment, world: np.ndarray, mounting: np.ndarray) -> np.ndarray:
+    """Angles (N,), radians, between measured and tracked orientation (thesis, Eq. 7.16)."""
+    return quat.angle(segment.inertial, quat.multiply(quat.multiply(world, segment.tracked), mounting))
 
 
 def yaw(psi: float) -> np.ndarray:
-    """A turn about y (4,)."""
+    """Rotation about y (4,)."""
     return quat.exponential([0.0, psi, 0.0])
 
 
-def heading(strands: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Headings (groups,) and mountings (sensors, 4) of strands whose worlds both have y up, and the cost.
+def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return headings (groups,) and mountings (sensors, 4) of segments whose worlds both have y up, and the cost.
 
     `q_I = yaw(psi_group) q_T q_L_sensor`. Given the headings a mounting is a weighted chordal mean; given the mountings
-    a heading has a closed form. Every start fixes the first heading; the others follow through the sensors they share.
-    One more start needs no heading: the mountings that bring the vertical of all strands together. The best few of
-    them, by the widest scale, compete to the end.
+    a heading has a closed form. Each start fixes the first heading, and the others follow through shared sensors. One
+    more start aligns the vertical of all segments, without a heading. The best starts at the widest scale are refined.
     """
-    rough = [strand.thinned(ROUGH_ROWS) for strand in strands]
-    starts = [_spread(rough, groups, sensors, psi) for psi in np.arange(STARTS) * (2.0 * np.pi / STARTS)]
+    rough = [segment.thinned(SETTINGS.rough_rows) for segment in segments]
+    headings = np.arange(SETTINGS.starts) * (2.0 * np.pi / SETTINGS.starts)
+    starts = [_spread(rough, groups, sensors, psi) for psi in headings]
     starts.append(by_vertical(rough, groups, sensors))
     tried = sorted(
-        (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
+        (_alternated(rough, sensors, start, SCALES[:1].repeat(SETTINGS.rounds)) for start in starts),
         key=lambda found: found[2],
     )
-    ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(ROUNDS)) for found in tried[:FINALISTS])
+    finalists = tried[: SETTINGS.finalists]
+    ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(SETTINGS.rounds)) for found in finalists)
     best = min(ends, key=lambda found: found[2])[:2]
-    return _alternated(strands, sensors, best, SCALES[-1:].repeat(LAST_ROUNDS))
+    return _alternated(segments, sensors, best, SCALES[-1:].repeat(SETTINGS.last_rounds))
 
 
-def heading_given(strands: Sequence[SynchronisedSegment], mountings: np.ndarray) -> float:
-    """The one heading of strands whose mountings (sensors, 4) are known, the best of all starts, then robustly."""
+def heading_given(segments: Sequence[SynchronisedSegment], mountings: np.ndarray) -> float:
+    """Return the common heading of segments with known mountings (sensors, 4), robustly, from all starts."""
     difference = [
         quat.multiply(quat.multiply(s.inertial, quat.conjugate(mountings[s.sensor])), quat.conjugate(s.tracked))
-        for s in strands
+        for s in segments
     ]
     turns = np.concatenate(difference)
     best, least = 0.0, np.inf
-    for start in np.arange(STARTS) * (2.0 * np.pi / STARTS):
+    for start in np.arange(SETTINGS.starts) * (2.0 * np.pi / SETTINGS.starts):
         psi = float(start)
-        for width in np.append(SCALES, SCALES[-1:].repeat(ROUNDS)):
+        for width in np.append(SCALES, SCALES[-1:].repeat(SETTINGS.rounds)):
             psi = _heading_of(turns, weights_of(quat.angle(turns, yaw(psi)), width))
         cost = cost_of(quat.angle(turns, yaw(psi)), float(SCALES[-1]))
         if cost < least - 1e-12:
@@ -135,73 +152,76 @@ def heading_given(strands: Sequence[SynchronisedSegment], mountings: np.ndarray)
 
 
 def _alternated(
-    strands: Sequence[SynchronisedSegment], sensors: int, start: tuple[np.ndarray, np.ndarray], scales: np.ndarray
+    segments: Sequence[SynchronisedSegment], sensors: int, start: tuple[np.ndarray, np.ndarray], scales: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mountings and headings in turn, at each of the scales, and the cost at the last of them."""
+    """Return headings and mountings after alternating updates at each scale, and the cost at the last scale."""
     psis, mountings = start[0].copy(), start[1].copy()
     groups = len(psis)
     for scale in scales:
-        weights = [weights_of(residuals(s, yaw(psis[s.group]), mountings[s.sensor]), scale) for s in strands]
+        weights = [weights_of(residuals(s, yaw(psis[s.group]), mountings[s.sensor]), scale) for s in segments]
         for k in range(sensors):
-            own = [(s, w) for s, w in zip(strands, weights, strict=True) if s.sensor == k]
+            own = [(s, w) for s, w in zip(segments, weights, strict=True) if s.sensor == k]
             if own:
                 mountings[k] = _mounting(own, psis)
         for g in range(groups):
-            own = [(s, w) for s, w in zip(strands, weights, strict=True) if s.group == g]
+            own = [(s, w) for s, w in zip(segments, weights, strict=True) if s.group == g]
             if own:
                 turns = [_turns(s, mountings[s.sensor]) for s, _ in own]
                 psis[g] = _heading_of(np.concatenate(turns), np.concatenate([w for _, w in own]))
-    angles = np.concatenate([residuals(s, yaw(psis[s.group]), mountings[s.sensor]) for s in strands])
+    angles = np.concatenate([residuals(s, yaw(psis[s.group]), mountings[s.sensor]) for s in segments])
     return psis, mountings, cost_of(angles, scales[-1])
 
 
 def _spread(
-    strands: Sequence[SynchronisedSegment], groups: int, sensors: int, start: float
+    segments: Sequence[SynchronisedSegment], groups: int, sensors: int, start: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """First headings and mountings: the first group's is `start`; who shares a sensor with a known group is next."""
+    """Return initial headings and mountings: `start` for the first group, the others through shared sensors."""
     psis, mountings = np.full(groups, np.nan), np.full((sensors, 4), np.nan)
     for _ in range(groups + sensors):
-        for s in strands:
+        for s in segments:
             if np.isnan(psis[s.group]) and np.isfinite(mountings[s.sensor, 0]):
                 turns = _turns(s, mountings[s.sensor])
                 psis[s.group] = _heading_of(turns, np.ones(len(turns)))
             if np.isfinite(psis[s.group]) and np.isnan(mountings[s.sensor, 0]):
                 mountings[s.sensor] = _mounting([(s, np.ones(len(s.inertial)))], psis)
-        open_groups = [s.group for s in strands if np.isnan(psis[s.group])]
+        open_groups = [s.group for s in segments if np.isnan(psis[s.group])]
         if not open_groups:
             break
-        if all(np.isnan(mountings[s.sensor, 0]) for s in strands if np.isnan(psis[s.group])):
+        if all(np.isnan(mountings[s.sensor, 0]) for s in segments if np.isnan(psis[s.group])):
             psis[open_groups[0]] = start
     return np.nan_to_num(psis), np.where(np.isnan(mountings), quat.IDENTITY, mountings)
 
 
-def by_vertical(strands: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
-    """Headings and mountings that bring the vertical as the sensors see it on to that of the limbs, robustly.
+def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return headings and mountings that align the measured vertical with the limbs' vertical, robustly.
 
-    Returns float64 (groups,) radians about the vertical, and quaternions (sensors, 4).
+    Returns
+    -------
+    psis : float64 (groups,), radians about the vertical
+    mountings : quaternions (sensors, 4)
     """
     psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (sensors, 1))
-    for k in {s.sensor for s in strands}:
-        own = [s for s in strands if s.sensor == k]
+    for k in {s.sensor for s in segments}:
+        own = [s for s in segments if s.sensor == k]
         seen = _verticals(np.concatenate([s.inertial for s in own]))
         tracked = _verticals(np.concatenate([s.tracked for s in own]))
         weights = np.ones(len(seen))
-        for scale in SCALES.repeat(ROUNDS):
+        for scale in SCALES.repeat(SETTINGS.rounds):
             mountings[k] = quat.from_matrices(_wahba(seen, tracked, weights))
             cosine = (quat.rotate(mountings[k], seen) * tracked).sum(axis=1)
             weights = weights_of(np.arccos(np.clip(cosine, -1.0, 1.0)), float(scale))
-    for g in {s.group for s in strands}:
-        psis[g] = heading_given([s for s in strands if s.group == g], mountings)
+    for g in {s.group for s in segments}:
+        psis[g] = heading_given([s for s in segments if s.group == g], mountings)
     return psis, mountings
 
 
 def _verticals(orientations: np.ndarray) -> np.ndarray:
-    """The vertical as a person of these orientations (N, 4) sees it: float64 (N, 3)."""
+    """Vertical in the local frame of orientations (N, 4): float64 (N, 3)."""
     return quat.rotate(quat.conjugate(orientations), np.array([0.0, 1.0, 0.0]))
 
 
 def _wahba(vectors: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) that brings `vectors` (N, 3) on to `targets` (N, 3) best."""
+    """Rotation (3, 3) that best aligns `vectors` (N, 3) with `targets` (N, 3)."""
     u, _, v = np.linalg.svd(np.einsum("n,ni,nj->ij", weights, targets, vectors))
     return np.asarray((u * [1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
 
@@ -211,12 +231,12 @@ def _mounting(own: Sequence[tuple[SynchronisedSegment, np.ndarray]], psis: np.nd
     return quat.mean(np.concatenate(local), np.concatenate([w for _, w in own]))
 
 
-def _turns(strand: SynchronisedSegment, mounting: np.ndarray) -> np.ndarray:
-    """From the tracked to the sensor's idea of the limb (N, 4): turns about y, if all is right."""
-    return quat.multiply(quat.multiply(strand.inertial, quat.conjugate(mounting)), quat.conjugate(strand.tracked))
+def _turns(segment: SynchronisedSegment, mounting: np.ndarray) -> np.ndarray:
+    """Rotations (N, 4) from the tracked to the measured limb; about y for exact data."""
+    return quat.multiply(quat.multiply(segment.inertial, quat.conjugate(mounting)), quat.conjugate(segment.tracked))
 
 
 def _heading_of(turns: np.ndarray, weights: np.ndarray) -> float:
-    """The angle about y that turns (N, 4) agree on best: twice that of the first eigenvector of their w, y part."""
+    """Weighted mean angle about y of rotations (N, 4), from the first eigenvector of their w, y part."""
     w, y = turns[:, 0], turns[:, 2]
     return float(np.arctan2(2.0 * (weights * w * y).sum(), (weights * (w * w - y * y)).sum()))

@@ -1,7 +1,7 @@
-"""What sensors measured: one stream per sensor, and the canonical file.
+"""Sensor streams, and the canonical file of sensors.
 
-`sensors.npz` holds `names` (S,), per sensor k `times_k`, `rotations_k`, `gyro_k`, `acceleration_k` (absent where not
-measured) and `valid_k`, and for all `world_up` and `source` (JSON). Its twin in text is a CSV with the columns
+`sensors.npz` holds `names` (S,), per sensor k `times_k`, `rotations_k`, `gyro_k`, `acceleration_k` (absent if not
+measured) and `valid_k`, and for all `world_up` and `source` (JSON). The same content as CSV has the columns
 `sensor,time_s,qw,qx,qy,qz,gx,gy,gz,ax,ay,az`, in the same units.
 """
 
@@ -23,30 +23,44 @@ from toolkit.io.typed_values import TypedReader
 from toolkit.io.yaml_reader import parse_json
 
 GRAVITY = 9.80665
-"""m/s2, standard gravity: what accelerometers at rest measure, upwards."""
-LONGEST_GAP = 0.1
-"""Seconds: nothing is interpolated over a longer gap; at 100 Hz a limb turns by up to 60 degrees in it."""
-NORM_ERROR = 0.05
-"""By how much the length of a quaternion may differ from 1 before it is no orientation."""
+"""Standard gravity, m/s2; an accelerometer at rest measures it upwards."""
+
+
+@dataclass(frozen=True)
+class StreamSettings:
+    """Validity of the rows of a sensor.
+
+    Attributes
+    ----------
+    longest_gap : seconds, longest interpolated gap; a limb can rotate by 60 degrees in it
+    norm_error : largest deviation of a quaternion's norm from 1
+    """
+
+    longest_gap: float = 0.1
+    norm_error: float = 0.05
+
+
+SETTINGS = StreamSettings()
+
 CSV_COLUMNS = ("sensor", "time_s", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 DEVICE, FREE = "device", "gyroscope and gravity, heading free"
-"""Where an orientation comes from: the device's own filter, or `fusion.py` without a north."""
+"""Sources of an orientation: the device's own filter, or `fusion.py` without magnetic north."""
 
 
 @dataclass(frozen=True, eq=False)
 class SensorStream:
-    """One sensor over time.
+    """Measurements of one sensor over time.
 
     Attributes
     ----------
-    name : the part of the body that carries it, out of `limbs.PARTS`; before placement the device's id
-    times : float64 (N,), seconds, rising strictly
+    name : part of the body of `sensor_limbs.PARTS`; before placement the device's id
+    times : float64 (N,), seconds, strictly increasing
     rotations : float64 (N, 4) or None, sensor to inertial world
     gyro : float64 (N, 3) or None, rad/s in the sensor's frame
     acceleration : float64 (N, 3) or None, m/s2 in the sensor's frame, gravity included
-    magnetic : float64 (N, 3) or None, any unit, in the sensor's frame; used by the fusion and not kept
-    valid : bool (N,), rows that say something
-    origin : where the orientations come from
+    magnetic : float64 (N, 3) or None, any unit, in the sensor's frame; used by the fusion and not stored
+    valid : bool (N,), valid rows
+    origin : source of the orientations
     """
 
     name: str
@@ -63,21 +77,21 @@ class SensorStream:
 
     @property
     def rate(self) -> float:
-        """Samples a second, by the median of the intervals."""
+        """Samples a second, from the median interval."""
         return float(1.0 / np.median(np.diff(self.times)))
 
     @property
     def gaps(self) -> int:
-        """Number of places where nothing valid was measured for longer than `LONGEST_GAP`."""
-        return int((np.diff(self.times[self.valid]) > LONGEST_GAP + 1e-9).sum())
+        """Number of gaps longer than `StreamSettings.longest_gap` between valid rows."""
+        return int((np.diff(self.times[self.valid]) > SETTINGS.longest_gap + 1e-9).sum())
 
     @property
     def longest_gap(self) -> float:
-        """The longest time without a valid row, seconds."""
+        """Longest time without a valid row, seconds."""
         return float(np.diff(self.times[self.valid]).max(initial=0.0))
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Orientations (M, 4) at other times by spherical interpolation, and where they are known: bool (M,)."""
+        """Return orientations (M, 4) at other times by spherical interpolation, and a bool (M,) mask of known ones."""
         if self.rotations is None:
             raise InertialError(f"sensor {self.name} has no orientation; fuse its gyroscope and accelerometer first")
         known, low, share = self._places(times)
@@ -86,13 +100,13 @@ class SensorStream:
         return quat.interpolate(start, stop, share), known
 
     def _places(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Where times lie among the valid rows: known (M,), the row before (M,), the share of the way to the next."""
+        """Return the positions of times among the valid rows: known (M,), row before (M,), fraction to the next."""
         own = self.times[self.valid]
         low = np.clip(np.searchsorted(own, times, side="right") - 1, 0, max(len(own) - 2, 0))
         step = own[np.minimum(low + 1, len(own) - 1)] - own[low]
         share = np.clip((times - own[low]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
         inside = (times >= own[0] - 1e-9) & (times <= own[-1] + 1e-9)
-        return inside & (step <= LONGEST_GAP + 1e-9), low, share
+        return inside & (step <= SETTINGS.longest_gap + 1e-9), low, share
 
 
 def checked_stream(
@@ -105,12 +119,12 @@ def checked_stream(
     magnetic: np.ndarray | None = None,
     origin: str = DEVICE,
 ) -> SensorStream:
-    """A stream of what a file says: rows of zeros or NaN are marked, duplicates left out, lengths and order checked.
+    """Return a stream with invalid rows marked, duplicates removed, lengths and order checked.
 
     Raises
     ------
     InertialError
-        Times run backwards, fewer than two rows are usable, or no quaternion has length 1.
+        Times decrease, fewer than two rows are usable, or no quaternion has norm 1.
     """
     times = np.asarray(times, np.float64).ravel()
     columns = {"rotations": (rotations, 4), "gyro": (gyro, 3), "acceleration": (acceleration, 3)}
@@ -124,21 +138,21 @@ def checked_stream(
                 f"expected ({len(times)}, {width})"
             )
     if all(arrays[key] is None for key in ("rotations", "gyro")):
-        raise InertialError(f"sensor {name} has neither orientations nor a gyroscope; name columns that hold them")
+        raise InertialError(f"sensor {name} has neither orientations nor a gyroscope; name their columns")
     keep = _kept_rows(name, times)
     times = times[keep]
     present = {key: values[keep] for key, values in arrays.items() if values is not None}
     valid = np.isfinite(times)
     for key, values in present.items():
         fine = np.isfinite(values).all(axis=1)
-        if key in ("rotations", "acceleration"):  # an accelerometer that measures nothing at all is not there
+        if key in ("rotations", "acceleration"):  # an accelerometer without any value is missing
             fine &= (values != 0.0).any(axis=1)
         if key != "magnetic":
             valid &= fine
     if "rotations" in present:
         lengths = np.linalg.norm(present["rotations"], axis=1)
         with np.errstate(invalid="ignore"):
-            unit = np.abs(lengths - 1.0) <= NORM_ERROR
+            unit = np.abs(lengths - 1.0) <= SETTINGS.norm_error
         if not (unit & valid).any():
             typical = float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else float("nan")
             raise InertialError(
@@ -155,7 +169,7 @@ def checked_stream(
 
 
 def _kept_rows(name: str, times: np.ndarray) -> np.ndarray:
-    """Rows with a time of their own; the first of equal ones is kept."""
+    """Return the rows with distinct times; the first of equal ones is kept."""
     finite = np.flatnonzero(np.isfinite(times))
     steps = np.diff(times[finite])
     if (steps < 0).any():
@@ -175,7 +189,7 @@ class Sensors:
     ----------
     streams : one per sensor, names unique
     world_up : float64 (3,), the vertical of the inertial world
-    source : files, format, device of each part of the body: whatever belongs into a report
+    source : files, format and device of each part of the body, for reports
     """
 
     streams: tuple[SensorStream, ...]
@@ -201,20 +215,20 @@ class Sensors:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the sensors, in order."""
+        """Names of the sensors, in order."""
         return tuple(stream.name for stream in self.streams)
 
     def named(self, name: str) -> SensorStream:
-        """The sensor of a name out of `names`."""
+        """Return the sensor with a name of `names`."""
         return next(stream for stream in self.streams if stream.name == name)
 
     @property
     def devices(self) -> dict[str, str]:
-        """Part of the body -> id of the device on it, as far as it is known."""
+        """Known device id of each part of the body."""
         return dict(self.source.get("devices", {}))
 
     def save(self, path: str | Path) -> None:
-        """Write the canonical file, NPZ or CSV by its suffix, whole or not at all."""
+        """Write the canonical file, NPZ or CSV by its suffix, atomically."""
         if Path(path).suffix.lower() == ".csv":
             save_text(path, "\n".join(_csv_lines(self.streams)) + "\n")
             return
@@ -230,12 +244,12 @@ class Sensors:
 
     @classmethod
     def load(cls, path: str | Path) -> Sensors:
-        """Read the canonical NPZ; rows are checked as those of any other file.
+        """Read the canonical NPZ; its rows are checked.
 
         Raises
         ------
         InertialError
-            It is missing, damaged or something else.
+            The file is missing, damaged or another file.
         """
         arrays = load_archive(path, InertialError, "write it with `depthmocap inertial read`")
         try:
@@ -254,7 +268,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class _Source:
-    """What is looked up of where sensor data come from: each limb's device, and the origin of its orientation."""
+    """Used entries of the source of sensor data: device and origin of the orientation of each limb."""
 
     orientation: dict[str, str] = field(default_factory=dict)
     devices: dict[str, str] = field(default_factory=dict)

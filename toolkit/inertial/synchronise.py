@@ -1,8 +1,8 @@
-"""The clock of the sensors against that of the camera: correlation of what both know without calibration.
+"""Synchronisation of the sensors' clock with the camera's, by correlation of rotation-invariant signals.
 
-Angular speed and the size of the acceleration, gravity included, do not change when the sensor or the world is turned
-(thesis 7.6.1 takes the second alone). Both are low-passed alike, correlated over the lags, and the correlations of all
-signals of all sensors of one clock are summed, by how many rows each has. `t_sensor = rate * t_camera + offset`.
+Angular speed and the norm of the acceleration, gravity included, do not depend on the orientation of sensor and world
+(thesis 7.6.1 uses only the latter). Both pass the same low-pass and are correlated over the lags. The correlations of
+all signals of all sensors of one clock are averaged. `t_sensor = rate * t_camera + offset`.
 """
 
 from __future__ import annotations
@@ -18,34 +18,49 @@ from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
 from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import correlation_over_lags
 
-STILL = 0.05
-"""rad/s: a sensor whose angular speed spreads by less rests throughout."""
+
+@dataclass(frozen=True)
+class SignalSettings:
+    """Settings of the signals that are correlated, and of the acceptance of their peak.
+
+    Attributes
+    ----------
+    still : rad/s; a sensor with a smaller standard deviation of the angular speed rests
+    rate_step : relative step between ratios; over 3 s one step moves the ends by 15 ms
+    step : seconds of the common time grid
+    smoothing : seconds, smallest standard deviation of the low-pass of both signals
+    smoothing_frames : camera frames, smallest standard deviation of the low-pass, because slow cameras miss fast
+        rotations
+    least_overlap : smallest fraction of the track that a lag covers
+    peak_margin : smallest difference between the highest correlation and any other peak; periodic motion gives
+        equal peaks
+    peak_distance : seconds, smallest distance of a second peak
+    """
+
+    still: float = 0.05
+    rate_step: float = 0.01
+    step: float = 0.01
+    smoothing: float = 0.06
+    smoothing_frames: float = 2.0
+    least_overlap: float = 0.5
+    peak_margin: float = 0.05
+    peak_distance: float = 0.2
+
+
+SETTINGS = SignalSettings()
+
 RATES = (0.8, 2.2)
-"""Least and largest ratio of clocks that differ, sensor seconds per camera second."""
-RATE_STEP = 0.01
-"""Relative step between ratios; over 3 s one step shifts the ends by 15 ms."""
-STEP = 0.01
-"""Seconds, of the common grid of times."""
-SMOOTHING, SMOOTHING_FRAMES = 0.06, 2.0
-"""Standard deviation of the low-pass that both signals pass: seconds, and at least so many frames of the camera, for
-slower cameras say less about fast turns."""
-LEAST_OVERLAP = 0.5
-"""Share of the track that a lag must leave."""
-MARGIN = 0.05
-"""By how much the highest correlation must exceed that of any other peak; periodic motion locks a period off."""
-APART = 0.2
-"""Seconds: a second peak is at least so far away."""
+"""Smallest and largest ratio of different clocks, sensor seconds per camera second."""
 
 
 @dataclass(frozen=True)
 class SyncSettings:
-    """How clocks are compared.
+    """Settings of the clock search.
 
     Attributes
     ----------
-    max_offset : s, largest offset that is looked for
-    rates : least and largest ratio of the clocks, sensor seconds per camera second, that is looked for; None: they run
-        alike
+    max_offset : seconds, largest offset
+    rates : smallest and largest ratio of the clocks, sensor seconds per camera second; None: equal rates
     """
 
     max_offset: float = 3.0
@@ -54,13 +69,13 @@ class SyncSettings:
 
 @dataclass(frozen=True)
 class Clock:
-    """`t_sensor = rate * t_camera + offset`, in seconds, and how sure it is.
+    """Clock of the sensors: `t_sensor = rate * t_camera + offset`, in seconds, with its correlation.
 
     Attributes
     ----------
     offset, rate : of the sensors' clock
-    correlation : mean correlation of all signals there, -1 to 1
-    second : that of the best lag elsewhere
+    correlation : mean correlation of all signals, -1 to 1
+    second : correlation of the best other lag
     """
 
     offset: float
@@ -69,13 +84,13 @@ class Clock:
     second: float = -1.0
 
     def sensor_times(self, camera_times: np.ndarray) -> np.ndarray:
-        """The sensors' times at times of the camera."""
+        """Return the sensors' times for times of the camera."""
         return self.rate * np.asarray(camera_times, np.float64) + self.offset
 
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """A curve on a uniform grid: values (N,) and where they are known (N,); `start` is the time of the first, s."""
+    """Signal on a uniform grid: values (N,), known (N,), and `start`, the time of the first value, seconds."""
 
     values: np.ndarray
     known: np.ndarray
@@ -85,19 +100,19 @@ class Signal:
 def synchronise(
     motion: TrackedMotion, sensors: Sensors, settings: SyncSettings | None = None, *, check: bool = True
 ) -> Clock:
-    """The clock of sensors that share one, by all their signals at once.
+    """Return the common clock of all sensors, from all their signals.
 
     Parameters
     ----------
-    motion : what the tracker says
-    sensors : named after the parts of the body that carry them
+    motion : tracked motion
+    sensors : sensors, named by their part of the body
     settings : see `SyncSettings`
-    check : refuse a clock that is not sure
+    check : raise an error for an uncertain clock
 
     Raises
     ------
     InertialError
-        No sensor overlaps the track or all rest; the best lag is the last one looked at, or hardly better than another.
+        No sensor overlaps the track, all rest, the best lag is at the border of the search, or another lag is as good.
     """
     settings = settings or SyncSettings()
     rates = _rates(settings)
@@ -108,9 +123,9 @@ def synchronise(
             f"the sensors {', '.join(sensors.names)} rest throughout; nothing can be synchronised without motion"
         )
     measured = [sensor_signals(stream, smoothing) for stream in moving]
-    reach = round(settings.max_offset / STEP)
+    reach = round(settings.max_offset / SETTINGS.step)
     lags = np.arange(-reach, reach + 1)
-    # a clock may start anywhere: offsets are looked for around that which lets both begin together
+    # clocks have any start: the search is centred at the offset of equal starts
     base = float(min(stream.times[stream.valid][0] for stream in moving))
     scores = np.full((len(rates), len(lags)), np.nan)
     for r, rate in enumerate(rates):
@@ -126,12 +141,12 @@ def synchronise(
     r, k = divmod(int(np.nanargmax(scores)), scores.shape[1])
     begin = rates[r] * motion.times[0]
     shift = base - begin if abs(base - begin) > settings.max_offset else 0.0
-    # the second peak is looked for at the same ratio: along the ridge of ratio against offset nothing is periodic
-    elsewhere = np.abs(lags - lags[k]) * STEP >= APART
+    # the second peak has the same ratio, because ratio and offset trade off along a ridge
+    elsewhere = np.abs(lags - lags[k]) * SETTINGS.step >= SETTINGS.peak_distance
     second = highest_peak(np.where(elsewhere, scores[r], np.nan), scores[r])
     clock = Clock(
-        float(shift + STEP * (lags[k] + parabola(scores[r], int(k)))),
-        float(rates[r] * (1.0 + RATE_STEP * parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
+        float(shift + SETTINGS.step * (lags[k] + parabola(scores[r], int(k)))),
+        float(rates[r] * (1.0 + SETTINGS.rate_step * parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
         float(scores[r, k]),
         second,
     )
@@ -141,30 +156,30 @@ def synchronise(
 
 
 def smoothing_for(motion: TrackedMotion, rate: float) -> float:
-    """Standard deviation of the low-pass for a track, seconds of sensors whose clock is `rate` times as fast."""
+    """Return the standard deviation of the low-pass for a track, in seconds of a clock `rate` times as fast."""
     step = float(np.median(np.diff(motion.times))) if len(motion.times) > 1 else 0.0
-    return max(SMOOTHING, SMOOTHING_FRAMES * rate * step)
+    return max(SETTINGS.smoothing, SETTINGS.smoothing_frames * rate * step)
 
 
 def is_still(stream: SensorStream) -> bool:
-    """Whether a sensor rests throughout."""
-    return float(np.std(_angular_speed(stream)[1])) < STILL
+    """Return True if a sensor rests all the time."""
+    return float(np.std(_angular_speed(stream)[1])) < SETTINGS.still
 
 
 def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
-    """Angular speed and size of the acceleration of a sensor, on its own clock, under a Gaussian of `smoothing` s."""
+    """Return angular speed and norm of the acceleration of a sensor on its clock, smoothed by `smoothing` s."""
     times, rates = _angular_velocity(stream)
     signals = [_size(times, rates, smoothing)]
     if stream.acceleration is not None:
         vectors = stream.acceleration
-        if stream.rotations is not None:  # vectors are low-passed in a frame that does not turn, as the track's are
+        if stream.rotations is not None:  # filter the vectors in a fixed frame, as for the track
             vectors = quat.rotate(stream.rotations, vectors)
         signals.append(_size(stream.times[stream.valid], vectors[stream.valid], smoothing))
     return signals
 
 
 def track_signals(motion: TrackedMotion, limb: str, rate: float, smoothing: float) -> list[Signal]:
-    """The same of a tracked part of the body; camera seconds are stretched by `rate`."""
+    """Return the same signals of a tracked part of the body; camera seconds are scaled by `rate`."""
     times = rate * motion.times[motion.valid]
     turned = quat.continuous(motion.orientation(limb)[motion.valid])
     middles = 0.5 * (times[1:] + times[:-1])
@@ -172,7 +187,7 @@ def track_signals(motion: TrackedMotion, limb: str, rate: float, smoothing: floa
     grid, path, known = on_grid(times, motion.middle(limb)[motion.valid])
     if len(grid) > 4:
         smooth = _low_passed(path, smoothing)
-        acceleration = np.gradient(np.gradient(smooth, STEP, axis=0), STEP, axis=0)
+        acceleration = np.gradient(np.gradient(smooth, SETTINGS.step, axis=0), SETTINGS.step, axis=0)
         acceleration[:, 1] += GRAVITY
         size = np.linalg.norm(acceleration, axis=1)
         known[:2] = known[-2:] = False
@@ -199,12 +214,12 @@ def _size(times: np.ndarray, vectors: np.ndarray, smoothing: float) -> Signal:
 
 
 def on_grid(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Values (N, K) on the common grid, whose times are whole steps, and where they are known."""
-    first, last = np.ceil(times[0] / STEP - 1e-6), np.floor(times[-1] / STEP + 1e-6)
-    grid = STEP * np.arange(first, max(last, first) + 1)
+    """Return values (N, K) on the common grid, whose times are whole steps, with times and known mask."""
+    first, last = np.ceil(times[0] / SETTINGS.step - 1e-6), np.floor(times[-1] / SETTINGS.step + 1e-6)
+    grid = SETTINGS.step * np.arange(first, max(last, first) + 1)
     low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
     wide = times[low + 1] - times[low]
-    # a camera that drops frames leaves holes; what is guessed in them says nothing
+    # dropped frames leave gaps, in which interpolated values are not used
     known = wide <= max(0.1, 2.5 * float(np.median(np.diff(times))))
     columns = [np.interp(grid, times, values[:, c]) for c in range(values.shape[1])]
     return grid, np.stack(columns, axis=1), known
@@ -213,14 +228,14 @@ def on_grid(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _low_passed(values: np.ndarray, smoothing: float) -> np.ndarray:
     from scipy.ndimage import gaussian_filter1d
 
-    return gaussian_filter1d(values, smoothing / STEP, axis=0, mode="nearest")
+    return gaussian_filter1d(values, smoothing / SETTINGS.step, axis=0, mode="nearest")
 
 
 def _rates(settings: SyncSettings) -> np.ndarray:
     if settings.rates is None:
         return np.ones(1)
     low, high = np.log(settings.rates)
-    return np.exp(np.arange(low, high, np.log1p(RATE_STEP)))
+    return np.exp(np.arange(low, high, np.log1p(SETTINGS.rate_step)))
 
 
 def _summed(
@@ -229,24 +244,24 @@ def _summed(
     lags: np.ndarray,
     offset: float,
 ) -> np.ndarray:
-    """Mean correlation of all pairs of signals over the lags (L,), each lag by the pairs known there."""
+    """Return the mean correlation of all pairs of signals over the lags (L,), from the pairs known at each lag."""
     total, weight = np.zeros(len(lags)), np.zeros(len(lags))
     out = np.empty(len(lags))
     for ours, theirs in zip(tracked, measured, strict=True):
         for a, b in zip(ours, theirs, strict=False):
-            shift = round((a.start + offset - b.start) / STEP)
-            least = int(LEAST_OVERLAP * a.known.sum())
+            shift = round((a.start + offset - b.start) / SETTINGS.step)
+            least = int(SETTINGS.least_overlap * a.known.sum())
             correlation_over_lags(a.values, a.known, b.values, b.known, lags + shift, max(least, 10), out)
             known = np.isfinite(out)
             total[known] += out[known]
             weight[known] += 1.0
     full = max(weight.max(initial=0.0), 1.0)
-    # lags at which part of the sensors has no data are compared by less; below half of them by too little
+    # a lag needs data of at least half of the sensors
     return np.where(weight >= 0.5 * full, total / np.maximum(weight, 1.0), np.nan)
 
 
 def parabola(values: np.ndarray, k: int) -> float:
-    """Place of the vertex through a peak and its neighbours, in steps from `k`, at most half of one."""
+    """Return the vertex of the parabola through a peak and its neighbours, in steps from `k`, at most half a step."""
     if k in (0, len(values) - 1) or not np.isfinite(values[k - 1 : k + 2]).all():
         return 0.0
     left, middle, right = values[k - 1 : k + 2]
@@ -255,7 +270,7 @@ def parabola(values: np.ndarray, k: int) -> float:
 
 
 def highest_peak(values: np.ndarray, whole: np.ndarray) -> float:
-    """The highest local maximum of `whole` where `values` is known; -1 where there is none."""
+    """Return the highest local maximum of `whole` where `values` is finite, -1 if there is none."""
     inner = np.arange(1, len(whole) - 1)
     peaks = inner[(whole[inner] >= whole[inner - 1]) & (whole[inner] >= whole[inner + 1]) & np.isfinite(values[inner])]
     return float(values[peaks].max()) if len(peaks) else -1.0
@@ -267,9 +282,9 @@ def _check(clock: Clock, at_border: bool, motion: TrackedMotion) -> None:
             f"the clocks of {motion.name} agree best at the border of the search, an offset of {clock.offset:.2f} s; "
             "raise --max-offset"
         )
-    if clock.correlation - clock.second < MARGIN:
+    if clock.correlation - clock.second < SETTINGS.peak_margin:
         raise InertialError(
             f"the clocks of {motion.name} agree nearly as well at two offsets (correlations {clock.correlation:.2f} "
-            f"and {clock.second:.2f}, apart by less than {MARGIN:g}); record a motion that does not repeat "
-            "itself, or narrow the search with --max-offset"
+            f"and {clock.second:.2f}, apart by less than {SETTINGS.peak_margin:g}); record a motion without "
+            "repetitions, or narrow the search with --max-offset"
         )

@@ -1,12 +1,12 @@
-"""What the verbs `inertial read` and `calibrate` do, as calls."""
+"""Calls behind the verbs `inertial read` and `inertial calibrate`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
-from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, better_clock, calibrate
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate, refined_clock
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
@@ -15,24 +15,9 @@ from toolkit.inertial.readers import read_files
 from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import Sensors
-from toolkit.inertial.suspicions import clock_suspicion, place_suspicions, suspicions
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
 from toolkit.io.errors import InertialError, UsageError
 from toolkit.io.files import check_output, sha256_of
-
-
-@dataclass(frozen=True)
-class ReadReport:
-    """What was read.
-
-    Attributes
-    ----------
-    sensors : named after the parts of the body, each with an orientation
-    suspicions : sentences about what looks wrong
-    """
-
-    sensors: Sensors
-    suspicions: tuple[str, ...]
 
 
 def read_sensors(
@@ -41,15 +26,15 @@ def read_sensors(
     *,
     placement: str | Path | None = None,
     options: SensorOptions | None = None,
-) -> ReadReport:
-    """Read sensor files of any known format, place them, fuse what is raw, and write the canonical file.
+) -> Sensors:
+    """Read sensor files of any known format, place them, fuse raw data, and write the canonical file.
 
     Parameters
     ----------
-    files : of one recording, on one clock
+    files : files of one recording on one clock
     output : `.npz` or `.csv`; None writes nothing
-    placement : `placement.yaml`; without it the sensors' own names must say where they sit
-    options : what the readers may be told
+    placement : `placement.yaml`; without it the sensors' names must identify their parts
+    options : options of the readers
 
     Raises
     ------
@@ -61,15 +46,14 @@ def read_sensors(
     if output is not None:
         check_output(output, [*files, *([] if placement is None else [placement])])
     raw = placed(read_files(files, options), None if placement is None else load_placement(placement))
-    doubts = suspicions(raw)
     sensors = oriented(raw)
     if output is not None:
         sensors.save(output)
-    return ReadReport(sensors, tuple(doubts))
+    return sensors
 
 
 def load_sensors(path: str | Path) -> Sensors:
-    """The canonical file for a verb that checks a track: placed, every sensor with an orientation."""
+    """Read the canonical file of placed sensors, with an orientation for every sensor."""
     return oriented(placed(read_files([path])))
 
 
@@ -83,21 +67,21 @@ def calibrate_runs(
 ) -> Calibration:
     """Calibrate sensors on tracked recordings of one person, and write `calibration.json`.
 
-    A run whose clock cannot be told is left out and noted.
+    A run whose clock cannot be synchronised is skipped and noted.
 
     Parameters
     ----------
     runs : run folders; their names differ
     sensors : canonical files, one for all runs or one for each
     output : the file to write; None writes nothing
-    settings, sync : how to calibrate, and how to compare clocks
+    settings, sync : settings of the calibration and of the clock search
 
     Raises
     ------
     UsageError
-        Runs and sensor files do not go together, or the output is one of them.
+        Runs and sensor files do not match, or the output is one of them.
     TrackError, InertialError
-        A run cannot be read, no clock can be told, or the motion determines no sensor.
+        A run cannot be read, no clock can be synchronised, or the motion determines no sensor.
     """
     if output is not None:
         check_output(output, [*runs, *(file for file in sensors if not isinstance(file, Sensors))])
@@ -108,14 +92,10 @@ def calibrate_runs(
         except InertialError as error:
             if len(runs) == 1:
                 raise
-            notes.append(f"{Path(run).name} takes no part: {error}")
+            notes.append(f"{Path(run).name} is skipped: {error}")
     if not takes:
         raise InertialError(f"no run can be synchronised ({'; '.join(notes)})")
     found = calibrate(takes, settings)
-    for take in takes:
-        notes += [
-            f"{take.motion.name}: {said}" for said in (*clock_suspicion(take.clock.rate), *place_suspicions(take))
-        ]
     found = replace(found, notes=tuple(notes))
     if output is not None:
         found.save(output)
@@ -125,29 +105,28 @@ def calibrate_runs(
 def paired(
     runs: Sequence[str | Path], sensors: Sequence[str | Path | Sensors]
 ) -> list[tuple[str | Path, str | Path | Sensors]]:
-    """Each run with its sensor file: one for all, or one for each.
+    """Return each run with its sensor file: one for all, or one for each.
 
     Raises
     ------
     UsageError
-        There are neither one nor as many sensor files as runs, or two runs are called alike.
+        The number of sensor files is neither one nor the number of runs, or two runs have the same name.
     """
     names = [Path(run).name for run in runs]
     if len(set(names)) < len(names):
-        raise UsageError(f"two runs are called alike: {', '.join(names)}; rename one folder")
+        raise UsageError(f"two runs have the same name: {', '.join(names)}; rename one folder")
     if len(sensors) not in (1, len(runs)):
         raise UsageError(f"{len(sensors)} sensor files for {len(runs)} runs; give one for all or one for each")
     return list(zip(runs, list(sensors) * (len(runs) if len(sensors) == 1 else 1), strict=True))
 
 
 def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings | None = None) -> CalibrationSequence:
-    """A run with its sensors, synchronised."""
+    """Return a run with its sensors, synchronised."""
     found = sensors if isinstance(sensors, Sensors) else load_sensors(sensors)
     motion = TrackedMotion.load(run)
     if motion.sensors_sha256 and not isinstance(sensors, Sensors) and sha256_of(sensors) == motion.sensors_sha256:
         raise InertialError(
-            f"{motion.name} was tracked with these very sensors, which therefore cannot check it; track it without "
-            "--inertial"
+            f"{motion.name} was tracked with these sensors, which cannot check it; track it without --inertial"
         )
     return CalibrationSequence(motion, found, synchronise(motion, found, sync))
 
@@ -159,7 +138,7 @@ def checked_take(
     *,
     sync: SyncSettings | None = None,
 ) -> tuple[Calibration, CalibrationSequence]:
-    """A run ready to be checked, with the calibration given or made on this very run.
+    """Return a synchronised run with the given calibration, or one made on this run.
 
     Raises
     ------
@@ -173,9 +152,9 @@ def checked_take(
     calibration.check_placement(take.sensors)
     mountings = {limb: calibration.mounting(limb) for limb in calibration.sensors}
     worlds = worlds_of(calibration, take)
-    return calibration, better_clock(take, worlds, mountings)
+    return calibration, refined_clock(take, worlds, mountings)
 
 
 def clock_of(take: TakeClock, found: Clock) -> Clock:
-    """The clock that a calibration refined."""
+    """Return the clock that a calibration refined."""
     return replace(found, offset=take.offset, rate=take.rate)

@@ -1,7 +1,7 @@
-"""The project's own NPZ files: plain arrays by name with a checksum, written whole or not at all, read without trust.
+"""Checked NPZ files of the project: plain arrays by name with a checksum, written atomically.
 
-A file may come from anywhere. Nothing in it is unpickled, no size that it states is believed before the bytes are
-there, and whatever reading raises is turned into one sentence of the caller's error family.
+A file may come from an untrusted source. No content is unpickled, no stated size is trusted before the bytes are
+read, and every exception of a reader becomes one sentence of the caller's error class.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from toolkit.io.safe_open import open_file
 CHECKSUM = "checksum"
 """Name of the array that holds the SHA-256 of all others; files of other programs may lack it."""
 PLAIN_KINDS = "biufU"
-"""Kinds of NumPy types that a file may hold: truth values, numbers and text."""
+"""Kinds of NumPy types that a file may hold: Booleans, numbers and text."""
 LARGEST_ARRAYS = 1 << 30
-"""Bytes that the arrays of one file may have together; of what is read as a whole nothing has as many."""
+"""Largest total size in bytes of the arrays of one file; no file that is read whole needs more."""
 MOST_ARRAYS = 10_000
 KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
 
 _END_MARK, _END_BYTES, _COUNT, _MANY = b"PK\x05\x06", 22, slice(10, 12), 0xFFFF
-"""Of a zip's last record: how it begins, its bytes before the comment, where the count of files stands in them, and the
-count that says that it stands elsewhere."""
+"""Last record of a ZIP file: its first bytes, its size before the comment, the position of its file count, and the
+count that refers to ZIP64."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """What one array must be.
+    """Requirements on one array.
 
     Attributes
     ----------
-    kinds : kinds of NumPy types that will do, such as "f", "iu" or "U"
-    shape : its sizes; a name stands for any size, the same wherever it appears; None = any shape
-    low, high : range of every value, both inclusive
-    gaps : NaN and infinity are allowed: unknown
-    optional : None is allowed: there is none
+    kinds : accepted kinds of NumPy types, such as "f", "iu" or "U"
+    shape : sizes; a name stands for any size, the same in all columns; None = any shape
+    low, high : range of every value, inclusive
+    gaps : NaN and infinity are allowed and mean unknown
+    optional : None is allowed
     """
 
     kinds: str
@@ -61,14 +61,14 @@ class Column:
 def check_columns(
     values: Mapping[str, Any], columns: Mapping[str, Column], error: type[DepthMocapError], where: str, hint: str
 ) -> None:
-    """Check arrays against what they must be; sizes by name have to agree among them.
+    """Check arrays against their requirements; sizes with the same name have to agree.
 
     Parameters
     ----------
-    values : arrays, or what becomes one, by name; a column without a value is not checked
-    columns : what each must be
-    error : what is raised
-    where, hint : what the arrays belong to, and what to do about a bad one, for the message
+    values : arrays (or array-likes) by name; a column without a value is not checked
+    columns : requirements by name
+    error : error class to raise
+    where, hint : name of the source and advice for the message
 
     Raises
     ------
@@ -90,7 +90,7 @@ def check_columns(
 
 
 def _fits(shape: tuple[int, ...], expected: tuple[int | str, ...], sizes: dict[str, int]) -> bool:
-    """Whether a shape is the expected one; sizes by name are kept in `sizes` when they are met first."""
+    """Return True if a shape is the expected one; sizes with a name are added to `sizes` at their first use."""
     if len(shape) != len(expected):
         return False
     wanted = [
@@ -117,26 +117,25 @@ def _check_values(
 
 
 MOST_LEVELS = 64
-"""Questions from the root of a tree to a leaf."""
+"""Largest depth of a tree, from its root to a leaf."""
 
 
 def check_trees(
     children: np.ndarray, roots: np.ndarray, leaves: int, error: type[DepthMocapError], where: str, hint: str
 ) -> None:
-    """Check that every walk down a forest ends in a leaf, and soon.
+    """Check that every path down a forest ends in a leaf.
 
     Parameters
     ----------
-    children : whole numbers (nodes, 2); one that is negative is leaf `-1 - child`
-    roots : whole numbers (trees,), the first node of each tree, or its only leaf
-    leaves : how many there are
-    error, where, hint : as of `check_columns`
+    children : integers (nodes, 2); a negative child is leaf `-1 - child`
+    roots : integers (trees,), first node of each tree, or its only leaf
+    leaves : number of leaves
+    error, where, hint : as in `check_columns`
 
     Raises
     ------
     DepthMocapError
-        A number leads out of the forest, a node hangs from two others or from itself, or a tree has more than
-        `MOST_LEVELS` levels.
+        A child is out of range, a node has two parents, or a tree has more than `MOST_LEVELS` levels.
     """
     columns = {
         "children": Column("iu", ("nodes", 2), -leaves, len(children) - 1),
@@ -159,7 +158,7 @@ def check_trees(
 
 
 def save_archive(path: str | Path, arrays: Mapping[str, Any], *, compressed: bool = True) -> None:
-    """Write named arrays (or what becomes one) and their checksum as one NPZ file, whole or not at all.
+    """Write named arrays (or array-likes) and their checksum to one NPZ file, atomically.
 
     Raises
     ------
@@ -179,21 +178,21 @@ def load_archive(
     most: int = LARGEST_ARRAYS,
     inside: bool = False,
 ) -> dict[str, np.ndarray]:
-    """Read the arrays of an NPZ file, and compare them with its checksum where it has one.
+    """Read the arrays of an NPZ file and verify its checksum, if it has one.
 
     Parameters
     ----------
-    path : the file
-    error : what is raised
-    hint : what to do about a bad file, for the message
-    only : names of the arrays to read, as far as they are there, without regard to the checksum; None = all
-    most : bytes that they may have together; what their headers say is compared before anything is unpacked
-    inside : the file lies in a folder that may come from anywhere, see `toolkit.io.safe_open`
+    path : file to read
+    error : error class to raise
+    hint : advice for the message
+    only : names of the arrays to read, without the checksum test; missing ones are ignored; None = all
+    most : largest total size in bytes, compared with the headers before the arrays are unpacked
+    inside : the file lies in a folder of an untrusted source, see `toolkit.io.safe_open`
 
     Raises
     ------
     DepthMocapError
-        The file is missing, no NPZ file, damaged, too large, or holds something other than plain arrays.
+        The file is missing, no NPZ file, damaged, too large, or holds anything but plain arrays.
     """
     file = Path(path)
     with opened(file, error, hint, inside=inside) as archive:
@@ -226,7 +225,7 @@ def checksum_of(arrays: Mapping[str, np.ndarray]) -> str:
 
 @contextmanager
 def opened(path: Path, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Iterator[zipfile.ZipFile]:
-    """The archive at `path`; whatever reading it raises becomes `error`."""
+    """Open the archive at `path`; exceptions of its readers become `error`."""
     if not is_file(path):
         raise error(f"there is no file {path}; check the path")
     with (
@@ -239,14 +238,14 @@ def opened(path: Path, error: type[DepthMocapError], hint: str, *, inside: bool 
 
 
 def _check_count(stream: IO[bytes], archive: zipfile.ZipFile) -> None:
-    """Raise ValueError where the archive's end states more or fewer files than its directory lists.
+    """Raise ValueError if the file count at the archive's end differs from its directory.
 
-    zipfile does not compare them; a wrong length in one entry hides those behind it, and with them the checksum.
+    zipfile does not compare them. A wrong length in one entry hides the entries behind it, and with them the checksum.
     """
     stream.seek(-_END_BYTES - len(archive.comment), os.SEEK_END)
     end = stream.read(_END_BYTES)
     if not end.startswith(_END_MARK):
-        raise ValueError("something follows its end")
+        raise ValueError("there are bytes behind its end")
     stated, listed = int.from_bytes(end[_COUNT], "little"), len(archive.infolist())
     if stated not in (listed, _MANY):
         raise ValueError(f"it states {stated} arrays and lists {listed}")
@@ -254,10 +253,10 @@ def _check_count(stream: IO[bytes], archive: zipfile.ZipFile) -> None:
 
 @contextmanager
 def translated(path: Path, error: type[DepthMocapError], hint: str) -> Iterator[None]:
-    """Turn whatever reading `path` raises into `error`.
+    """Turn every exception of reading `path` into `error`.
 
-    Every exception is caught on purpose: a damaged archive makes zipfile, zlib, NumPy and the parser of its headers
-    raise more than a dozen kinds, among them MemoryError, RecursionError and NotImplementedError.
+    Every exception is caught on purpose: a damaged archive makes zipfile, zlib, NumPy and its header parser raise more
+    than a dozen kinds, among them MemoryError, RecursionError and NotImplementedError.
     """
     try:
         yield
@@ -276,24 +275,24 @@ def _reason(path: Path, problem: Exception) -> str:
 
 
 def _names(archive: zipfile.ZipFile) -> list[str]:
-    """Names of the arrays in an archive; raises where one stands twice or is called otherwise in its own header."""
+    """Return the names of the arrays in an archive; raise ValueError for duplicate or inconsistent names."""
     names = [name.removesuffix(".npy") for name in archive.namelist()]
     if len(names) > MOST_ARRAYS:
         raise ValueError(f"it lists {len(names)} arrays, more than {MOST_ARRAYS}")
     for member in archive.infolist():
         archive.open(member).close()
     if len(set(names)) != len(names):
-        raise ValueError("an array stands in it twice")
+        raise ValueError("it holds an array twice")
     return names
 
 
 def read_header(archive: zipfile.ZipFile, name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, whether stored column by column, and type of the array that `stream` stands at the beginning of.
+    """Return shape, column order (True for Fortran order) and type of the array at the start of `stream`.
 
     Raises
     ------
     ValueError
-        The type is not plain, or the sizes are not those of the bytes that follow.
+        The type is not plain, or the shape does not match the size of the data.
     """
     version = npy.read_magic(stream)
     reader = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
@@ -310,14 +309,14 @@ def read_header(archive: zipfile.ZipFile, name: str, stream: IO[bytes]) -> tuple
 def _read_whole(archive: zipfile.ZipFile, name: str) -> np.ndarray:
     with archive.open(f"{name}.npy") as stream:
         shape, by_column, dtype = read_header(archive, name, stream)
-        data = stream.read()  # to the end, so that zipfile compares its CRC
+        data = stream.read()  # read to the end, so that zipfile verifies the CRC
     array = np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if by_column else "C")
     array = _native(array)
     if dtype.kind == "U":
-        array.tolist()  # raises ValueError for what is no text
+        array.tolist()  # raises ValueError for invalid text
     return array
 
 
 def _native(array: np.ndarray) -> np.ndarray:
-    """A copy in this machine's byte order, which compiled code asks for."""
+    """Return a copy in native byte order, which compiled code requires."""
     return array.astype(array.dtype.newbyteorder("="))

@@ -1,4 +1,4 @@
-"""State on disk: nested names with arrays, numbers, text and None, as one NPZ file. Nothing in it is ever unpickled."""
+"""Checkpoints: nested states of arrays, numbers, text and None in one NPZ file, without pickling."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from toolkit.io.yaml_reader import parse_json
 VERSION = 1
 HEADER = "header"
 HINT = "track the recording again"
-MOST_DIGITS = 10
-"""Of the number of a person or a frame."""
+INDEX_DIGITS = 9
+"""Largest number of digits in the index of a person or a frame: below 10**9, which a 32-bit integer holds."""
 
 
 def save_checkpoint(path: str | Path, kind: str, state: Mapping[str, Any]) -> None:
-    """Write a state, whole or not at all.
+    """Write a state atomically.
 
     Parameters
     ----------
-    kind : what the state belongs to; reading asks for the same
-    state : by name; values are arrays of numbers, numbers, text, None, tuples of these, or states again
+    path : file to write
+    kind : kind of the state; `load_checkpoint` requires the same
+    state : values by name: arrays of numbers, numbers, text, None, tuples of these, or nested states
     """
     arrays: dict[str, np.ndarray] = {}
     header = {"version": VERSION, "kind": kind, "state": _described(state, "state", arrays)}
@@ -57,19 +58,19 @@ def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
 
 
 def check_state(state: Any, columns: Mapping[str, Column], nested: Collection[str] = (), what: str = "tracker") -> None:
-    """Check one level of a state before anything is taken from it: a right checksum says nothing about who wrote it.
+    """Check one level of a state before it is used; a valid checksum does not identify its author.
 
     Parameters
     ----------
-    state : what `load_checkpoint` read
-    columns : what each of its arrays and numbers must be; there are no others
-    nested : names of the states within it
-    what : whose state it is, for the message
+    state : value that `load_checkpoint` returned
+    columns : requirements on each of its arrays and numbers; there are no others
+    nested : names of the nested states
+    what : owner of the state, for the message
 
     Raises
     ------
     TrackError
-        A name is missing or not known, or a value has another type, shape or range.
+        A name is missing or unknown, or a value has another type, shape or range.
     """
     wanted = {*columns, *nested}
     if not isinstance(state, Mapping) or set(state) != wanted:
@@ -79,14 +80,14 @@ def check_state(state: Any, columns: Mapping[str, Column], nested: Collection[st
 
 
 def numbered(state: Any, what: str) -> dict[int, Any]:
-    """The states of people or frames, which are called by their numbers; raises TrackError where they are not."""
-    if not isinstance(state, Mapping) or not all(name.isdecimal() and len(name) < MOST_DIGITS for name in state):
+    """Return the states of people or frames by their numbers; raise TrackError if a name is no number."""
+    if not isinstance(state, Mapping) or not all(name.isdecimal() and len(name) <= INDEX_DIGITS for name in state):
         raise TrackError(f"the state of the {what} has names where numbers belong; {HINT}")
     return {int(name): value for name, value in state.items()}
 
 
 def _described(value: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:
-    """`value` as JSON, its arrays moved into `arrays` under the names that stand in their places."""
+    """Return `value` as JSON; its arrays move into `arrays` under generated names."""
     if isinstance(value, np.ndarray):
         arrays[where] = value
         return {"array": where}

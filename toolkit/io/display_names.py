@@ -1,4 +1,4 @@
-"""Names of recordings, people, labels and files on their way to where they are shown: nothing in them acts there."""
+"""Safe display of names of recordings, people, labels and files."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from typing import Literal
 
 Place = Literal["text", "plot", "table"]
 LONGEST_NAME = 120
-"""Characters of a name that are shown."""
+"""Largest number of displayed characters of a name."""
 _FORMULA_START = re.compile(r"(^|[;\t]\s*)(?=[=+\-@'\uff1d\uff0b\uff0d\uff20])")
-"""Where a cell may begin that spreadsheets calculate, also in full-width characters and behind a semicolon, which
-separates cells in many countries; or the mark that says that a cell is text."""
+"""Starts of spreadsheet formulas, also in full-width characters and after a semicolon (the cell separator of many
+countries), and the mark for text."""
 
 
 def shown(name: object, on: Place = "text") -> str:
-    """A name as it can be shown.
+    """Return a name in displayable form.
 
-    Line breaks, terminal escapes, marks that turn the direction of writing and bytes that are no text become visible as
-    `\\x1b`, and a name longer than `LONGEST_NAME` loses its middle, but in a table.
+    Line breaks, terminal escapes, direction marks and bytes that are no text become visible as `\\x1b`. A name longer
+    than `LONGEST_NAME` is shortened in the middle, except in a table.
 
     Parameters
     ----------
-    on : "text" is a terminal, a film or a page that escapes its own; "plot" reads mathematics between dollars,
-        "table" is a cell of CSV, which must not become a formula
+    name : name to display
+    on : "text" is a terminal, a film or an escaped page; "plot" interprets dollars as mathematics; "table" is a CSV
+        cell, which must not become a formula
     """
     text = printable(str(name))
     if len(text) > LONGEST_NAME and on != "table":
@@ -34,7 +35,7 @@ def shown(name: object, on: Place = "text") -> str:
 
 
 def printable(text: str) -> str:
-    """A text of any length in which what is not printed is written as Python writes it in a string."""
+    """Return the text with non-printable characters escaped as in a Python string."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in text)

@@ -1,4 +1,4 @@
-"""One family of errors: each says what is wrong, with which value, and what to do."""
+"""Error classes of the toolkit; each message gives the problem, the value and the remedy."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from toolkit.io.display_names import printable
 class DepthMocapError(Exception):
     """Base of every error that the toolkit raises on purpose; the command prints it as one sentence.
 
-    Names and values out of files stand in messages; a line break in one of them becomes a space, and what a terminal
-    would obey is written out.
+    Messages contain names and values from files. A line break becomes a space, and control characters are escaped.
     """
 
     def __str__(self) -> str:
@@ -33,7 +32,7 @@ class RecordingError(DepthMocapError):
 
 
 class SegmentationError(RecordingError):
-    """No person, or more than one, can be cut out of a depth image."""
+    """A depth image that cannot be segmented into exactly one person."""
 
 
 class MocapError(DepthMocapError):

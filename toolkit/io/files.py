@@ -1,4 +1,4 @@
-"""Files: written whole or not at all and never over what they are made from; and shipped ones."""
+"""Atomic file writing, output checks, folder locks, checksums and shipped files."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from toolkit.io.errors import OutputError, UsageError
 from toolkit.io.safe_open import is_inside, open_file, read_file
 
 LARGEST_FOLDER = 1_000_000
-"""Files and folders that a recording has at most: a folder with more is a whole disk."""
+"""Largest number of files and folders of a recording."""
 LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
 
 
 @contextmanager
 def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; on success it is renamed to `path`, on any failure it is removed.
+    """Yield a temporary path beside `path`; rename it to `path` on success, remove it on failure.
 
-    The temporary name keeps the suffix of `path`, because writers choose their format by it. A file that shall be
-    `lasting` is on the disk before it takes the place of an older one, so that no loss of power leaves neither.
+    The temporary name keeps the suffix of `path`, because writers select their format by it. A `lasting` file is
+    flushed to the disk before it replaces an older one, so that a power loss keeps one of the two.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
 
 
 def flush_to_disk(path: Path, flags: int) -> None:
-    """Wait until what was written to a file, or the names in a folder, would outlast a loss of power."""
+    """Wait until the content of a file, or the names in a folder, are on the disk."""
     handle = os.open(path, flags)
     try:
         os.fsync(handle)
@@ -83,26 +83,26 @@ def _umask() -> int:
 
 
 def save_npz(path: str | Path, arrays: dict[str, Any], *, compressed: bool = True) -> None:
-    """Write named arrays as one NPZ file, whole or not at all."""
+    """Write named arrays as one NPZ file, atomically."""
     writer = np.savez_compressed if compressed else np.savez
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
         writer(stream, **arrays)
 
 
 def save_text(path: str | Path, text: str) -> None:
-    """Write a text file (UTF-8), whole or not at all."""
+    """Write a text file (UTF-8), atomically."""
     with atomic_path(path) as temporary:
-        temporary.write_bytes(text.encode("utf-8", "backslashreplace"))  # names of files may be no UTF-8
+        temporary.write_bytes(text.encode("utf-8", "backslashreplace"))  # names of files may be invalid UTF-8
 
 
 def save_bytes(path: str | Path, data: bytes) -> None:
-    """Write what can be drawn again, such as a picture, whole or not at all."""
+    """Write a reproducible file such as a picture, atomically and without a flush to the disk."""
     with atomic_path(path, lasting=False) as temporary:
         temporary.write_bytes(data)
 
 
 def save_json(path: str | Path, value: Any) -> None:
-    """Write JSON with two spaces of indent, whole or not at all; arrays and NumPy scalars are converted."""
+    """Write JSON with an indent of two spaces, atomically; arrays and NumPy scalars are converted."""
     save_text(path, json.dumps(value, indent=2, default=_plain) + "\n")
 
 
@@ -117,7 +117,7 @@ def _plain(value: Any) -> Any:
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether there is an ordinary file at `path`: no folder, pipe or device, and no name too long to exist."""
+    """Return True if there is a regular file at `path`; False for folders, pipes, devices and invalid names."""
     try:
         return Path(path).is_file()
     except (OSError, ValueError):
@@ -125,7 +125,7 @@ def is_file(path: str | Path) -> bool:
 
 
 def is_folder(path: str | Path) -> bool:
-    """Whether there is a folder at `path`, whatever the name looks like."""
+    """Return True if there is a folder at `path`; False for invalid names."""
     try:
         return Path(path).is_dir()
     except (OSError, ValueError):
@@ -133,14 +133,13 @@ def is_folder(path: str | Path) -> bool:
 
 
 def check_output(output: str | Path, inputs: Iterable[str | Path], *, sealed: Iterable[str | Path] = ()) -> Path:
-    """Refuse an output that would damage what it is made from, before anything is written.
+    """Raise UsageError for an output that would overwrite its inputs.
 
     Parameters
     ----------
-    output : the file or folder that will be written
-    inputs : files and folders that are read: the output must neither be nor hold one of them
-    sealed : those of the inputs into which nothing may be written either, such as a recording's folder of images,
-        whose files are its identity
+    output : file or folder to write
+    inputs : files and folders to read; the output must not be or contain one of them
+    sealed : input folders that the output must not lie in, such as a recording's folder of images
 
     Returns
     -------
@@ -149,7 +148,7 @@ def check_output(output: str | Path, inputs: Iterable[str | Path], *, sealed: It
     Raises
     ------
     UsageError
-        The output is an input, holds one, or lies in a sealed one.
+        The output is an input, contains one, or lies in a sealed one.
     """
     target = _place(output)
     for given in inputs:
@@ -165,7 +164,7 @@ def check_output(output: str | Path, inputs: Iterable[str | Path], *, sealed: It
 
 
 def _place(path: str | Path) -> Path:
-    """Where a path leads, links followed as far as they exist."""
+    """Return the resolved path, with links followed as far as they exist."""
     try:
         return Path(path).resolve()
     except (OSError, RuntimeError, ValueError):  # links in a circle, a name too long, a null character
@@ -180,7 +179,7 @@ def _same_file(a: Path, b: Path) -> bool:
 
 
 def free_folder(path: str | Path) -> Path:
-    """Where intermediate files may lie: `path`, or `path`-2, ... while that is not ours; nothing is made yet."""
+    """Return a path for intermediate files: `path`, else `path`-2, ...; no folder is made."""
     wanted, number = Path(path), 1
     folder = wanted
     while os.path.lexists(folder) and not _is_own(folder):
@@ -194,7 +193,7 @@ def _is_own(folder: Path) -> bool:
 
 
 def make_own_folder(path: str | Path) -> None:
-    """Make a folder and mark it as the toolkit's own, which may be removed with all that it holds.
+    """Make a folder with a marker file; `remove_own_folder` may delete it with its content.
 
     Raises
     ------
@@ -212,19 +211,19 @@ def make_own_folder(path: str | Path) -> None:
 
 
 def remove_own_folder(path: str | Path) -> None:
-    """Remove a folder that `make_own_folder` made, with all that it holds; any other one stays as it is."""
+    """Remove a folder that `make_own_folder` made, with its content; leave any other folder unchanged."""
     if _is_own(Path(path)):
         shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
 def locked(folder: str | Path) -> Iterator[None]:
-    """Hold a folder for this process alone; the lock ends with the process, however that ends.
+    """Lock a folder for this process; the lock ends with the process.
 
     Raises
     ------
     OutputError
-        Another process holds it (the message names it), or the folder cannot be written.
+        Another process has locked it (the message names it), or the folder cannot be written.
     """
     from filelock import FileLock, Timeout
 
@@ -234,7 +233,7 @@ def locked(folder: str | Path) -> Iterator[None]:
     lock = FileLock(path, mode=0o666)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if os.path.lexists(path):  # neither a link nor another's file, which the lock might cut
+        if os.path.lexists(path):  # the lock would truncate a link's target
             open_file(path, "a+b", inside=True).close()
         lock.acquire(blocking=False)
         with open_file(owner, "w+b", inside=True) as stream:
@@ -249,14 +248,14 @@ def locked(folder: str | Path) -> Iterator[None]:
     try:
         yield
     finally:
-        for file in (owner, path):  # while the lock is held; Windows keeps a file that is open until the lock is gone
+        for file in (owner, path):  # while the lock is held; Windows keeps an open file
             with suppress(OSError):
                 file.unlink()
         lock.release()
 
 
 def _owner(path: Path) -> str:
-    """Who holds a lock: the text of a second file, because Windows lets no process read the locked one."""
+    """Return the owner of a lock, from a second file, because Windows cannot read a locked one."""
     try:
         return read_file(path, 1000, inside=True).decode("utf-8", "replace").strip() or "another process"
     except OSError:
@@ -277,7 +276,7 @@ def sha256_of(path: str | Path) -> str:
 
 
 def link_out_of(folder: str | Path) -> Path | None:
-    """The first link below a folder that leads to something outside of it or to nothing; None where there is none."""
+    """Return the first link below a folder that leads outside of it or to nothing, else None."""
     root, count = Path(folder).resolve(), 0
     for place, folders, files in os.walk(root):
         count += len(folders) + len(files)
@@ -291,12 +290,12 @@ def link_out_of(folder: str | Path) -> Path | None:
 
 
 def _files_below(folder: Path) -> list[Path]:
-    """The ordinary files below a folder, sorted; links are left out.
+    """Return the regular files below a folder, sorted, without links.
 
     Raises
     ------
     UsageError
-        There are more than any recording has.
+        There are more than `LARGEST_FOLDER`.
     """
     found = list(islice(folder.rglob("*"), LARGEST_FOLDER + 1))
     if len(found) > LARGEST_FOLDER:

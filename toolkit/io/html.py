@@ -1,4 +1,4 @@
-"""Small pages of HTML for people, in one file each: words, tables, and pictures of matplotlib."""
+"""Single-file HTML pages with text, tables and matplotlib pictures."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
 
 
 def page(name: str, parts: Iterable[str], *, about: str = "") -> str:
-    """A page whose title is a name, any text, and its heading the name and what the page is `about`; parts are HTML."""
+    """Return a page with a title, a heading (the name and what the page is `about`) and HTML parts."""
     title = escape(name)
     head = f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{title}</title><style>{_STYLE}</style>"
     return "\n".join([head, f"</head><body><h1>{title}{about}</h1>", *parts]) + "</body></html>\n"
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of cells that are HTML; columns of numbers stand at the right."""
+    """Return a table of HTML cells; columns of numbers are aligned right."""
     numbers = [bool(rows) and all(row[k].replace(".", "").isdigit() for row in rows) for k in range(len(head))]
 
     def line(tag: str, cells: Sequence[str]) -> str:
@@ -45,7 +45,7 @@ def png_of(figure: Figure, dpi: int = 110) -> bytes:
 
 
 def picture(png: bytes, words: str) -> str:
-    """A PNG file inside the page, and what it shows."""
+    """Return an image element with an embedded PNG file and its description."""
     return f"<img alt='{escape(words)}' src='data:image/png;base64,{base64.b64encode(png).decode('ascii')}'>"
 
 

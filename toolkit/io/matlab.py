@@ -1,7 +1,7 @@
-"""Numeric arrays of MATLAB files of level 5, read with every length and checksum looked at before it is believed.
+"""Reader of numeric arrays of MATLAB level 5 files, which verifies every length and checksum first.
 
-SciPy's reader decodes a compressed variable while it is inflated, before its checksum is known, and a damaged one can
-end the process. Here a variable is inflated whole, and what does not fit its own lengths is an error.
+SciPy's reader decodes a compressed variable while it inflates it, before its checksum is verified, and a damaged
+variable can crash the process. This reader inflates a variable whole; inconsistent lengths are errors.
 """
 
 from __future__ import annotations
@@ -16,28 +16,28 @@ import numpy as np
 from toolkit.io.errors import DepthMocapError
 from toolkit.io.safe_open import read_file
 
-HEADER = 128
-"""Bytes before the first variable; the last two tell the order of bytes."""
-LARGEST = 1 << 31
-"""Bytes of a file, and of an inflated variable, at most."""
+HEADER_BYTES = 128
+"""Bytes before the first variable; the last two give the byte order."""
+LARGEST_FILE = 1 << 31
+"""Largest size in bytes of a file and of an inflated variable."""
 INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
 NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", INT32: "i4", UINT32: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
-"""Types of stored numbers."""
+"""Data types of stored numbers (MATLAB file format, table 1-1)."""
 CELL, FIRST_NUMERIC, LAST_NUMERIC = 1, 6, 15
-"""Classes of variables; numbers are stored in the smallest type that holds them, whatever the class."""
+"""Classes of variables. Numbers are stored in the smallest sufficient type, whatever the class."""
 COMPLEX = 0x0800
 DEEPEST = 4
-"""Levels of cells in cells, at most: sensor files have tables in cells, and no deeper."""
+"""Largest nesting depth of cells; sensor files have tables in cells."""
 
 Variable = np.ndarray | list[np.ndarray]
 
 
 def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Variable]:
-    """Variables of a file by name: arrays in the type in which they are stored, and cells of them as lists.
+    """Return the variables of a file by name: arrays in their stored type, and cells as lists of arrays.
 
-    Text, structures, sparse and complex arrays are left out.
+    Text, structures, sparse and complex arrays are skipped.
 
     Raises
     ------
@@ -45,17 +45,17 @@ def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Var
         The file is missing, damaged, or of another level (before 5, or 7.3, which is HDF5).
     """
     try:
-        return dict(_variables(read_file(path, LARGEST)))
+        return dict(_variables(read_file(path, LARGEST_FILE)))
     except (OSError, ValueError, struct.error, zlib.error) as problem:
         reason = problem.strerror if isinstance(problem, OSError) else problem
         raise error(f"{path} is truncated or no MATLAB file ({reason}); copy it again") from problem
 
 
 def _variables(content: bytes) -> Iterator[tuple[str, Variable]]:
-    order = {b"IM": "<", b"MI": ">"}.get(content[HEADER - 2 : HEADER])
+    order = {b"IM": "<", b"MI": ">"}.get(content[HEADER_BYTES - 2 : HEADER_BYTES])
     if order is None:
         raise ValueError("it is not of level 5")
-    for kind, data in _elements(content[HEADER:], order):
+    for kind, data in _elements(content[HEADER_BYTES:], order):
         if kind == COMPRESSED:
             ((kind, data),) = _elements(_inflated(data), order)
         if kind == MATRIX:
@@ -64,18 +64,18 @@ def _variables(content: bytes) -> Iterator[tuple[str, Variable]]:
 
 def _inflated(data: bytes) -> bytes:
     stream = zlib.decompressobj()
-    content = stream.decompress(data, LARGEST)
+    content = stream.decompress(data, LARGEST_FILE)
     if not stream.eof:
         raise ValueError("a variable is cut short or too large")
     return content
 
 
 def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
-    """Types and contents of what stands one after the other."""
+    """Yield type and content of consecutive data elements."""
     at = 0
     while at < len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
-        if kind >> 16:  # up to four bytes stand in the place of the size
+        if kind >> 16:  # small element: up to four bytes replace the size
             kind, size, start, end = kind & 0xFFFF, kind >> 16, at + 4, at + 8
             if size > 4:
                 raise ValueError("a short element is longer than its place")
@@ -89,9 +89,9 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _matrix(data: bytes, order: str, depth: int = 0) -> Iterator[tuple[str, Variable]]:
-    """Name and value of a variable in `depth` cells; nothing where it holds no numbers."""
+    """Yield name and value of a variable in `depth` cells, if it holds numbers."""
     if depth > DEEPEST:
-        raise ValueError(f"its cells lie more than {DEEPEST} deep in each other")
+        raise ValueError(f"its cells are nested more than {DEEPEST} deep")
     elements = list(_elements(data, order))
     if len(elements) < 3 or (elements[0][0], elements[1][0]) != (UINT32, INT32):
         raise ValueError("a variable has no flags, shape and name")

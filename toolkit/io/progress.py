@@ -1,16 +1,16 @@
-"""How long work tells how far it is."""
+"""Callback types for the progress of long operations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Progress = Callable[[str, int, int], None]
-"""Called with what is being done, or to what, how much of it is done, and how much there is."""
+"""Callback with the name of the operation, the number of steps done and their total."""
 Count = Callable[[int, int], None]
-"""Called with how much is done, and how much there is."""
+"""Callback with the number of steps done and their total."""
 RecordingProgress = Callable[[str, str, int, int], None]
-"""Called with a recording's name, what is done to it ("compiling", "learning", "tracking"), frames done, all frames."""
+"""Callback with a recording's name, the operation ("compiling", "learning", "tracking"), frames done and all frames."""
 
 
 def silent(*told: object) -> None:
-    """Progress of any kind that is not shown."""
+    """Ignore any progress."""

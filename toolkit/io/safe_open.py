@@ -1,7 +1,7 @@
-"""The one door through which files are opened: ordinary files only, and inside of a given folder never through a link.
+"""Safe opening of files: regular files only, and inside an untrusted folder never through a link.
 
-A folder may come from anywhere. A link in it could lead a reader to a private file and a writer to a thesis, a pipe
-could hold either for ever, a second name of the same file could be written under this one.
+A link in an untrusted folder could redirect a reader to a private file and a writer to a file of the user. A pipe
+could block both, and a hard link could overwrite another file.
 """
 
 from __future__ import annotations
@@ -24,19 +24,20 @@ _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 
 
 def open_file(path: str | Path, mode: Mode = "rb", *, inside: bool = False, buffering: int = -1) -> BinaryIO:
-    """Open an ordinary file; nothing is made, cut or waited for where there is something else.
+    """Open a regular file; nothing is created, truncated or waited for if the path is anything else.
 
     Parameters
     ----------
-    mode : as of `open`: "w+b" empties the file, "a+b" adds to it; both make it where there is none
-    inside : the file lies in a folder that may come from anywhere: no link leads to it, and a file that is written has
-        no second name elsewhere
-    buffering : as of `open`
+    path : file to open
+    mode : as in `open`: "w+b" truncates the file, "a+b" appends to it; both create a missing file
+    inside : the file lies in a folder of an untrusted source: it must not be a link, and a written file has one hard
+        link
+    buffering : as in `open`
 
     Raises
     ------
     OSError
-        There is none, it is no ordinary file, it may not be opened; its `strerror` says so in words.
+        The file is missing, not regular or not accessible; `strerror` gives the reason.
     """
     name = os.fspath(path)
     try:
@@ -59,24 +60,24 @@ def open_file(path: str | Path, mode: Mode = "rb", *, inside: bool = False, buff
 
 def _check(found: os.stat_result, mode: Mode, name: str, inside: bool) -> None:
     if stat.S_ISLNK(found.st_mode):
-        raise OSError(errno.ELOOP, "it is a link, through which nothing in this folder is read or written", name)
+        raise OSError(errno.ELOOP, "it is a link; files of this folder are not read or written through links", name)
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "it is a folder, a pipe or a device", name)
     if inside and mode != "rb" and found.st_nlink > 1:
-        raise OSError(errno.EMLINK, "the same file has another name elsewhere", name)
+        raise OSError(errno.EMLINK, "the file has another name (hard link)", name)
 
 
 def read_file(path: str | Path, most: int, *, inside: bool = False) -> bytes:
-    """The content of an ordinary file of at most so many bytes; raises OSError as `open_file`, or EFBIG."""
+    """Return the content of a regular file of at most `most` bytes; raises OSError as `open_file`, or EFBIG."""
     with open_file(path, inside=inside) as stream:
         content = stream.read(most + 1)
     if len(content) > most:
-        raise OSError(errno.EFBIG, f"it has more than {most} bytes, too many for what it should be", os.fspath(path))
+        raise OSError(errno.EFBIG, f"it has more than {most} bytes, which is too many", os.fspath(path))
     return content
 
 
 def is_inside(path: str | Path) -> bool:
-    """Whether an ordinary file lies there itself, and not a link to one."""
+    """Return True if the path is a regular file and no link."""
     try:
         return stat.S_ISREG(os.lstat(path).st_mode)
     except (OSError, ValueError):

@@ -1,7 +1,7 @@
-"""The one reader of plain values out of JSON and YAML: what a dataclass or a type says is what they must be.
+"""Reader of plain values from JSON and YAML into dataclasses and typed containers.
 
-A file may come from anywhere. A value of another type, a number out of range, a list without end is one
-sentence that names it.
+A file may come from an untrusted source. A value of another type, a number out of range and a list of excessive length
+raise one sentence that names the value.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from toolkit.io.errors import DepthMocapError
 Made = TypeVar("Made")
 _MARK = "constant"
 MOST_ITEMS = 1_000_000
-"""Entries of one list or table: more are no settings, notes or people."""
+"""Largest number of entries of one list or table of a settings, notes or people file."""
 
 
 def constant(value: Any) -> Any:
-    """A field of a settings dataclass that is none of its users' settings.
+    """Declare a field of a settings dataclass that is not a user setting.
 
-    It can be changed by its dotted name for an experiment, as the papers' variants do in `configs/`; what was changed
-    is written beside the results like any setting.
+    An experiment can change it by its dotted name, as the papers' variants do in `configs/`. A changed constant is
+    written beside the results like any setting.
     """
     return field(default=value, metadata={_MARK: True})
 
 
 def is_constant(item: Field[Any]) -> bool:
-    """Whether a field was made by `constant`."""
+    """Return True if a field was made by `constant`."""
     return _MARK in item.metadata
 
 
 @dataclass(frozen=True)
 class Range:
-    """What a number may be, both ends included; stands beside its type as `Annotated[float, Range(0.0, 1.0)]`."""
+    """Inclusive range of a number, written beside its type as `Annotated[float, Range(0.0, 1.0)]`."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -46,16 +46,16 @@ class Range:
 
 @dataclass(frozen=True)
 class TypedReader:
-    """Makes typed values of plain ones.
+    """Converter of plain values to typed values.
 
     Attributes
     ----------
-    error : what is raised
-    hint : what to do about a bad value, for the message
-    loose : names beyond those that are wanted are left out, instead of refused: a later version may have added them
-    written_by_hand : text that is a number is one, for YAML 1.1 takes 1e-3 for text
-    what : what a name with a value is called, for the message
-    source : the file that they come from, for the message
+    error : error class to raise
+    hint : advice for the message
+    loose : ignore unknown names instead of raising, because a later version may have added them
+    written_by_hand : accept text that is a number, because YAML 1.1 reads 1e-3 as text
+    what : word for a name with a value, for the message
+    source : file of the values, for the message
     """
 
     error: type[DepthMocapError]
@@ -66,18 +66,18 @@ class TypedReader:
     source: str = ""
 
     def read(self, value: Any, kind: type[Made], where: str) -> Made:
-        """`value` as `kind` wants it: a dataclass, a number, text, truth, list, tuple, dict, Literal, None or a path.
+        """Return `value` as a dataclass, number, text, Boolean, list, tuple, dict, Literal, None or path.
 
         Parameters
         ----------
-        kind : also a generic such as `dict[str, tuple[float, ...]]`; a dataclass's fields may be `Annotated` with a
-            `Range`
-        where : what is read, for the message
+        kind : wanted type, also a generic such as `dict[str, tuple[float, ...]]`; a dataclass's fields may be
+            `Annotated` with a `Range`
+        where : name of the value, for the message
 
         Raises
         ------
         DepthMocapError
-            `error`: something in it is missing, unknown, of another type or out of range.
+            `error`: an entry is missing, unknown, of another type or out of range.
         """
         return typing.cast(Made, self._any(value, kind, where))
 
@@ -105,7 +105,7 @@ class TypedReader:
         return value if kind is Any else self._plain(value, kind, where)
 
     def _fields(self, values: Mapping[Any, Any], kind: type, where: str, base: Any = None) -> Any:
-        """A dataclass of the values, the others as in `base` or else as the class has them."""
+        """Return a dataclass of the values; missing fields come from `base`, else from their defaults."""
         hints = typing.get_type_hints(kind, include_extras=True)
         wanted = {item.name: item for item in fields(kind)}
         if (unknown := [name for name in values if name not in wanted]) and not self.loose:

@@ -1,4 +1,4 @@
-"""Worker processes end with the process that they work for, however that ends: nothing takes their results then."""
+"""Worker processes that end together with their parent process."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-INTERVAL = 0.5
-"""Seconds between two looks at whether the parent lives."""
+POLL_SECONDS = 0.5
+"""Seconds between two checks of the parent process."""
 _watching: set[int] = set()
 
 
 def end_with(parent: int) -> None:
-    """Have this process end when its parent, the process of that id, has ended; any other one is not watched."""
+    """End this process when its parent, the process `parent`, ends; any other process is not watched."""
     known = multiprocessing.parent_process()
     if parent in _watching or parent not in (os.getppid(), known.pid if known is not None else 0):
         return
@@ -27,21 +27,21 @@ def end_with(parent: int) -> None:
 def _watch(parent: int) -> None:
     known = multiprocessing.parent_process()
     if os.name == "posix":
-        while os.getppid() == parent:  # orphans get another one
-            time.sleep(INTERVAL)
+        while os.getppid() == parent:  # an orphan gets another parent
+            time.sleep(POLL_SECONDS)
     elif known is not None:
         known.join()
     os._exit(1)
 
 
 def usable_processors() -> int:
-    """Processors that this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
 class Task:
-    """A function that is called in a worker process, which ends with the process that made the task."""
+    """Function that runs in a worker process, which ends with the process that made the task."""
 
     function: Callable[..., Any]
     parent: int
@@ -52,6 +52,6 @@ class Task:
         return cls(function, os.getpid())
 
     def __call__(self, *arguments: Any) -> Any:
-        """What the function returns."""
+        """Return the result of the function."""
         end_with(self.parent)
         return self.function(*arguments)

@@ -1,4 +1,4 @@
-"""Text, JSON, YAML and tables, read without trust: of a bounded size, plain values only, errors of one sentence."""
+"""Readers of untrusted text, JSON, YAML and CSV files: bounded size, plain values, errors of one sentence."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from toolkit.io.errors import DepthMocapError
 from toolkit.io.safe_open import read_file
 
 LARGEST_TEXT = 1 << 28
-"""Bytes: a larger file is no table or motion, and would only fill the memory."""
+"""Largest size in bytes of a table or motion file."""
 LARGEST_JSON, LARGEST_YAML = 1 << 24, 1 << 18
-"""Bytes of notes and of settings, which take many times as much memory, and YAML a second for each hundred thousand."""
+"""Largest sizes in bytes of JSON and YAML files. Their values take many times as much memory, and YAML takes a second
+for 100 kB."""
 MOST_DIGITS = 300
-"""Of a whole number in a text; a float holds no more."""
+"""Largest number of digits of an integer in a text; a float holds no more."""
 
 
 def read_text(
@@ -31,14 +32,14 @@ def read_text(
     most: int = LARGEST_TEXT,
     inside: bool = False,
 ) -> str:
-    """The text of an ordinary file of at most so many bytes, a byte order mark left out.
+    """Return the text of a regular file of at most `most` bytes, without a byte order mark.
 
-    `inside` of a folder that may come from anywhere it is no link, see `toolkit.io.safe_open`.
+    With `inside`, the file lies in a folder of an untrusted source and must not be a link, see `toolkit.io.safe_open`.
 
     Raises
     ------
     DepthMocapError
-        `error`, with `hint` for what to do: there is no such file, it is no ordinary one, is no text, or is too large.
+        `error`, with `hint` as advice: the file is missing, not regular, not text, or too large.
     """
     try:
         return read_file(path, most, inside=inside).decode(encoding, errors).removeprefix("\ufeff")
@@ -50,19 +51,17 @@ def read_text(
 
 
 def read_json(path: str | Path, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Any:
-    """The value of a JSON file; raises as `read_text`, and for what is no JSON."""
+    """Return the value of a JSON file; raises as `read_text`, and for invalid JSON."""
     return parse_json(read_text(path, error, hint, most=LARGEST_JSON, inside=inside), str(path), error, hint)
 
 
 def read_yaml(path: str | Path, where: str, error: type[DepthMocapError], hint: str) -> Any:
-    """The value of a YAML file, called `where` in messages; raises as `read_text`, and for what is no plain YAML."""
+    """Return the value of a YAML file, called `where` in messages; raises as `read_text`, and for invalid YAML."""
     return parse_yaml(read_text(path, error, hint, most=LARGEST_YAML), where, error, hint)
 
 
 def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
-    """The value of a JSON text. NaN and Infinity, which JSON does not know, are refused, and so are endless nesting and
-    numbers that no float holds.
-    """
+    """Return the value of a JSON text. Raise `error` for NaN, Infinity, deep nesting and numbers above float range."""
     try:
         return json.loads(text, parse_constant=_no_constant, parse_int=_whole, parse_float=_finite)
     except (ValueError, RecursionError) as problem:
@@ -70,9 +69,9 @@ def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -
 
 
 def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
-    """The value of a YAML text of plain values.
+    """Return the plain value of a YAML text.
 
-    Dates and numbers that cannot be, endless nesting, and aliases, of which few lines make gigabytes, are refused.
+    Invalid dates and numbers, deep nesting, and aliases, which expand a few lines to gigabytes, raise `error`.
     """
     import yaml
 
@@ -84,7 +83,7 @@ def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -
 
 @cache
 def _plain_yaml() -> Any:
-    """The safe loader, which also refuses aliases, repeated keys and whole numbers that no float holds."""
+    """Return the safe loader that also rejects aliases, repeated keys and integers above float range."""
     import yaml
 
     class Plain(yaml.SafeLoader):
@@ -111,7 +110,7 @@ def _plain_yaml() -> Any:
 
 
 def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> list[dict[str, str]]:
-    """The rows of a CSV file whose first line names the columns; raises as `read_text`, and for what is no CSV."""
+    """Return the rows of a CSV file with a header line; raises as `read_text`, and for invalid CSV."""
     text = read_text(path, error, hint)
     try:
         rows = list(csv.reader(io.StringIO(text, newline="")))
@@ -136,4 +135,4 @@ def _finite(digits: str) -> float:
 
 
 def _no_constant(word: str) -> None:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")

@@ -1,8 +1,8 @@
-"""AMASS motions (`.npz`): poses of the SMPL family as rotation vectors, read without the licensed body.
+"""AMASS motions (`.npz`): poses of the SMPL family as rotation vectors, without the licensed body.
 
-A file holds `poses` (T, 66 or more: pelvis and 21 body joints first, hands and face behind them), `trans` (T, 3) and
-the frame rate. Every SMPL body rests in a T-pose along the axes of ours, so that its rotations move our neutral
-proportions as well; the shape (`betas`) is left out. AMASS has z up, a clip y up.
+A file holds `poses` (T, 66 or more: pelvis and 21 body joints first, then hands and face), `trans` (T, 3) and the frame
+rate. Every SMPL body rests in a T-pose with the axes of the project's body, so its rotations apply to the neutral
+proportions; the shape (`betas`) is ignored. AMASS has z up, a clip has y up.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ JOINTS: tuple[tuple[str, str], ...] = (
     ("right_shoulder", "right_collar"), ("left_elbow", "left_shoulder"), ("right_elbow", "right_shoulder"),
     ("left_wrist", "left_elbow"), ("right_wrist", "right_elbow"),
 )  # fmt: skip
-"""The joints of an SMPL body and their parents, in the order of `poses`."""
+"""Joints of an SMPL body and their parents, in the order of `poses`."""
 PELVIS_HEIGHT = 0.09
-"""Metres: SMPL's pelvis lies so far above its hips."""
-HEAD_SHARE = 0.35
-"""Of the way from the base of the neck to the centre of the skull: where SMPL's head begins to turn."""
+"""Height of SMPL's pelvis above its hips, metres."""
+SMPL_HEAD_FRACTION = 0.35
+"""Position of SMPL's head joint between the base of the neck (0) and the centre of the skull (1)."""
 Y_UP: np.ndarray = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-"""From a world with z up to one with y up."""
+"""Rotation from a world with z up to a world with y up."""
 RATES = ("mocap_framerate", "mocap_frame_rate")
 COLUMNS = {
     "poses": Column("f", ("frames", "numbers"), -1e4, 1e4),
@@ -46,7 +46,7 @@ COLUMNS = {
 
 
 def is_amass(path: Path) -> bool:
-    """Whether `path` is an NPZ file with the arrays of an AMASS motion."""
+    """Return True if `path` is an NPZ file with the arrays of an AMASS motion."""
     if not (path.suffix.lower() == ".npz" and is_file(path)):
         return False
     try:
@@ -57,12 +57,12 @@ def is_amass(path: Path) -> bool:
 
 
 def read_amass(path: str | Path) -> Clip:
-    """Read one motion; its lengths are those of our neutral body.
+    """Read one motion with the bone lengths of the neutral body.
 
     Raises
     ------
     MocapError
-        The file is missing or damaged, an array is not there, of another shape, or not finite.
+        The file is missing or damaged, or an array is missing, has another shape, or is not finite.
     """
     file, hint = Path(path), "download it again"
     stored = load_archive(file, MocapError, hint, only=COLUMNS)
@@ -90,7 +90,7 @@ def read_amass(path: str | Path) -> Clip:
         root_positions=stored["trans"].astype(np.float64) @ Y_UP.T,
         frame_rate=rate,
         end_sites={
-            "head": 2.0 * (rest["skull"] - rest["head"]),  # a clip's head ends at the top, its skull lies half way
+            "head": 2.0 * (rest["skull"] - rest["head"]),  # a clip's head bone ends at the crown; the skull is half-way
             "left_wrist": rest["left_hand"] - rest["left_wrist"],
             "right_wrist": rest["right_hand"] - rest["right_wrist"],
         },
@@ -109,5 +109,5 @@ def _rest() -> dict[str, np.ndarray]:
     rest |= {f"{side}_collar": ours[f"{side}_clavicle"] for side in ("left", "right")}
     rest |= {name: ours[name] for name in ("left_hand", "right_hand")}
     rest["skull"] = ours["head"]
-    rest["head"] = ours["cervical"] + HEAD_SHARE * (ours["head"] - ours["cervical"])
+    rest["head"] = ours["cervical"] + SMPL_HEAD_FRACTION * (ours["head"] - ours["cervical"])
     return rest

@@ -16,18 +16,18 @@ from toolkit.mocap.units import metres_per_unit, rest_size
 
 ROOT = "root"
 DEFAULT_RATE = 120.0
-"""Frames a second where neither the caller nor the file name says (AMC does not hold it; CMU and HDM05 are 120 Hz)."""
+"""Frames a second without an argument or a rate in the file name (CMU and HDM05 are 120 Hz; AMC has no rate)."""
 
 
 @dataclass(frozen=True)
 class Bone:
-    """A bone of an ASF skeleton: it begins where its parent ends.
+    """Bone of an ASF skeleton, which starts at its parent's end.
 
     Attributes
     ----------
     vector : float64 (3,), from its beginning to its end in the rest pose, file units
     axes : float64 (3, 3), the bone's own frame `C` in the rest pose
-    channels : its degrees of freedom in file order, out of tx, ty, tz, rx, ry, rz and l
+    channels : degrees of freedom in file order, of tx, ty, tz, rx, ry, rz and l
     """
 
     name: str
@@ -38,7 +38,7 @@ class Bone:
 
 @dataclass(frozen=True)
 class AsfSkeleton:
-    """An ASF file: the root first, then the bones, parents before children; `metres` is one file unit in metres."""
+    """Skeleton of an ASF file: the root first, parents before children; `metres` is one file unit in metres."""
 
     name: str
     bones: tuple[Bone, ...]
@@ -53,13 +53,13 @@ def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
     Parameters
     ----------
     path : the file
-    unit : metres of one file unit; None takes inches divided by the file's own `length` (0.0254 / length), and where
-        that makes no person the guess of `units.metres_per_unit`
+    unit : metres of one file unit; None uses inches divided by the file's `length` (0.0254 / length), or
+        `units.metres_per_unit` if that is no person's size
 
     Raises
     ------
     MocapError
-        The file is missing, empty, truncated, or says something unknown.
+        The file is missing, empty, truncated or invalid.
     """
     file = Path(path)
     sections = _asf_sections(_read(file), file.name)
@@ -102,14 +102,14 @@ def read_amc(
     """Read an AMC motion together with its ASF skeleton.
 
     A bone's rotation relative to its parent is `C M C^-1`, with its rest frame `C` and `M` composed of its own degrees
-    of freedom, the first one applied first. Each joint of the clip is the beginning of the bone whose name it has.
+    of freedom, the first one applied first. Each joint of the clip is the start of the bone of its name.
 
     Parameters
     ----------
     path : the AMC file
-    asf : its skeleton; None looks for one beside it (`find_asf`)
-    unit : metres of one file unit, see `read_asf` (ignored where `asf` is already read)
-    rate : frames a second; None takes a trailing `_120` of the file name, else 120
+    asf : its skeleton; None finds the one beside it (`find_asf`)
+    unit : metres of one file unit, see `read_asf` (ignored for an `AsfSkeleton`)
+    rate : frames a second; None uses a trailing `_120` of the file name, else 120
 
     Raises
     ------
@@ -129,12 +129,12 @@ def read_amc(
 
 
 def find_asf(amc: str | Path) -> Path:
-    """The skeleton of an AMC file: in its folder the one whose stem is the longest prefix of the file's, or the only.
+    """Return the skeleton of an AMC file: the ASF beside it with the longest matching prefix, or the only one.
 
     Raises
     ------
     MocapError
-        There is none, or several and none has a fitting name.
+        There is none, or there are several without a matching name.
     """
     file = Path(amc)
     found = sorted(p for p in file.parent.glob("*") if p.suffix.lower() == ".asf")
@@ -189,7 +189,7 @@ def _blocks(lines: list[str], name: str) -> list[list[str]]:
 
 
 def _frame(words: list[str], degrees: bool) -> np.ndarray:
-    """Three angles and an order such as XYZ, the first axis applied first, as a matrix."""
+    """Return the matrix of three angles and an order such as XYZ, the first axis applied first."""
     order = words[3].lower()
     return of_euler(order, np.array([float(w) for w in words[:3]]), degrees=degrees, name="a bone's frame")
 
@@ -203,7 +203,7 @@ def _root_bone(lines: list[str], degrees: bool) -> Bone:
 
 
 def _check_channels(bone: str, channels: tuple[str, ...]) -> None:
-    """Raise ValueError for a degree of freedom that there is not, or that stands twice."""
+    """Raise ValueError for an unknown or repeated degree of freedom."""
     unknown = sorted(set(channels) - {"tx", "ty", "tz", "rx", "ry", "rz", "l"})
     if unknown:
         raise ValueError(f"bone {bone!r} has the unknown degree of freedom {unknown[0]!r}")
@@ -230,7 +230,7 @@ def _hierarchy(lines: list[str], bones: dict[str, Bone], name: str) -> tuple[lis
             parent, *children = line.split()
             for child in (parent, *children):
                 if child not in bones:
-                    raise MocapError(f"{name} hangs the unknown bone {child!r} into its hierarchy")
+                    raise MocapError(f"{name} has the unknown bone {child!r} in its hierarchy")
             if parent not in names:
                 raise MocapError(f"{name} lists the children of {parent!r} before {parent!r} itself")
             names += children
@@ -247,7 +247,7 @@ def _bone_ends(bones: tuple[Bone, ...], parents: list[int]) -> np.ndarray:
 
 
 def _amc_header(text: str, degrees: bool, name: str) -> tuple[bool, str]:
-    """Whether angles are degrees, and the text from the first frame on."""
+    """Return True if angles are degrees, and the text from the first frame on."""
     place = re.search(r"^\s*1\s*$", text, flags=re.MULTILINE)
     if place is None:
         raise MocapError(f"{name} has no frame 1; it is truncated or not an AMC motion")
@@ -260,7 +260,7 @@ def _amc_header(text: str, degrees: bool, name: str) -> tuple[bool, str]:
 
 
 def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndarray]:
-    """Bone name -> its values (T, channels), as written."""
+    """Return the values (T, channels) of each bone, as written."""
     tokens = body.split()
     width = {bone.name: len(bone.channels) for bone in skeleton.bones}
     layout: list[str] = []

@@ -1,4 +1,4 @@
-"""Biovision hierarchy files (BVH): a joint tree, channels and rotation order per joint, and a table of frames."""
+"""Reader of Biovision hierarchy files (BVH): joint tree, channels and rotation order per joint, table of frames."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROTATIONS = {"Xrotation": "X", "Yrotation": "Y", "Zrotation": "Z"}
 
 @dataclass
 class _Tree:
-    """The HIERARCHY section, in file units."""
+    """HIERARCHY section, in file units."""
 
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -33,8 +33,8 @@ class _Tree:
 def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
     """Read a BVH file.
 
-    The channels of a joint turn it in the order in which they are listed (`Zrotation Yrotation Xrotation` is Rz Ry Rx);
-    a position channel of any joint replaces that axis of its OFFSET, as other readers do. Degrees in the file.
+    The channels of a joint apply in the order of their list (`Zrotation Yrotation Xrotation` is Rz Ry Rx). A position
+    channel of any joint replaces that axis of its OFFSET, as in other readers. Angles in the file are degrees.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
     Raises
     ------
     MocapError
-        The file is missing, empty, truncated, has another number of frames or columns than it announces, holds values
-        that are not finite, uses unknown words, or its unit cannot be guessed.
+        The file is missing, empty or truncated, its number of frames or columns differs from its header, a value is not
+        finite, a word is unknown, or its unit cannot be guessed.
     """
     file = Path(path)
     head, motion = _sections(file)
@@ -86,9 +86,9 @@ def _sections(file: Path) -> tuple[str, str]:
 
 def _parse_hierarchy(head: str, name: str) -> _Tree:
     tree = _Tree()
-    stack: list[int] = []  # joints whose brace is open; -1 stands for an end site
+    stack: list[int] = []  # joints with an open brace; -1 is an end site
     tokens = iter(head.lstrip("\ufeff").split()[1:])
-    pending = -2  # the joint that the next brace opens; -2 means none
+    pending = -2  # joint of the next brace; -2 means none
     try:
         for token in tokens:
             if token in ("ROOT", "JOINT"):
@@ -138,7 +138,7 @@ def _channel(word: str, name: str) -> str:
 
 
 def _parse_motion(motion: str, columns: int, name: str) -> tuple[np.ndarray, float]:
-    """The table of frames (T, columns) as written, and the frame rate."""
+    """Return the table of frames (T, columns) as written, and the frame rate."""
     header = motion.split(maxsplit=5)
     try:
         if header[0] != "Frames:" or header[2:4] != ["Frame", "Time:"]:
@@ -168,7 +168,7 @@ def _parse_motion(motion: str, columns: int, name: str) -> tuple[np.ndarray, flo
 
 def _numbers(text: str, name: str) -> np.ndarray:
     with warnings.catch_warnings():
-        warnings.simplefilter("error", DeprecationWarning)  # NumPy warns where it meets text that is no number
+        warnings.simplefilter("error", DeprecationWarning)  # NumPy warns about text that is no number
         try:
             return np.fromstring(text, dtype=np.float64, sep=" ")
         except (DeprecationWarning, ValueError):
@@ -176,7 +176,7 @@ def _numbers(text: str, name: str) -> np.ndarray:
 
 
 def _rest_points(tree: _Tree, offsets: np.ndarray) -> np.ndarray:
-    """Rest positions of joints and tips, file units, to measure the skeleton."""
+    """Return the rest positions of joints and tips, file units, for the size of the skeleton."""
     points: list[np.ndarray] = []
     for j, parent in enumerate(tree.parents):
         points.append(offsets[j] + points[parent] if parent >= 0 else np.zeros(3))

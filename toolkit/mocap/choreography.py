@@ -1,4 +1,4 @@
-"""Motions made by rule: cycles of key poses in named controls, as `choreography.yaml` lists them."""
+"""Procedural motions: cycles of key poses in named controls, from `choreography.yaml`."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ FILE = Path(__file__).with_suffix(".yaml")
 
 @dataclass(frozen=True)
 class PoseCycle:
-    """A cycle of key poses.
+    """Cycle of key poses.
 
     Attributes
     ----------
-    keys : share of the cycle in [0, 1), ascending -> the controls that differ from `hold`
+    keys : fraction of the cycle in [0, 1), ascending -> the controls that differ from `hold`
     seconds : length of one cycle
-    cycles : how often it is played
+    cycles : number of repetitions
     hold : controls that differ from the base pose during the whole motion
-    sided : whether it may as well be played by the other side
-    settled : whether it begins, ends and rests in the pose that `hold` gives, instead of standing at ease
-    on_floor : whether the body rests on the floor with whatever is lowest, instead of on its feet
+    sided : may also be performed by the other side
+    settled : begins and ends in the pose of `hold`, instead of standing at ease
+    on_floor : the lowest vertex of the body is on the floor, instead of the feet
     """
 
     keys: dict[float, dict[str, float]]
@@ -38,7 +38,7 @@ class PoseCycle:
 
 
 def controls_of(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """Controls by their whole names: those within `left`, `right` and `both` are of the limbs of these sides.
+    """Return controls by their full names; those within `left`, `right` and `both` belong to limbs of these sides.
 
     >>> controls_of({"bend": 4, "both": {"knee": 90}, "left": {"knee": 60}})
     {'bend': 4, 'left_knee': 60, 'right_knee': 90}
@@ -64,12 +64,12 @@ def _motion(entry: Mapping[str, Any]) -> PoseCycle:
 
 _LISTED: dict[str, Any] = read_yaml(FILE, str(FILE), MocapError, "install the package again")
 BASE: dict[str, float] = controls_of(_LISTED.pop("base"))
-"""Standing at ease: every control and its value."""
+"""Controls of standing at ease."""
 RANGES: dict[str, list[float]] = controls_of(_LISTED.pop("ranges"))
-"""Natural ranges of random poses; the other controls keep their base values (knees follow the hips)."""
+"""Ranges of random poses; the other controls keep their base values (knees follow the hips)."""
 KINDS: dict[str, tuple[str, ...]] = {kind: tuple(motions) for kind, motions in _LISTED.items()}
 """Names of the motions for a pose database (`database`, `seated`) and for test subjects (the others)."""
 MOTIONS: dict[str, PoseCycle] = {
     name: _motion(entry) for motions in _LISTED.values() for name, entry in motions.items()
 }
-"""Every motion with key poses, by its name."""
+"""Motions with key poses, by name."""

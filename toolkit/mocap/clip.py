@@ -1,4 +1,4 @@
-"""Motion clips: a moving skeleton as a file tells it (`Clip`), and a sequence of poses of our body (`PoseClip`)."""
+"""Motion clips: a moving skeleton of a file (`Clip`), and a sequence of poses of the project's body (`PoseClip`)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.io.errors import MocapError
 
-LARGEST = 1e5
-"""Metres from the origin: no motion capture reaches so far."""
+MAX_EXTENT = 1e5
+"""Largest plausible distance from the origin, metres."""
 MIRROR: np.ndarray = np.diag([-1.0, 1.0, 1.0])
 """Reflection at the plane x = 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A moving skeleton, metres and radians, in the file's own world (normally y up).
+    """Moving skeleton in metres and radians, in the file's own world (normally y up).
 
     Attributes
     ----------
-    name : what it is called in reports, normally the stem of its file
+    name : name in reports, normally the stem of its file
     joint_names : the J joints, parents before children, the root first
     parents : int64 (J,), -1 for the root
     offsets : float64 (J, 3), rest position of each joint relative to its parent; at rest every rotation is the identity
@@ -66,8 +66,8 @@ class Clip:
         for array in (self.offsets, self.root_positions, self.rotations, self.translations):
             if array is not None and not np.isfinite(array).all():
                 raise MocapError(f"clip {self.name!r} holds values that are not finite; repair or remove the file")
-            if array is not None and array.size and max(array.max(), -array.min()) > LARGEST:
-                raise MocapError(f"clip {self.name!r} moves farther than {LARGEST:g} m; repair it or give its unit")
+            if array is not None and array.size and max(array.max(), -array.min()) > MAX_EXTENT:
+                raise MocapError(f"clip {self.name!r} moves farther than {MAX_EXTENT:g} m; repair it or give its unit")
 
     def __len__(self) -> int:
         return len(self.root_positions)
@@ -101,13 +101,13 @@ class Clip:
         return positions, rotations
 
     def index(self, joint: str) -> int:
-        """Number of a joint by its name; raises MocapError that lists the names."""
+        """Return the number of a joint by its name; raise MocapError for an unknown name."""
         if joint not in self.joint_names:
             raise MocapError(f"clip {self.name!r} has no joint {joint!r}; it has: {', '.join(self.joint_names)}")
         return self.joint_names.index(joint)
 
     def sliced(self, start: int, stop: int) -> Clip:
-        """Frames start to stop - 1 (as Python slices count); raises MocapError where none is left."""
+        """Return frames start to stop - 1 (as Python slices); raise MocapError if there are none."""
         part = slice(start, stop)
         return replace(
             self,
@@ -117,7 +117,7 @@ class Clip:
         )
 
     def resampled(self, rate: float) -> Clip:
-        """The clip at `rate` frames a second: rotations by slerp, positions linearly between neighbouring frames."""
+        """Return the clip at `rate` frames a second: rotations by slerp, positions by linear interpolation."""
         if not rate > 0:
             raise MocapError(f"a clip cannot be resampled to {rate} frames a second; use a positive rate")
         times = _sample_times(len(self), self.frame_rate, rate)
@@ -135,12 +135,12 @@ class Clip:
         )
 
     def mirrored(self) -> Clip:
-        """The clip seen in a mirror at x = 0: left becomes right, the joint names stay in place.
+        """Return the clip mirrored at x = 0: left becomes right, the joint names stay in place.
 
         Raises
         ------
         MocapError
-            A joint whose partner has another place in the tree.
+            Left and right joints are not the same tree.
         """
         partner = np.array(mirror_partners(self.joint_names))
         swapped_parents = np.array([partner[p] if p >= 0 else -1 for p in self.parents])
@@ -161,15 +161,15 @@ class Clip:
 
 @dataclass(frozen=True, eq=False)
 class PoseClip:
-    """A sequence of poses of our body.
+    """Sequence of poses of the project's body.
 
     Attributes
     ----------
-    name : what it is called in reports
+    name : name in reports
     poses : float64 (T, P), `skeleton.POSE_NAMES`, in a y-up world frame, metres and radians
     frame_rate : frames a second
-    source : the file or the generator that it came from
-    clamped : float64 (P,), share of frames in which an entry had to be brought back within its limits
+    source : file or generator of the poses
+    clamped : float64 (P,), fraction of frames in which an entry was clipped to its limits
     """
 
     name: str
@@ -190,7 +190,7 @@ class PoseClip:
         return np.arange(len(self)) / self.frame_rate
 
     def every(self, rate: float) -> PoseClip:
-        """The nearest whole frames at about `rate` frames a second (never more than there are)."""
+        """Return the nearest whole frames at about `rate` frames a second (at most the clip's own rate)."""
         times = _sample_times(len(self), self.frame_rate, min(rate, self.frame_rate))
         rows = np.round(times * self.frame_rate).astype(np.int64)
         return replace(self, poses=self.poses[rows], frame_rate=min(float(rate), self.frame_rate))
@@ -203,9 +203,9 @@ def _sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
 
 
 def mirror_partners(names: Sequence[str]) -> list[int]:
-    """For each joint the number of its mirror partner, or its own where it has none.
+    """Return the mirror partner of each joint, or the joint itself if it has none.
 
-    Known namings: `Left...`/`Right...` anywhere in the name (any case), and a leading `l`/`r` or `L`/`R` where the
+    Recognised names: `Left...`/`Right...` anywhere in the name (any case), and a leading `l`/`r` or `L`/`R` if the
     partner exists.
     """
     numbers = {name: i for i, name in enumerate(names)}
@@ -220,7 +220,7 @@ def mirror_partners(names: Sequence[str]) -> list[int]:
 
 
 def check_tree(name: str, joint_names: Sequence[str], parents: Sequence[int]) -> None:
-    """Raise MocapError where a joint name is used twice or a child stands before its parent."""
+    """Raise MocapError for a repeated joint name or a child before its parent."""
     for first, second in pairwise(sorted(joint_names)):
         if first == second:
             raise MocapError(f"{name} names the joint {first!r} twice; rename one of them")

@@ -1,13 +1,13 @@
-"""Motions made by rule, so that a pose database and a test subject need no motion capture data.
+"""Procedural motions, for pose databases and test subjects without motion capture data.
 
-A motion is a cycle of key poses in a few named controls (`choreography`), played several times with another tempo,
-width and small wobble each time. Feet stay on the floor: the supporting foot does not slide and the lowest sole point
-is at y = 0.
+A motion is a cycle of key poses in named controls (`choreography`), repeated with another tempo, amplitude and small
+wobble each time. Feet stay on the floor: the supporting foot does not slide and the lowest sole point is at y = 0.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,24 +22,37 @@ CONTROLS: tuple[str, ...] = tuple(BASE)
 DATABASE_MOTIONS = (*KINDS["database"], "random")
 """Motions for a pose database."""
 SUBJECT_MOTIONS = KINDS["subject"]
-"""Motions for a test subject: none of them is in `DATABASE_MOTIONS`."""
+"""Motions for a test subject; none is in `DATABASE_MOTIONS`."""
 SEATED_MOTIONS = KINDS["seated"]
 """Motions of seated people for a pose database."""
 SEATED_SUBJECT_MOTIONS = KINDS["seated_subject"]
-"""Motions for a seated test subject: none of them is in `SEATED_MOTIONS`."""
+"""Motions for a seated test subject; none is in `SEATED_MOTIONS`."""
 NAMES = (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS)
 """Names of all motions."""
 
-WOBBLE_DEGREES = 2.5
-"""Standard deviation of the slow wobble added to every angle."""
-HABIT_DEGREES = 6.0
-"""Standard deviation of each control from the held pose of a settled motion, drawn once per performance."""
-RANDOM_POSES = 20
-"""Poses of a random motion."""
-RANDOM_STEP = 1.2
-"""Seconds from one random pose to the next."""
-SOLE = 0.015
-"""Metres above the lowest vertex of the rest pose within which a foot's vertices are its sole."""
+
+@dataclass(frozen=True)
+class PerformanceSettings:
+    """Settings of performances of a procedural motion.
+
+    Attributes
+    ----------
+    wobble : degrees, standard deviation of the slow wobble of every angle
+    habit : degrees, standard deviation of each control from the held pose of a settled motion, drawn once per
+        performance
+    random_poses : number of poses of a random motion
+    random_step : seconds from one random pose to the next
+    sole : metres above the lowest vertex of the rest pose within which a foot's vertices are its sole
+    """
+
+    wobble: float = 2.5
+    habit: float = 6.0
+    random_poses: int = 20
+    random_step: float = 1.2
+    sole: float = 0.015
+
+
+SETTINGS = PerformanceSettings()
 
 
 def procedural_clips(
@@ -50,23 +63,23 @@ def procedural_clips(
     variations: int = 4,
     seed: int = 0,
 ) -> list[PoseClip]:
-    """Several variations of each named motion, one clip each; equal arguments give equal clips.
+    """Return several variations of each named motion, one clip each; equal arguments give equal clips.
 
     Parameters
     ----------
-    names : out of `NAMES`
+    names : names of `NAMES`
     rate : frames a second
-    body : whose feet stand on the floor; None takes the neutral body
+    body : body on the floor; None uses the neutral body
     variations : clips for each name, at least 1
-    seed : of the generator behind the variations
+    seed : seed of the variations
 
     Raises
     ------
     UsageError
-        A name is unknown (the message lists the known ones), or a number is not positive.
+        A name is unknown, or a number is not positive.
     """
     if variations < 1:
-        raise UsageError(f"cannot make {variations} variations of a motion; ask for at least 1")
+        raise UsageError(f"cannot make {variations} variations of a motion; give at least 1")
     if body is None:
         from toolkit.body.shape import load_body
 
@@ -84,15 +97,15 @@ def procedural_clips(
 def perform(
     name: str, body: Body, rate: float = 30.0, rng: np.random.Generator | None = None, *, label: str | None = None
 ) -> PoseClip:
-    """One performance of a motion on the floor y = 0, beginning at the origin and facing +z.
+    """Return one performance of a motion on the floor y = 0, starting at the origin and facing +z.
 
     Parameters
     ----------
-    name : out of `NAMES`
-    body : whose feet stand on the floor
+    name : name of `NAMES`
+    body : body on the floor
     rate : frames a second (> 0)
-    rng : draws tempo, width, side and wobble; None plays the motion as written (`random` needs one and takes seed 0)
-    label : name of the clip; None takes the motion's
+    rng : generator of tempo, amplitude, side and wobble; None uses none (`random` uses seed 0)
+    label : name of the clip; None uses the motion's
 
     Raises
     ------
@@ -114,13 +127,13 @@ def perform(
 
 
 def poses_from_controls(controls: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of control values (T, len(CONTROLS)), within the limits of the joints, root position zero.
+    """Return the poses (T, P) of control values (T, len(CONTROLS)), within joint limits, root position zero.
 
     Angles are anatomical. Arms: `lift` from hanging (0) to overhead (180) in the vertical plane `plane` (0 sideways, 90
-    forward), `roll` turns the elbow's bend upwards, `elbow` bends it. Legs: `flex` forward, `open` sideways, `toe`
+    forward), `roll` rotates the elbow's bend upwards, `elbow` bends it. Legs: `flex` forward, `open` sideways, `toe`
     outwards, `knee`, `point` of the foot from level, and `spread` of a flexed thigh outwards, about the vertical.
-    Torso: `bend` forward, `lean` to the left, `turn` to the left;
-    head: `nod`, `tilt`, `look` likewise; `yaw` and `pitch` of the whole body.
+    Torso: `bend` forward, `lean` to the left, `turn` to the left. Head: `nod`, `tilt`, `look` likewise. Whole body:
+    `yaw` and `pitch`.
     """
     from scipy.spatial.transform import Rotation
 
@@ -160,7 +173,7 @@ def poses_from_controls(controls: np.ndarray) -> np.ndarray:
 
 
 def _played(motion: PoseCycle, rate: float, rng: np.random.Generator | None) -> np.ndarray:
-    """Control values (T, C) of a motion: from the base pose through its cycles and back."""
+    """Return the control values (T, C) of a motion: from the base pose through its cycles and back."""
     from scipy.interpolate import PchipInterpolator
 
     base = np.array([(BASE | motion.hold if motion.settled else BASE)[name] for name in CONTROLS])
@@ -188,20 +201,20 @@ def _played(motion: PoseCycle, rate: float, rng: np.random.Generator | None) -> 
 
 
 def _random_controls(rate: float, rng: np.random.Generator) -> np.ndarray:
-    """Smooth motion (T, C) through random poses within natural ranges, drawn towards the base pose."""
+    """Return a smooth motion (T, C) through random poses within natural ranges, biased to the base pose."""
     from scipy.interpolate import PchipInterpolator
 
-    count, base = RANDOM_POSES, np.array([BASE[name] for name in CONTROLS])
+    count, base = SETTINGS.random_poses, np.array([BASE[name] for name in CONTROLS])
     low, high = np.array([RANGES.get(name, (BASE[name], BASE[name])) for name in CONTROLS]).T
     poses = rng.uniform(low, high, (count, len(CONTROLS)))
     legs = np.array(["flex" in name or "knee" in name or "open" in name for name in CONTROLS])
     calm = np.where(legs, rng.random((count, 1)) < 0.5, rng.random((count, len(CONTROLS))) < 0.25)
     poses = np.where(calm, base, poses)
-    for side in ("left", "right"):  # a knee bends with its hip, so that the shin stays below the body
+    for side in ("left", "right"):  # a knee bends with its hip, which keeps the shin below the body
         flex, knee = CONTROLS.index(f"{side}_flex"), CONTROLS.index(f"{side}_knee")
         poses[:, knee] = np.clip(poses[:, flex] * rng.uniform(0.9, 1.9, count) + 5.0, 2.0, 130.0)
-    moments = np.arange(int((count - 1) * RANDOM_STEP * rate) + 1) / rate
-    return PchipInterpolator(np.arange(count) * RANDOM_STEP, poses)(moments)
+    moments = np.arange(int((count - 1) * SETTINGS.random_step * rate) + 1) / rate
+    return PchipInterpolator(np.arange(count) * SETTINGS.random_step, poses)(moments)
 
 
 def _other_side(controls: np.ndarray) -> np.ndarray:
@@ -216,11 +229,11 @@ def _other_side(controls: np.ndarray) -> np.ndarray:
 
 
 def _habit(rng: np.random.Generator) -> np.ndarray:
-    """How one person sits: a constant deviation (C,) of every control, half of it the same on both sides."""
+    """Return a constant deviation (C,) of every control of one person, half of it equal on both sides."""
     shared = {name.split("_")[-1]: rng.normal() for name in CONTROLS}
     habit = np.array([rng.normal() + shared[name.split("_")[-1]] for name in CONTROLS])
     habit[CONTROLS.index("hop")] = 0.0
-    return HABIT_DEGREES * np.sqrt(0.5) * habit
+    return SETTINGS.habit * np.sqrt(0.5) * habit
 
 
 def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -231,13 +244,13 @@ def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:
             continue
         rates, phases = rng.uniform(0.1, 0.9, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
         noise[:, column] = (
-            WOBBLE_DEGREES * np.sqrt(2.0 / 3.0) * np.sin(2.0 * np.pi * rates * moments[:, None] + phases).sum(axis=1)
+            SETTINGS.wobble * np.sqrt(2.0 / 3.0) * np.sin(2.0 * np.pi * rates * moments[:, None] + phases).sum(axis=1)
         )
     return noise
 
 
 def _stand(poses: np.ndarray, body: Body, hop: np.ndarray) -> None:
-    """Fill the root positions: lowest sole point at y = hop, the lower foot fixed where it stands."""
+    """Set the root positions: lowest sole point at y = hop, the lower foot fixed on the floor."""
     feet = [skeleton.JOINT_NAMES.index(f"{side}_ankle") for side in ("left", "right")]
     soles = [_sole(body, foot) - body.joints[foot] for foot in feet]
     points = np.empty((len(poses), 2, 3))  # lowest point of each sole
@@ -254,8 +267,8 @@ def _stand(poses: np.ndarray, body: Body, hop: np.ndarray) -> None:
 
 
 def _sole(body: Body, foot: int) -> np.ndarray:
-    """Rest positions (N, 3) of the lowest vertices that a foot's joint carries, or its site where the mesh has none."""
+    """Return the rest positions (N, 3) of the lowest vertices of a foot, or its site if the mesh has none."""
     own = body.vertices[body.part == foot]
     if len(own) < 3:
         return body.sites[skeleton.SITE_PARENTS == foot]
-    return own[own[:, 1] < own[:, 1].min() + SOLE]
+    return own[own[:, 1] < own[:, 1].min() + SETTINGS.sole]

@@ -1,4 +1,4 @@
-"""Motion capture files of any known format: find them, tell their format, read them."""
+"""Reader of motion capture files of any supported format."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from toolkit.mocap.clip import Clip
 from toolkit.mocap.plausibility import check_clip
 
 MOTION_SUFFIXES = (".bvh", ".amc")
-"""Endings of files that hold a motion; an ASF skeleton is found through its AMC motions. Of NPZ files those of AMASS
-hold one too (`amass.is_amass`)."""
+"""Suffixes of motion files; an ASF skeleton is found through its AMC motions. NPZ files are recognised by
+`amass.is_amass`."""
 
 FOREIGN_SUFFIXES = (".c3d", ".fbx", ".trc", ".mvnx", ".glb")
-"""Motion capture of other kinds, which people try."""
+"""Suffixes of unsupported motion capture formats."""
 
 
 def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
-    """Read one motion file: BVH, AMC (with the ASF beside it) or AMASS; its content tells which, not its ending.
+    """Read one motion file: BVH, AMC (with the ASF beside it) or AMASS, recognised by its content.
 
     Parameters
     ----------
     path : the file
-    unit : metres of one file unit; None guesses, see `units.metres_per_unit` and `asf_amc.read_asf`
+    unit : metres of one file unit; None guesses it, see `units.metres_per_unit` and `asf_amc.read_asf`
 
     Raises
     ------
@@ -38,7 +38,7 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
     if not is_file(file):
         raise MocapError(f"there is no motion file {file}; check the path")
     if file.suffix.lower() in FOREIGN_SUFFIXES:
-        raise MocapError(f"{file.name} is not read: of {file.suffix} files there is no reader; convert it to BVH")
+        raise MocapError(f"{file.name} cannot be read: there is no reader of {file.suffix} files; convert it to BVH")
     if file.suffix.lower() == ".npz":
         return check_clip(read_amass(file))
     try:
@@ -58,7 +58,7 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
 
 
 def find_clips(folder: str | Path) -> list[Path]:
-    """All motion files in a folder and the folders below, sorted; a file that is given is returned as it is.
+    """Return all motion files in a folder and below, sorted; a given file is returned as it is.
 
     Raises
     ------

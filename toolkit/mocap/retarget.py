@@ -1,11 +1,13 @@
-"""From a foreign skeleton to poses of our body: bone rotations relative to the T-pose, limbs by bone direction.
+"""Retargeting of a foreign skeleton to the project's body: torso by rotations, limbs by bone directions.
 
-Torso and head take the source's rotations relative to its rest pose. A limb takes the directions of its bones, because
-rigs differ in their rest poses and in where they put twist: our elbow and knee are hinges, so the plane in which a limb
-is bent sets the twist of its shoulder or hip, and where the limb is straight the source's own twist does.
+Torso and head use the source's rotations relative to its rest pose. A limb uses the directions of its bones, because
+rigs differ in rest pose and in the joint of the twist. Elbow and knee of the body are hinges, so the plane of a bent
+limb determines the twist of its shoulder or hip. For a straight limb the source's own twist is used.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,46 +29,58 @@ from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import Rig, load_rig
 from toolkit.mocap.source import KeyedClip
 
-SHORTEST_LEG = 0.01
-"""Metres: what is shorter is no body's, and nothing can be scaled by it."""
-TWIST_PRIOR = 0.0015
-"""Square metres: how much the source's own twist, and as much again a relaxed limb's, count against the squared levers
-(m) of a bent limb's far points."""
 
-BEND = np.sin(np.radians(12.0)) ** 2
-"""Squared sine of the bend at which a far point counts half: a smaller one may as well be an overstretched elbow."""
+@dataclass(frozen=True)
+class RetargetSettings:
+    """Settings of the retargeting.
 
-REAIMS = 3
-"""Rounds of swinging a limb's first joint back to its bone's direction and clamping it again."""
+    Attributes
+    ----------
+    shortest_leg : metres, shortest plausible leg
+    twist_prior : square metres, weight of the source's own twist, and again of a relaxed limb's twist, against the
+        squared levers (m) of a bent limb's far points
+    bend : squared sine of the bend at which a far point has half its weight; a smaller bend may be an overstretched
+        elbow
+    reaims : iterations of aligning a limb's first joint with its bone's direction and clipping it
+    """
+
+    shortest_leg: float = 0.01
+    twist_prior: float = 0.0015
+    bend: float = np.sin(np.radians(12.0)) ** 2
+    reaims: int = 3
+
+
+SETTINGS = RetargetSettings()
+
 
 X, Y = 0, 1
 DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
 
 Lever = tuple[float, np.ndarray, np.ndarray]
-"""A far point of a limb: lever (m), direction in the limb's frame (T, 3) or (3,), direction in the source (T, 3)."""
+"""Far point of a limb: lever (m), direction in the limb's frame (T, 3) or (3,), direction in the source (T, 3)."""
 
 
 def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
-    """Poses of `body` that move as `clip` does.
+    """Return the poses of `body` that reproduce the motion of `clip`.
 
-    The world stays the clip's own (turned to y up where its skeleton stands along another axis). The root is the
-    midpoint of the hips, scaled by the ratio of the leg lengths and lifted by a constant so that the feet keep their
-    mean height over the floor y = 0. Leading calibration frames are dropped (`source.calibration_frames`).
+    The world is the clip's own, rotated to y up. The root is the midpoint of the hips, scaled by the ratio of the leg
+    lengths and shifted by a constant, so that the feet keep their mean height above the floor y = 0. Leading
+    calibration frames are dropped (`source.calibration_frames`).
 
     Parameters
     ----------
-    clip : the motion
-    body : the body whose rest proportions are used
-    rig : its joint map; None guesses it (`load_rig`)
+    clip : motion
+    body : body with the wanted proportions
+    rig : joint map of the clip; None guesses it (`load_rig`)
 
     Returns
     -------
-    PoseClip whose `clamped` tells how often each entry was brought back within `skeleton.POSE_LIMITS`.
+    PoseClip; `clamped` is the fraction of frames in which an entry was clipped to `skeleton.POSE_LIMITS`.
 
     Raises
     ------
     RigError
-        No joint map fits, or the rest pose does not stand along the axes of its file.
+        No joint map fits, or the rest pose is not aligned with the axes of its file.
     """
     source = KeyedClip.of(clip, rig or load_rig(clip))
     chain = _Chain(body, source.frames)
@@ -83,7 +97,7 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
 
 
 class _Chain:
-    """Fills the poses joint by joint, from the root outwards, and keeps the world rotations (T, 3, 3) that result."""
+    """Poses under construction, joint by joint from the root outwards, with world rotations (T, 3, 3)."""
 
     def __init__(self, body: Body, frames: int) -> None:
         self.points = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
@@ -102,25 +116,27 @@ class _Chain:
         return unit(step), float(np.linalg.norm(step))
 
     def turn(self, joint: str, world: np.ndarray) -> None:
-        """Give a joint the world rotations (T, 3, 3), as far as its free axes and limits allow."""
+        """Set a joint to world rotations (T, 3, 3), within its free axes and limits."""
         self.set(joint, vectors_of(world if joint == "root" else transposed(self.world[self.parent(joint)]) @ world))
 
     def aim(self, joint: str, world: np.ndarray, bone: np.ndarray, now: np.ndarray) -> None:
-        """As `turn`, and where the limits change the rotation swing it so that `bone` (3,) comes as near to `now` (T,
-        3) as they allow: alternating projections, which give up twist rather than the direction of the bone."""
+        """Set a joint as `turn`; if limits change the rotation, swing it to keep `bone` (3,) close to `now` (T, 3).
+
+        Alternating projections give up twist rather than the direction of the bone.
+        """
         self.turn(joint, world)
         clamped = self.clamped.copy()
-        for _ in range(REAIMS):
+        for _ in range(SETTINGS.reaims):
             reached = self.world[joint]
             self.turn(joint, swing(apply(reached, bone), now) @ reached)
         self.clamped = clamped
 
     def hinge(self, joint: str, axis: int, angles: np.ndarray) -> None:
-        """Bend a hinge by `angles` (T,), as far as its limits allow."""
+        """Bend a hinge by `angles` (T,), within its limits."""
         self.set(joint, angles[:, None] * np.eye(3)[axis])
 
     def set(self, joint: str, vectors: np.ndarray) -> None:
-        """Give a joint rotation vectors (T, 3) relative to its parent, as far as its free axes and limits allow."""
+        """Set a joint to rotation vectors (T, 3) relative to its parent, within its free axes and limits."""
         entries = 3 + np.flatnonzero(skeleton.DOF_JOINT == skeleton.JOINT_NAMES.index(joint))
         axes = skeleton.DOF_AXIS[entries - 3]
         low, high = skeleton.POSE_LIMITS[entries].T
@@ -134,9 +150,9 @@ class _Chain:
 
 
 def _pelvis(source: KeyedClip) -> np.ndarray:
-    """World rotations of the pelvis: the source's, tilted by what its lumbar spine bends beyond our limits.
+    """Return the world rotations of the pelvis, tilted by the source's lumbar bend beyond the limits.
 
-    So a deep bend keeps its depth: CMU and HDM05 bend at the level of the hips, which is more than a lumbar spine can.
+    A deep bend keeps its depth: CMU and HDM05 bend at the hips by more than a lumbar spine can.
     """
     if "lumbar" not in source.rotations:
         return source.rotations["root"]
@@ -147,14 +163,16 @@ def _pelvis(source: KeyedClip) -> np.ndarray:
 
 
 def _head(source: KeyedClip) -> np.ndarray:
-    """World rotations for the cervical joint: the head's, swung so that neck base to skull points as in the source."""
+    """Return the world rotations for the cervical joint: the head's, aligned with the direction from neck base to
+    skull.
+    """
     turned = source.rotations["head"]
     rest, now = source.bone("cervical", "skull")
     return swing(apply(turned, rest), now) @ turned
 
 
 def _clavicle(chain: _Chain, source: KeyedClip, side: str) -> None:
-    """The shoulder girdle swings; what the source turns it about its own length is left to the shoulder."""
+    """Set the swing of the shoulder girdle; its twist is left to the shoulder."""
     key = f"{side}_clavicle"
     local = np.broadcast_to(np.eye(3), (source.frames, 3, 3))
     if key in source.rotations:
@@ -206,12 +224,12 @@ def _about(axis: int, angles: np.ndarray) -> np.ndarray:
 
 
 def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list[Lever]) -> np.ndarray:
-    """World rotations (T, 3, 3) of the first joint of a limb: its bone as in the source, its twist by what hangs below.
+    """Return the world rotations (T, 3, 3) of a limb's first joint: bone direction of the source, twist by the limb.
 
-    The twist is the one that brings the far points of the limb nearest to the source's, in the sense of least squares
-    (a planar Procrustes problem). Priors of weight `TWIST_PRIOR` keep a straight limb from spinning and winding up: the
-    source's own twist, corrected by its constant offset from the bend planes of the whole clip, and a relaxed limb,
-    half as if swung straight from the T-pose and half as if swung from hanging down.
+    The twist minimises the squared distances of the limb's far points from the source's (a planar Procrustes problem).
+    Priors of weight `RetargetSettings.twist_prior` prevent a straight limb from spinning: the source's own twist,
+    corrected by its constant offset from the bend planes of the clip, and a relaxed limb, half as swung straight from
+    the T-pose and half as swung from hanging down.
     """
     bone, _ = chain.bone(start, stop)
     rest, now = source.bone(start, stop)
@@ -221,8 +239,8 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
     for lever, own, wanted in levers:
         seen = _turns_about(now, apply(turned, own), wanted)
         size = np.abs(seen)
-        evidence += seen * lever**2 * size / (size + BEND)
-    offset = evidence.sum() + len(now) * TWIST_PRIOR
+        evidence += seen * lever**2 * size / (size + SETTINGS.bend)
+    offset = evidence.sum() + len(now) * SETTINGS.twist_prior
     prior = np.full(len(now), offset / abs(offset))
     parent = chain.world[chain.parent(start)]
     probe = np.array([0.0, 0.0, 1.0])
@@ -231,21 +249,21 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
         relaxed = parent @ swing(apply(hanging, bone), local) @ hanging
         untwisted = _turns_about(now, apply(turned, probe), apply(relaxed, probe))
         prior += 0.5 * untwisted / np.abs(untwisted)
-    twist = np.angle(evidence + TWIST_PRIOR * prior)
+    twist = np.angle(evidence + SETTINGS.twist_prior * prior)
     return matrices(twist[:, None] * now) @ turned
 
 
 def _turns_about(axis: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """Complex (T,): angle of the turn about unit `axis` from `start` to `stop`, times their distances from the axis."""
+    """Complex (T,): rotation about unit `axis` from `start` to `stop`, times their distances from the axis."""
     along = (axis * start).sum(axis=1) * (axis * stop).sum(axis=1)
     return (start * stop).sum(axis=1) - along + 1j * (axis * np.cross(start, stop)).sum(axis=1)
 
 
 def _root_positions(source: KeyedClip, body: Body, poses: np.ndarray) -> np.ndarray:
-    """Hip midpoints (T, 3) at the body's scale, with its feet on average as high over y = 0 as the source's."""
+    """Return the hip midpoints (T, 3) at the body's scale, with the source's mean height of the feet."""
     rest = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     length = _leg_length(source.rest)
-    if not length > SHORTEST_LEG:
+    if not length > SETTINGS.shortest_leg:
         raise MocapError(f"the legs of the skeleton are {length:g} m long; give a motion of a whole body")
     scale = _leg_length(rest) / length
     positions = source.pelvis * scale

@@ -1,4 +1,4 @@
-"""Which joint of a foreign skeleton stands for which joint of our body: the maps in `configs/rigs/`."""
+"""Joint maps from foreign skeletons to the project's body (`configs/rigs/`)."""
 
 from __future__ import annotations
 
@@ -18,36 +18,35 @@ KEYS: tuple[str, ...] = (
     "root", "lumbar", "thorax", "cervical", "head",
     *(f"{side}_{part}" for side in ("left", "right") for part in SIDED),
 )  # fmt: skip
-"""Names that a map may give: our joints, and head, hands and feet for the tips of their bones."""
+"""Keys of a joint map: joints of the body, and head, hands and feet for the tips of their bones."""
 
 OPTIONAL = frozenset(
     {"lumbar", "cervical", *(f"{side}_{part}" for side in ("left", "right") for part in ("clavicle", "hand", "foot"))}
 )
-"""A skeleton without these can still be used: the joint stays at rest, or the tip is the end site of its bone."""
+"""Keys that a skeleton may lack: the joint stays at rest, or the tip is the end site of its bone."""
 
 
 @dataclass(frozen=True)
 class Rig:
-    """A joint map fitted to one skeleton: `joints` gives for each of `KEYS` that is there the clip's own joint name."""
+    """Joint map of one skeleton: `joints` maps each available key of `KEYS` to the clip's joint name."""
 
     name: str
     joints: dict[str, str]
 
 
 def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
-    """The joint map for a skeleton.
+    """Return the joint map of a skeleton.
 
     Parameters
     ----------
-    source : a clip, for which the map that fits most of its joint names is taken; or a map's name, with each key's
-        first alternative
-    rig : name of a map in `configs/rigs` or path of a YAML file like those; None guesses
+    source : a clip, for the map that fits most of its joint names; or a map's name, for the first alternative of each
+        key
+    rig : name of a map in `configs/rigs` or path of a YAML file; None guesses it
 
     Raises
     ------
     RigError
-        No map fits: the message names the nearest one and the joints that the skeleton lacks for it. Or a map is
-        unknown or broken.
+        No map fits (the message names the nearest one and the missing joints), or a map is unknown or invalid.
     """
     if isinstance(source, str):
         maps = _load_map(source)
@@ -68,7 +67,7 @@ def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
 
 
 def rig_names() -> list[str]:
-    """Names of the maps that are shipped."""
+    """Return the names of the shipped maps."""
     return sorted(path.stem for path in shipped("rigs").glob("*.yaml"))
 
 
@@ -90,12 +89,12 @@ def _shipped_map(name: str) -> dict[str, list[str]]:
 
 
 def read_map(path: Path) -> dict[str, list[str]]:
-    """Names in the motion, the first that is there counts, of each joint in the `joints:` section of a file.
+    """Return the joint names in the motion for each key in the `joints:` section; the first existing name is used.
 
     Raises
     ------
     RigError
-        The file is not understood or names joints that are none of the body's.
+        The file is invalid or has unknown keys.
     """
     hint = "write `joints:` with a name or a list of names per joint"
     table = read_yaml(path, f"the joint map {path.name}", RigError, hint)
@@ -112,7 +111,7 @@ def read_map(path: Path) -> dict[str, list[str]]:
 
 
 def _plain(name: str) -> str:
-    """A joint name without namespace, case and separators; Mixamo's namespace may have lost its colon."""
+    """Return a joint name without namespace, case and separators; Mixamo's namespace may lack its colon."""
     return re.sub(r"^mixamorig\d*|^bip\d+(?=.)|[\s_-]", "", name.rsplit(":", 1)[-1].lower())
 
 

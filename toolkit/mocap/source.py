@@ -1,4 +1,4 @@
-"""A foreign clip in our terms: the joints that our body knows, in a y-up world, relative to the body frame at rest."""
+"""Conversion of a foreign clip to the keys of a joint map, in a y-up world, relative to the body frame at rest."""
 
 from __future__ import annotations
 
@@ -11,14 +11,27 @@ from toolkit.io.errors import RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.rig import Rig
 
-CALIBRATION_FRAMES = 5
-"""How many leading frames may be a calibration pose."""
-CALIBRATION_ANGLE = 0.4
-"""Radians by which a limb bone of a calibration frame may differ from the T-pose and from the file's rest pose."""
-CALIBRATION_SPEED = 20.0
-"""Radians a second: a limb bone that turns faster jumps out of a calibration pose."""
-CALIBRATION_JUMP = 0.7
-"""Radians: a limb bone that turns by more in one frame jumps at any frame rate."""
+
+@dataclass(frozen=True)
+class CalibrationPose:
+    """Thresholds of leading calibration frames.
+
+    Attributes
+    ----------
+    frames : largest number of leading calibration frames
+    angle : radians, largest difference of a limb bone from the T-pose and the file's rest pose
+    speed : radians a second; a faster limb bone ends a calibration pose
+    jump : radians; a limb bone that rotates by more in one frame ends a calibration pose at any frame rate
+    """
+
+    frames: int = 5
+    angle: float = 0.4
+    speed: float = 20.0
+    jump: float = 0.7
+
+
+SETTINGS = CalibrationPose()
+
 
 LIMB_BONES: tuple[tuple[str, str], ...] = tuple(
     (f"{side}_{start}", f"{side}_{stop}")
@@ -29,7 +42,7 @@ LIMB_BONES: tuple[tuple[str, str], ...] = tuple(
 
 @dataclass(frozen=True, eq=False)
 class KeyedClip:
-    """What a clip says about the keys of a rig and about `skull`, the centre of the skull.
+    """Positions and rotations of a clip for the keys of a rig and for `skull`, the centre of the skull.
 
     Attributes
     ----------
@@ -44,7 +57,7 @@ class KeyedClip:
 
     @staticmethod
     def of(clip: Clip, rig: Rig) -> KeyedClip:
-        """Read a clip through a joint map, without its leading calibration frames; raises RigError (`_rest_axes`)."""
+        """Convert a clip by a joint map, without its leading calibration frames; raises RigError (`_rest_axes`)."""
         axes = _rest_axes(clip, rig)
         placed, turned = clip.world()
         upright = _upright_world(turned[:, clip.index(rig.joints["root"])], axes[:, 1])
@@ -86,7 +99,7 @@ class KeyedClip:
         return 0.5 * (self.positions["left_hip"] + self.positions["right_hip"])
 
     def has(self, key: str) -> bool:
-        """Whether the clip knows a joint or a tip."""
+        """Return True if the clip has a joint or a tip."""
         return key in self.rest
 
     def bone(self, start: str, stop: str) -> tuple[np.ndarray, np.ndarray]:
@@ -102,12 +115,12 @@ class KeyedClip:
 
 
 def _rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
-    """Columns left, up and forward of the rest pose, along the axes of the file: a rotation (3, 3) from the body frame.
+    """Return left, up and forward of the rest pose as columns: a rotation (3, 3) from the body frame.
 
     Raises
     ------
     RigError
-        A limb bone has no length, or the rest pose does not stand along the axes.
+        A limb bone has no length, or the rest pose is not aligned with the axes.
     """
     rest = {key: clip.rest[clip.index(joint)] for key, joint in rig.joints.items()}
     for start, stop in (*LIMB_BONES, ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")):
@@ -128,10 +141,9 @@ def _rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
 
 
 def _upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) that turns a file's world to y up.
+    """Return the rotation (3, 3) of a file's world to y up.
 
-    The world's vertical is +y or the rest pose's own upward axis, whichever the root's upward axis is nearer to on
-    average.
+    The world's vertical is +y or the upward axis of the rest pose, whichever is nearer to the root's mean upward axis.
     """
     mean = (root_rotations @ up_at_rest).mean(axis=0)
     if mean @ up_at_rest <= mean[1]:
@@ -140,14 +152,14 @@ def _upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.nda
 
 
 def calibration_frames(source: KeyedClip, frame_rate: float) -> int:
-    """How many leading frames are a calibration pose and no motion (CMU BVH: one, rarely two).
+    """Return the number of leading frames of a calibration pose (CMU BVH: one, rarely two).
 
-    In all of them each limb bone is near the T-pose or the file's rest pose, and after them at least one jumps.
+    In all of them each limb bone is close to the T-pose or the file's rest pose; after them at least one bone jumps.
     """
-    head = min(CALIBRATION_FRAMES + 1, source.frames)
+    head = min(SETTINGS.frames + 1, source.frames)
     still, jumps = np.ones(head, dtype=bool), np.zeros(head, dtype=bool)
     root = transposed(source.rotations["root"][:head])
-    least_jump = min(CALIBRATION_SPEED / frame_rate, CALIBRATION_JUMP)
+    least_jump = min(SETTINGS.speed / frame_rate, SETTINGS.jump)
     for start, stop in LIMB_BONES:
         rest, now = source.bone(start, stop)
         now = now[:head]
@@ -155,7 +167,7 @@ def calibration_frames(source: KeyedClip, frame_rate: float) -> int:
         if "hip" not in start and "knee" not in start:
             straight = np.array([1.0 if start.startswith("left") else -1.0, 0.0, 0.0])
         own = apply(root, now)
-        still &= np.maximum(own @ straight, own @ rest) > np.cos(CALIBRATION_ANGLE)
+        still &= np.maximum(own @ straight, own @ rest) > np.cos(SETTINGS.angle)
         jumps[:-1] |= (now[1:] * now[:-1]).sum(axis=1) < np.cos(least_jump)
     return max((t + 1 for t in range(head) if jumps[t] and still[: t + 1].all()), default=0)
 

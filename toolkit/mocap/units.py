@@ -1,4 +1,4 @@
-"""What one length unit of a mocap file is in metres."""
+"""Length units of motion capture files."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ CMU_UNIT = 0.0254 / 0.45
 """Metres per file unit of the CMU and HDM05 skeletons: inches, scaled by 1 / 0.45 (0.056444 m)."""
 
 PERSON = (0.9, 2.3)
-"""Metres: the size of a person whose unit is guessed."""
+"""Metres, size range of a skeleton whose unit is guessed."""
 PLAUSIBLE = (0.4, 3.0)
-"""Metres: the size of a skeleton whose unit is given; outside, the unit must be wrong."""
+"""Metres, size range of a skeleton with a given unit; outside, the unit is wrong."""
 
 GUESSES: tuple[float, ...] = (1.0, CMU_UNIT, 0.0254, 0.01, 0.001)
-"""Metres, CMU units, inches, centimetres, millimetres. Only 35 to 41 units fit two: CMU units and inches of a child."""
+"""Candidate units: metres, CMU units, inches, centimetres, millimetres. Only sizes of 35 to 41 fit two: CMU units, and
+inches of a child."""
 
 
 def rest_size(points: np.ndarray) -> float:
@@ -24,9 +25,9 @@ def rest_size(points: np.ndarray) -> float:
 
 
 def metres_per_unit(size: float, unit: float | None, name: str) -> float:
-    """The unit of a skeleton that is `size` file units large, in metres.
+    """Return the metres of one file unit of a skeleton of `size` file units.
 
-    `unit` wins where it is given. Otherwise the first of `GUESSES` that makes the skeleton 0.9 to 2.3 m large:
+    A given `unit` is returned as it is. Otherwise the first of `GUESSES` with a skeleton of 0.9 to 2.3 m is returned:
     0.9 to 2.3 units are metres, 16 to 40.7 CMU units, 40.8 to 90 inches, 90 to 230 centimetres, 900 to 2,300
     millimetres.
 

@@ -1,1 +1,4 @@
-"""What tracks say about how a person stands and walks: foot contacts, joint angles, gait, sit-to-stand."""
+"""Biomechanics of finished tracks: foot contact, joint angles, gait, rises, removal of jitter and sliding.
+
+Owns the ISB angles and the gait events. May import `toolkit.tracks` and the packages below it.
+"""

@@ -1,9 +1,9 @@
-"""Joint angles as the International Society of Biomechanics defines them (Wu 2002 hip, knee and ankle; Wu 2005 trunk,
-shoulder and elbow).
+"""Joint angles of the International Society of Biomechanics (Wu 2002: hip, knee, ankle; Wu 2005: trunk, shoulder,
+elbow).
 
 Every segment has the axes X forwards, Y up, Z to the subject's right in the neutral pose (standing, arms hanging, palms
-to the thighs). The angles are those of Cardan or Euler sequences of the distal segment's rotation within the proximal
-one; the left side is mirrored first, so that both sides have the same signs (Wu 2005, 2.3). Ours are degrees.
+to the thighs). The angles are Cardan or Euler angles of the distal segment's rotation relative to the proximal one. The
+left side is mirrored first, so that both sides have the same signs (Wu 2005, 2.3). Angles are in degrees.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ ISB_AXES: np.ndarray = np.column_stack([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0,
 """X, Y, Z of the ISB as columns in the body frame (left, up, front)."""
 SAGITTAL: np.ndarray = np.diag([1.0, 1.0, -1.0])
 """Mirror at the sagittal plane, ISB axes."""
-LOCKED = np.radians(8.0)
-"""Nearer than this to a sequence's singular pose the first and the third angle are one: the first is held."""
+GIMBAL_LOCK = np.radians(8.0)
+"""Radians from a sequence's singular pose within which the first and the third angle are not separable."""
 
 
 class JointAngles(NamedTuple):
-    """One joint's sequence.
+    """Rotation sequence of one joint.
 
     Attributes
     ----------
-    joint : what the columns begin with
-    parent, child : segments, joints of the skeleton that turn them; parent "" is the ground
+    joint : prefix of the column names
+    parent, child : segments, by the joints of the skeleton that rotate them; parent "" is the ground
     sequence : axes of the rotations, "ZXY" or "YXY"
-    motions : names of the angles; "" for one that our kinematic chain does not have
-    signs : +1 or -1, what turns a right-handed rotation of the right side into the named motion
+    motions : names of the angles; "" for one that the kinematic chain does not have
+    signs : +1 or -1, factors from a right-handed rotation of the right side to the named motion
     """
 
     joint: str
@@ -69,7 +69,8 @@ JOINTS: tuple[JointAngles, ...] = (
     *_limbs("left"),
     *_limbs("right"),
 )
-"""Pelvis and thorax are turned within the ground (X towards the camera), the trunk is the thorax within the pelvis."""
+"""Joints with angles. Pelvis and thorax rotate in the ground frame (X towards the camera), the trunk is the thorax in
+the pelvis."""
 
 COLUMNS: tuple[str, ...] = tuple(
     f"{joint.joint}_{motion}_{joint.sequence}_deg" for joint in JOINTS for motion in joint.motions if motion
@@ -82,22 +83,22 @@ class Angles(NamedTuple):
 
     Attributes
     ----------
-    degrees : float64 (T, len(COLUMNS)), continuous over time, NaN where no person is there
-    locked : bool (T, len(JOINTS)), where a sequence is so near its singular pose that only the sum of its first and
-        third angle is known; the first is then carried on from the frames around
+    degrees : float64 (T, len(COLUMNS)), continuous over time, NaN in frames without a person
+    locked : bool (T, len(JOINTS)), frames near a singular pose, in which only the sum of the first and third angle is
+        known; the first is then interpolated between neighbouring frames
     """
 
     degrees: np.ndarray
     locked: np.ndarray
 
     def of(self, name: str) -> np.ndarray:
-        """One angle (T,) by a column's name, with or without its sequence and unit."""
+        """Return one angle (T,) by its column name, with or without sequence and unit."""
         matches = [i for i, column in enumerate(COLUMNS) if column == name or column.rsplit("_", 2)[0] == name]
         return self.degrees[:, matches[0]]
 
 
 def joint_angles(body: Body, poses: np.ndarray, known: np.ndarray) -> Angles:
-    """The angles of poses (T, P) in a y-up frame; `known` is bool (T,)."""
+    """Return the angles of poses (T, P) in a y-up frame; `known` is bool (T,)."""
     rotations = segment_rotations(body, poses)
     degrees, locked = np.full((len(poses), len(COLUMNS)), np.nan), np.zeros((len(poses), len(JOINTS)), dtype=bool)
     first = 0
@@ -115,7 +116,7 @@ def joint_angles(body: Body, poses: np.ndarray, known: np.ndarray) -> Angles:
 
 
 def segment_rotations(body: Body, poses: np.ndarray) -> dict[str, np.ndarray]:
-    """ISB axes of every segment: joint of the skeleton -> float64 (T, 3, 3), columns X, Y, Z within the ground's."""
+    """Return the ISB axes of every segment: joint of the skeleton -> float64 (T, 3, 3), columns X, Y, Z."""
     placed = np.array([body.place(pose).rotations for pose in poses]).reshape(-1, len(skeleton.JOINTS), 3, 3)
     found = {}
     for j, name in enumerate(skeleton.JOINT_NAMES):
@@ -124,7 +125,7 @@ def segment_rotations(body: Body, poses: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _hanging(joint: str) -> np.ndarray:
-    """Rotation that brings a segment of the T-pose, in which joints are at rest, from hanging arms: (3, 3)."""
+    """Return the rotation (3, 3) from the neutral pose with hanging arms to the T-pose of the skeleton."""
     if not joint.endswith(("shoulder", "elbow", "wrist")):
         return np.eye(3)
     s = 1.0 if joint.startswith("left_") else -1.0
@@ -132,10 +133,10 @@ def _hanging(joint: str) -> np.ndarray:
 
 
 def sequence_angles(rotations: np.ndarray, sequence: str, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles float64 (T, 3), radians, of rotations (T, 3, 3) = first @ second @ third, and where they are locked.
+    """Return the angles float64 (T, 3), radians, of rotations (T, 3, 3) = first @ second @ third, and a locked mask.
 
-    Of the two triples that make the same rotation the one with the second angle in its usual range is taken (-90 to 90
-    degrees of ZXY, -180 to 0 of YXY); the others are continuous over the known frames, in which alone anything is said.
+    Of the two equivalent triples, the one with the second angle in its usual range is returned (-90 to 90 degrees for
+    ZXY, -180 to 0 for YXY). The other angles are continuous over the known frames; the rest is NaN.
     """
     rows, out = np.flatnonzero(known), np.full((len(rotations), 3), np.nan)
     locked = np.zeros(len(rotations), dtype=bool)
@@ -154,15 +155,15 @@ def sequence_angles(rotations: np.ndarray, sequence: str, known: np.ndarray) -> 
 
 
 def _first_of_zxy(turned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.arctan2(-turned[:, 0, 1], turned[:, 1, 1]), np.abs(turned[:, 2, 1]) > np.cos(LOCKED)
+    return np.arctan2(-turned[:, 0, 1], turned[:, 1, 1]), np.abs(turned[:, 2, 1]) > np.cos(GIMBAL_LOCK)
 
 
 def _first_of_yxy(turned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.arctan2(-turned[:, 0, 1], -turned[:, 2, 1]), np.abs(turned[:, 1, 1]) > np.cos(LOCKED)
+    return np.arctan2(-turned[:, 0, 1], -turned[:, 2, 1]), np.abs(turned[:, 1, 1]) > np.cos(GIMBAL_LOCK)
 
 
 def _held(angle: np.ndarray, near: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The angle without jumps; where it is not known, between its neighbours in time."""
+    """Return the angle without jumps, interpolated in time where it is locked."""
     if near.all():
         return np.zeros(len(angle))
     sure = np.flatnonzero(~near)
@@ -170,7 +171,7 @@ def _held(angle: np.ndarray, near: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _about(axis: int, angle: np.ndarray) -> np.ndarray:
-    """Rotations (T, 3, 3) about one of the axes."""
+    """Return the rotations (T, 3, 3) about one coordinate axis."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     out = np.zeros((len(angle), 3, 3))
     out[:, axis, axis] = 1.0

@@ -1,8 +1,9 @@
-"""Which foot carries: low over the ground and slow, with hysteresis on both; and how high the ground lies."""
+"""Foot contact, by height and speed of the sole with hysteresis, and the height of the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,37 +14,55 @@ from toolkit.io.spans import spans
 from toolkit.tracks import TRACKED, Track
 from toolkit.tracks.runs import Person
 
-NEAR_FLOOR = 0.15
-"""Metres between the floor that the camera sees and the height at which feet rest: farther, they rest on something."""
-REACH = 4.0
-"""Standard deviations that a Gaussian reaches."""
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """Thresholds of foot contact.
+
+    Attributes
+    ----------
+    floor_tolerance : metres between the floor in the camera's view and the height of resting feet; at a larger
+        distance the feet rest on another surface
+    enter_height : metres above the ground below which the lower point of a sole begins a contact
+    leave_height : metres above which it ends the contact
+    enter_speed : metres a second along the ground below which the slower point of a sole begins a contact
+    leave_speed : metres a second above which it ends the contact
+    smoothing : seconds, standard deviation of the Gaussian over the sole before speeds are computed
+    shortest : seconds, shortest contact and shortest gap between two contacts
+    """
+
+    floor_tolerance: float = 0.15
+    enter_height: float = 0.05
+    leave_height: float = 0.09
+    enter_speed: float = 0.30
+    leave_speed: float = 0.55
+    smoothing: float = 0.045
+    shortest: float = 0.10
+
+
+SETTINGS = ContactSettings()
+
+GAUSSIAN_RADIUS = 4.0
+"""Radius of a truncated Gaussian, standard deviations (SciPy's default)."""
 SHORTEST_STEP = 1e-4
-"""Seconds: frames that are nearer in time are of one moment, and say nothing about the rate of a camera."""
+"""Seconds; frames with a smaller time step are ignored for the frame rate."""
 
 
 ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
-LOW, HIGH = 0.05, 0.09
-"""Metres over the ground below which a sole's lower point must come, and above which it leaves."""
-SLOW, FAST = 0.30, 0.55
-"""The same in metres a second along the ground, of the sole's slower point."""
-SMOOTHING = 0.045
-"""Seconds, standard deviation of the Gaussian over the sole's places before speeds are taken."""
-SHORTEST = 0.10
-"""Seconds that a contact, or a gap between two, lasts at least."""
 
 
 def foot_contacts(body: Body, track: Track, camera_height: float | None = None) -> np.ndarray:
-    """Whether the left and the right foot carry: bool (T, 2), False where the person is not tracked.
+    """Return the contact of the left and the right foot: bool (T, 2), False in frames without a tracked person.
 
     Parameters
     ----------
-    body : that the poses belong to
+    body : body of the poses
     track : one row per frame, level frame
-    camera_height : metres of the camera above the floor, None where none is seen
+    camera_height : metres of the camera above the floor, None without a detected floor
     """
     placed, tracked = soles(body, track.pose), track.state == TRACKED
     ground = ground_height(placed, track.timestamps, tracked)
-    if camera_height is not None and (ground is None or abs(ground + camera_height) > NEAR_FLOOR):
+    if camera_height is not None and (ground is None or abs(ground + camera_height) > SETTINGS.floor_tolerance):
         ground = -camera_height
     if ground is None:
         return np.zeros((len(track), 2), dtype=bool)
@@ -51,16 +70,19 @@ def foot_contacts(body: Body, track: Track, camera_height: float | None = None) 
 
 
 def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, known: np.ndarray) -> np.ndarray:
-    """The same from heel and ball of both feet (T, 2, 2, 3), y up, metres, and the ground's y; `known` is bool (T,)."""
+    """Return foot contact from heel and ball of both feet (T, 2, 2, 3), y up, metres, and the ground's y.
+
+    `known` is bool (T,).
+    """
     found = np.zeros((len(times), 2), dtype=bool)
     for span in spans(known):
         rows, own = placed[span], times[span]
         heights = rows[..., 1].min(axis=2) - ground
         speeds = _sole_speeds(rows, own)
-        shortest = frames_in(SHORTEST, own)
+        shortest = frames_in(SETTINGS.shortest, own)
         for side in range(2):
-            enter = (heights[:, side] < LOW) & (speeds[:, side] < SLOW)
-            stay = (heights[:, side] < HIGH) & (speeds[:, side] < FAST)
+            enter = (heights[:, side] < SETTINGS.enter_height) & (speeds[:, side] < SETTINGS.enter_speed)
+            stay = (heights[:, side] < SETTINGS.leave_height) & (speeds[:, side] < SETTINGS.leave_speed)
             found[span, side] = without_short(hysteresis(enter, stay), shortest)
     return found
 
@@ -69,17 +91,17 @@ def _sole_speeds(placed: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
     if len(times) < 2:
         return np.zeros(placed.shape[:2])
-    flat = smoothed(placed, times, SMOOTHING)[..., [0, 2]]
+    flat = smoothed(placed, times, SETTINGS.smoothing)[..., [0, 2]]
     velocities = np.gradient(flat, np.maximum.accumulate(times + 1e-9 * np.arange(len(times))), axis=0)
     return np.asarray(np.linalg.norm(velocities, axis=-1).min(axis=2))
 
 
 def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarray:
-    """Values (T, ...) under a Gaussian of so many seconds, without shift in time."""
+    """Return values (T, ...) filtered by a Gaussian of `seconds`, without a shift in time."""
     if len(times) < 2 or not seconds > 0:
         return values
     deviation = seconds / typical_step(times)  # frames
-    reach = int(REACH * deviation + 0.5)
+    reach = int(GAUSSIAN_RADIUS * deviation + 0.5)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
     padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="symmetric")
     out = np.zeros(values.shape)
@@ -89,26 +111,26 @@ def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarra
 
 
 def typical_step(times: np.ndarray) -> float:
-    """Median seconds from frame to frame, 1/30 where there are too few."""
+    """Return the median time step in seconds, 1/30 for fewer than two frames."""
     steps = np.diff(times)
     steps = steps[steps > SHORTEST_STEP]
     return float(np.median(steps)) if len(steps) else 1.0 / 30.0
 
 
 def frames_in(seconds: float, times: np.ndarray) -> int:
-    """Frames that last so many seconds, at least one."""
+    """Return the number of frames in `seconds`, at least one."""
     return max(1, round(seconds / typical_step(times)))
 
 
 def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> float | None:
-    """Height at which the feet rest, y in metres, from soles (T, 2, 2, 3); None of no person.
+    """Return the height of resting feet, y in metres, from soles (T, 2, 2, 3); None without a person.
 
-    The median of what is within 6 cm of the lowest twentieth of all heights of slow feet.
+    The median of the heights of slow feet within 6 cm of their 5th percentile.
     """
     heights = []
     for span in spans(known):
         lower = placed[span][..., 1].min(axis=2)
-        slow = _sole_speeds(placed[span], times[span]) < SLOW
+        slow = _sole_speeds(placed[span], times[span]) < SETTINGS.enter_speed
         heights.append(lower[slow])
     resting = np.concatenate(heights) if heights else np.zeros(0)
     if not len(resting):
@@ -119,8 +141,9 @@ def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> f
 
 
 def ground_of(people: Sequence[Person]) -> tuple[float, str]:
-    """Y of the ground in the level frame, metres, and how it is known: "seen by the camera", "where the feet rest", or
-    "guessed" (no foot was ever seen).
+    """Return y of the ground in the level frame, metres, and its source.
+
+    The source is "seen by the camera", "where the feet rest", or "guessed" (no foot was ever visible).
     """
     seen = next((person.camera_height for person in people if person.camera_height is not None), None)
     if seen is not None:
@@ -140,7 +163,7 @@ def ground_of(people: Sequence[Person]) -> tuple[float, str]:
 
 
 def hysteresis(enter: np.ndarray, stay: np.ndarray) -> np.ndarray:
-    """Bool (T,): from where `enter` holds as long, in both directions, as `stay` does."""
+    """Return a bool (T,) mask: each run of `stay` that contains a frame of `enter`."""
     held = np.zeros(len(enter), dtype=bool)
     for span in spans(stay | enter):
         held[span] = enter[span].any()
@@ -148,7 +171,7 @@ def hysteresis(enter: np.ndarray, stay: np.ndarray) -> np.ndarray:
 
 
 def without_short(flags: np.ndarray, shortest: int) -> np.ndarray:
-    """Bool (T,): the same with gaps and then stretches of fewer frames taken away; those at the ends stay."""
+    """Return bool (T,) flags without short gaps and then without short runs; those at the ends remain."""
     kept = flags.copy()
     for value in (False, True):
         for span in spans(kept == value):

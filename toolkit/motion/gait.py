@@ -1,7 +1,8 @@
-"""Gait: strides of a person who walks, from where heels are before and toes are behind the pelvis.
+"""Gait: strides of a walking person, from the positions of heels and toes relative to the pelvis.
 
-A foot touches down where its heel is farthest ahead of the pelvis, and lifts off where it is farthest behind (Zeni
-2008, Gait & Posture 27): that needs neither a force plate nor a floor, and noise of the heights does not matter.
+A foot touches down where its heel is farthest ahead of the pelvis, and lifts off where its ball is farthest behind
+(Zeni 2008, Gait & Posture 27). The method needs no force plate and no floor, and does not depend on the noise of
+heights.
 """
 
 from __future__ import annotations
@@ -17,31 +18,49 @@ from toolkit.io.spans import spans
 from toolkit.motion.contact import ANKLES, frames_in, smoothed, typical_step
 
 SIDES = ("left", "right")
-WALKING = 0.35
-"""Metres a second: a pelvis that is faster for a second walks."""
-PACE = 0.35
-"""Seconds, standard deviation of the Gaussian over the path of the pelvis: a step sways, several do not."""
-SMOOTHING = 0.05
-"""The same over the places of heels and balls before events are looked for."""
-SHORTEST, LONGEST = 0.6, 2.5
-"""Seconds of a stride."""
-REACH = 0.08
-"""Metres that a foot swings ahead of the pelvis at least."""
-STANCE = (0.35, 0.85)
-"""Shares of a stride that a foot may carry."""
+
+
+@dataclass(frozen=True)
+class GaitSettings:
+    """Thresholds of gait analysis.
+
+    Attributes
+    ----------
+    walking_speed : metres a second, smallest speed of the pelvis of a walking person
+    course_smoothing : seconds, standard deviation of the Gaussian over the velocity of the pelvis; it averages
+        several steps, because the pelvis sways with each
+    smoothing : seconds, standard deviation of the Gaussian over heels and balls before events are detected
+    shortest_stride : seconds
+    longest_stride : seconds
+    swing : metres, smallest distance that a foot swings ahead of the pelvis
+    stance_range : plausible fractions of a stride with foot contact
+    stand : seconds after a touch-down between which the foot is flat; its place is the median of these frames
+    """
+
+    walking_speed: float = 0.35
+    course_smoothing: float = 0.35
+    smoothing: float = 0.05
+    shortest_stride: float = 0.6
+    longest_stride: float = 2.5
+    swing: float = 0.08
+    stance_range: tuple[float, float] = (0.35, 0.85)
+    stand: tuple[float, float] = (0.08, 0.25)
+
+
+SETTINGS = GaitSettings()
 
 
 @dataclass(frozen=True)
 class Stride:
-    """From one touch-down of a foot to its next.
+    """Stride from one touch-down of a foot to its next.
 
     Attributes
     ----------
     side : "left" or "right"
     start, lift, end : seconds of touch-down, toe-off and the next touch-down
-    length : metres along the ground that the foot was put forward
-    width : metres sideways from the other foot's placement in between, NaN where there is none
-    step : metres along the ground from the other foot's placement in between to the new one, NaN where there is none
+    length : metres along the ground between the two placements of the foot
+    width : metres sideways from the other foot's placement in between, NaN if it has none
+    step : metres along the ground from the other foot's placement in between to the new one, NaN if it has none
     """
 
     side: str
@@ -54,24 +73,24 @@ class Stride:
 
     @property
     def duration(self) -> float:
-        """Seconds."""
+        """Duration in seconds."""
         return self.end - self.start
 
     @property
     def stance(self) -> float:
-        """Share of the stride in which the foot carries."""
+        """Fraction of the stride with foot contact."""
         return (self.lift - self.start) / self.duration
 
 
 @dataclass(frozen=True)
 class Gait:
-    """What strides come to; NaN where there is none.
+    """Gait figures of the strides of one person; NaN if there are none.
 
     Attributes
     ----------
-    strides : in order of their start
-    walking : seconds in which the person walks
-    note : why there is no stride
+    strides : strides, sorted by start
+    walking : seconds of walking
+    note : reason if there is no stride
     """
 
     strides: tuple[Stride, ...] = ()
@@ -79,7 +98,7 @@ class Gait:
     note: str = field(default="", compare=False)
 
     def mean(self, name: str, side: str | None = None) -> float:
-        """Mean of an attribute of the strides of one side or both."""
+        """Return the mean of an attribute over the strides of one side or both."""
         values = [getattr(stride, name) for stride in self.strides if side in (None, stride.side)]
         values = [value for value in values if np.isfinite(value)]
         return float(np.mean(values)) if values else float("nan")
@@ -95,7 +114,7 @@ class Gait:
         return self.mean("length") / self.mean("duration")
 
     def figures(self) -> dict[str, float]:
-        """All figures by name, with their units."""
+        """Return all figures by name, with their units."""
         found = {
             "strides": float(len(self.strides)), "walking_s": self.walking, "stride_length_m": self.mean("length"),
             "cadence_steps_per_min": self.cadence, "speed_m_per_s": self.speed, "step_width_m": self.mean("width"),
@@ -108,7 +127,7 @@ class Gait:
 
 
 def walk_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray) -> Gait:
-    """The strides in poses (T, P) in a y-up frame at `times` (T,), seconds; `known` is bool (T,)."""
+    """Return the gait of poses (T, P) in a y-up frame at `times` (T,), seconds; `known` is bool (T,)."""
     strides: list[Stride] = []
     walking = 0.0
     for span in spans(known):
@@ -121,30 +140,30 @@ def walk_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray)
 
 
 def _why_none(walking: float, stretches: list[np.ndarray]) -> str:
-    """Why there is no stride, from the times of the stretches in which the person is known."""
-    if stretches and max(float(own[-1] - own[0]) for own in stretches) < SHORTEST:
+    """Return the reason for a missing stride, from the times of the runs with a tracked person."""
+    if stretches and max(float(own[-1] - own[0]) for own in stretches) < SETTINGS.shortest_stride:
         return "too short for a stride"
     return "no whole stride was walked" if walking else "the person does not walk"
 
 
 def _bouts(poses: np.ndarray, times: np.ndarray) -> list[slice]:
-    """Stretches in which the pelvis travels."""
+    """Return the runs of frames in which the pelvis travels."""
     if len(times) < 4:
         return []
-    moving = np.linalg.norm(_course(poses[:, [0, 2]], times), axis=1) > WALKING
-    return [span for span in spans(moving) if span.stop - span.start >= frames_in(SHORTEST, times)]
+    moving = np.linalg.norm(_course(poses[:, [0, 2]], times), axis=1) > SETTINGS.walking_speed
+    return [span for span in spans(moving) if span.stop - span.start >= frames_in(SETTINGS.shortest_stride, times)]
 
 
 def _course(path: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Velocity of the pelvis along the ground (T, 2), metres a second, without its swaying."""
-    return smoothed(np.gradient(path, typical_step(times), axis=0), times, PACE)
+    """Return the velocity of the pelvis along the ground (T, 2), metres a second, without its sway."""
+    return smoothed(np.gradient(path, typical_step(times), axis=0), times, SETTINGS.course_smoothing)
 
 
 def _strides(body: Body, poses: np.ndarray, times: np.ndarray) -> list[Stride]:
     pelvis = poses[:, ROOT_POSITION]
-    flat = smoothed(soles(body, poses)[..., [0, 2]], times, SMOOTHING)
-    ankles = smoothed(body.joint_positions(poses)[:, ANKLES][..., [0, 2]], times, SMOOTHING)
-    path = smoothed(pelvis[:, [0, 2]], times, SMOOTHING)
+    flat = smoothed(soles(body, poses)[..., [0, 2]], times, SETTINGS.smoothing)
+    ankles = smoothed(body.joint_positions(poses)[:, ANKLES][..., [0, 2]], times, SETTINGS.smoothing)
+    path = smoothed(pelvis[:, [0, 2]], times, SETTINGS.smoothing)
     ahead = _course(pelvis[:, [0, 2]], times)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
     touches, lifts = [], []
@@ -157,10 +176,10 @@ def _strides(body: Body, poses: np.ndarray, times: np.ndarray) -> list[Stride]:
     for side in range(2):
         for start, end in zip(touches[side][:-1], touches[side][1:], strict=True):
             between = [t for t in lifts[side] if start < t < end]
-            if not between or not SHORTEST <= end - start <= LONGEST:
+            if not between or not SETTINGS.shortest_stride <= end - start <= SETTINGS.longest_stride:
                 continue
             stride = _measured(side, (start, between[0], end), touches[1 - side], ankles, times)
-            if STANCE[0] <= stride.stance <= STANCE[1]:
+            if SETTINGS.stance_range[0] <= stride.stance <= SETTINGS.stance_range[1]:
                 found.append(stride)
     return found
 
@@ -168,8 +187,9 @@ def _strides(body: Body, poses: np.ndarray, times: np.ndarray) -> list[Stride]:
 def _measured(
     side: int, events: tuple[float, float, float], others: list[float], ankles: np.ndarray, times: np.ndarray
 ) -> Stride:
-    """One stride with its lengths, from the places of the ankles (T, 2, 2) while the feet stand: they are better known
-    than heels, which go astray with the foot's inversion.
+    """Return one stride with its lengths, from the standing positions of the ankles (T, 2, 2).
+
+    Ankles are more accurate than heels, whose error grows with the foot's inversion.
     """
     start, lift, end = events
     first, last = _stand(ankles[:, side], times, start), _stand(ankles[:, side], times, end)
@@ -185,24 +205,20 @@ def _measured(
     return Stride(SIDES[side], start, lift, end, length, width, step)
 
 
-STAND = (0.08, 0.25)
-"""Seconds after a touch-down in which the foot is flat and stands: its place is the median of these frames."""
-
-
 def _stand(ankle: np.ndarray, times: np.ndarray, touch: float) -> np.ndarray:
-    """Where an ankle (T, 2) stands after its foot touched down."""
-    rows = (times >= touch + STAND[0]) & (times <= touch + STAND[1])
+    """Return the standing position of an ankle (T, 2) after its foot touched down."""
+    rows = (times >= touch + SETTINGS.stand[0]) & (times <= touch + SETTINGS.stand[1])
     if not rows.any():
         return np.asarray(ankle[int(np.abs(times - touch).argmin())])
     return np.asarray(np.median(ankle[rows], axis=0))
 
 
 def _peaks(values: np.ndarray, times: np.ndarray) -> list[float]:
-    """Times of the maxima of values (T,), at least `REACH` prominent, between the frames by a parabola."""
+    """Return the times of the maxima of values (T,) with the prominence `swing`, refined by a parabola."""
     from scipy.signal import find_peaks
 
-    apart = max(1, frames_in(0.6 * SHORTEST, times))
-    rows, _ = find_peaks(values, prominence=REACH, distance=apart)
+    apart = max(1, frames_in(0.6 * SETTINGS.shortest_stride, times))
+    rows, _ = find_peaks(values, prominence=SETTINGS.swing, distance=apart)
     found = []
     for i in rows:
         a, b, c = values[i - 1], values[i], values[i + 1]

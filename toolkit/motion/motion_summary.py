@@ -1,4 +1,4 @@
-"""What a clinician asks of a track: gait, sit-to-stand, and ranges of motion, left against right."""
+"""Clinical summary of a track: gait, sit-to-stand, and ranges of motion of both sides."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ PAIRED = tuple(
     for motion in joint.motions
     if motion
 )
-"""Joint and motion of the angles that both sides have."""
+"""Joint and motion of the angles of both sides."""
 EXTREMES = (1.0, 99.0)
-"""Percentiles between which a range of motion lies: a single wrong frame does not widen it."""
+"""Percentiles that bound a range of motion, so that a single wrong frame does not widen it."""
 
 
 class AngleRanges(NamedTuple):
-    """Least and greatest angle of the left and of the right side, degrees."""
+    """Smallest and largest angle of the left and of the right side, degrees."""
 
     joint: str
     motion: str
@@ -33,7 +33,7 @@ class AngleRanges(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """One person's figures."""
+    """Figures of one person."""
 
     gait: Gait
     rises: tuple[Rise, ...]
@@ -42,7 +42,7 @@ class Summary(NamedTuple):
 
 
 def summary_of(person: Person) -> Summary:
-    """The figures of all frames in which the person is there."""
+    """Return the figures over all frames with the person."""
     track, known = person.track, person.there
     angles = joint_angles(person.body, track.pose, known)
     return Summary(
@@ -54,7 +54,7 @@ def summary_of(person: Person) -> Summary:
 
 
 def _ranges_of(angles: Angles) -> tuple[AngleRanges, ...]:
-    """Ranges of the angles that both sides have; NaN of a person who is never there."""
+    """Return the ranges of the angles of both sides; NaN for a person without a frame."""
     found = []
     for joint, motion in PAIRED:
         sides = []
@@ -69,7 +69,7 @@ def _ranges_of(angles: Angles) -> tuple[AngleRanges, ...]:
 
 
 def as_plain(summary: Summary) -> dict[str, Any]:
-    """The figures for JSON: numbers that are not known are None."""
+    """Return the figures as JSON values; unknown numbers are None."""
 
     def plain(value: float) -> float | None:
         return round(value, 4) if np.isfinite(value) else None

@@ -1,14 +1,13 @@
-"""What rests stays where it is: a body that stands still does not tremble, feet that carry do not slide.
+"""Removal of jitter from resting bodies and of sliding from feet in contact, in finished tracks.
 
-For finished tracks only: where something rests is known of the frames before and after. A moment in which the whole
-body is near where it is now says the same pose once more, so the mean over such moments is the better one. Where a foot
-carries, its leg is then bent until heel and ball stay where they rest; the root and everything but the legs stay.
+Frames in which the whole body is close to its present pose measure the same pose again, so their mean is more accurate.
+The leg of a foot in contact is then bent until heel and ball stay in place. Root, trunk and arms do not change.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,38 +15,53 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole, soles
 from toolkit.io.spans import spans
-from toolkit.motion.contact import REACH, frames_in, smoothed, typical_step
+from toolkit.motion.contact import GAUSSIAN_RADIUS, frames_in, smoothed, typical_step
 from toolkit.tracks import TRACKED
 from toolkit.tracks.runs import Person
 
 CORE = [i for i, name in enumerate(skeleton.REPORTED) if not name.endswith(("shoulder", "elbow", "wrist", "hand"))]
-"""Reported joints that say whether trunk and legs rest; an arm may move while they do."""
+"""Reported joints of trunk and legs, which rest independently of the arms."""
 ARMS: dict[str, list[int]] = {
     side: [skeleton.REPORTED.index(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist", "hand")]
     for side in ("left", "right")
 }
-STEP = 1e-5
+FORWARD_STEP = 1e-5
 """Radians of a forward difference."""
 
 
-BODY, BODY_NEAR = 0.3, 0.02
-"""Seconds and metres, standard deviations of the Gaussians over the frames that say a pose once more: by when they are,
-and by how far the joint that is farthest is from where it is now."""
-FOOT, FOOT_NEAR = 1.0, 0.025
-"""The same of where a foot that carries rests; heel and ball each for itself, for one that rises, as the heel before a
-foot leaves, goes its own way."""
-BEFORE = 0.05
-"""Seconds, of the Gaussian under which these distances are measured, for noise is no distance."""
-BLEND = 0.10
-"""Seconds in which a foot comes to its place and leaves it."""
-STIFFNESS = 0.01
-"""Metres of the sole for a radian of the leg's angles."""
-ROUNDS = 3
-"""Of Gauss-Newton."""
+@dataclass(frozen=True)
+class RestSettings:
+    """Widths of the filters over resting bodies and feet.
+
+    Attributes
+    ----------
+    body_seconds : seconds, standard deviation of the Gaussian over the frames that are averaged with a pose
+    body_distance : metres, standard deviation of the Gaussian over the largest joint distance between two poses
+    foot_seconds : seconds, as `body_seconds` for a foot in contact
+    foot_distance : metres, as `body_distance` for a foot; heel and ball are filtered separately, because the heel
+        rises first
+    distance_smoothing : seconds, standard deviation of the Gaussian over positions before distances are computed,
+        against noise
+    blend : seconds in which a foot moves to its place and leaves it
+    stiffness : metres of the sole for a radian of the leg's angles
+    iterations : Gauss-Newton iterations
+    """
+
+    body_seconds: float = 0.3
+    body_distance: float = 0.02
+    foot_seconds: float = 1.0
+    foot_distance: float = 0.025
+    distance_smoothing: float = 0.05
+    blend: float = 0.10
+    stiffness: float = 0.01
+    iterations: int = 3
+
+
+SETTINGS = RestSettings()
 
 
 def at_rest(person: Person) -> Person:
-    """The person with what rests held where it is; `contact` of the track says which feet carry."""
+    """Return the person with resting body and feet held in place; `track.contact` marks the feet in contact."""
     track = person.track
     poses = track.pose.copy()
     for span in spans(track.state == TRACKED):
@@ -62,24 +76,25 @@ def at_rest(person: Person) -> Person:
 
 
 def _still_body(body: Body, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Poses (N, P) moved to their mean over the frames near in time, by the share of these in which the body is near,
-    too: one that moves stays as it was found. An arm may move by itself.
+    """Return poses (N, P) moved to the mean of the close frames near in time; a moving body does not change.
+
+    An arm may move while the rest of the body is still.
     """
     from scipy.spatial.transform import Rotation
 
-    joints = smoothed(body.joint_positions(poses), times, BEFORE)
+    joints = smoothed(body.joint_positions(poses), times, SETTINGS.distance_smoothing)
     turns = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])
     arms = {side: _entries(side, ("clavicle", "shoulder", "elbow")) for side in ARMS}
     moved, weights = np.zeros_like(poses), np.zeros((len(poses), 1))
-    for here, there, late in _pairs(times, BODY):
+    for here, there, late in _pairs(times, SETTINGS.body_seconds):
         far = np.linalg.norm(joints[there] - joints[here], axis=2)
         core = far[:, CORE].max(axis=1)
         way = poses[there] - poses[here]
         way[:, skeleton.ROOT_ROTATION] = (turns[there] * turns[here].inv()).as_rotvec()
-        weight = np.tile(_closeness(core, BODY_NEAR)[:, None], poses.shape[1])
+        weight = np.tile(_closeness(core, SETTINGS.body_distance)[:, None], poses.shape[1])
         for side, entries in arms.items():
             own = np.maximum(core, far[:, ARMS[side]].max(axis=1))
-            weight[:, entries] = _closeness(own, BODY_NEAR)[:, None]
+            weight[:, entries] = _closeness(own, SETTINGS.body_distance)[:, None]
         moved[here] += late * weight * way
         weights[here] += late
     moved /= weights
@@ -90,9 +105,9 @@ def _still_body(body: Body, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _pairs(times: np.ndarray, seconds: float) -> Iterator[tuple[slice, slice, float]]:
-    """Frames and those so many frames later or earlier, with the weight of that time under a Gaussian."""
+    """Yield all pairs of frames at one time shift, with the Gaussian weight of that shift."""
     step, count = typical_step(times), len(times)
-    reach = min(count - 1, round(REACH * seconds / step))
+    reach = min(count - 1, round(GAUSSIAN_RADIUS * seconds / step))
     for shift in range(-reach, reach + 1):
         here = slice(max(0, -shift), count - max(0, shift))
         there = slice(max(0, shift), count - max(0, -shift))
@@ -104,32 +119,35 @@ def _closeness(far: np.ndarray, near: float) -> np.ndarray:
 
 
 def _hold(body: Body, leg: str, poses: np.ndarray, placed: np.ndarray, span: slice, times: np.ndarray) -> None:
-    """Bend one leg over one contact; `placed` (T, 2, 3) are its heel and ball as found, `poses` is changed."""
+    """Bend one leg over one contact; `placed` (T, 2, 3) are its measured heel and ball, `poses` is changed."""
     sole, entries = Sole.of(body, leg), _entries(leg.split("_")[0], ("hip", "knee", "ankle"))
     ankles = np.array([body.place(pose).origins[sole.joint] for pose in poses[span]])
     rows = np.concatenate([placed[span], ankles[:, None]], axis=1)
-    ramp = _ramp(span, len(poses), frames_in(BLEND, times[span]))
+    ramp = _ramp(span, len(poses), frames_in(SETTINGS.blend, times[span]))
     targets = rows + ramp[:, None, None] * (resting(rows, times[span]) - rows)
     for target, i in zip(targets, range(span.start, span.stop), strict=True):
         poses[i] = _bent(body, sole, entries, poses[i], target)
 
 
 def resting(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Where points (N, K, 3) of a foot that carries rest: the mean of each over the frames that are near in time and in
-    which it is near (a bilateral filter, Tomasi and Manduchi 1998, in time).
+    """Return the resting positions of points (N, K, 3) of a foot in contact.
+
+    Each is the mean over the frames that are near in time and in position (a bilateral filter in time, Tomasi and
+    Manduchi 1998).
     """
-    own = smoothed(rows, times, BEFORE)
+    own = smoothed(rows, times, SETTINGS.distance_smoothing)
     total, weights = np.zeros_like(rows), np.zeros(rows.shape[:2])
-    for here, there, late in _pairs(times, FOOT):
-        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), FOOT_NEAR)
+    for here, there, late in _pairs(times, SETTINGS.foot_seconds):
+        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), SETTINGS.foot_distance)
         total[here] += weight[..., None] * rows[there]
         weights[here] += weight
     return np.asarray(total / weights[..., None])
 
 
 def _ramp(span: slice, count: int, blend: int) -> np.ndarray:
-    """Weights of the frames of a contact that rise over its first frames and fall over its last, where the track of
-    `count` frames goes on before and behind it.
+    """Return weights that rise over the first frames of a contact and fall over its last ones.
+
+    At the ends of the track of `count` frames the weights stay 1.
     """
     steps = np.arange(span.stop - span.start) + 0.5
     rise = steps if span.start > 0 else np.full(len(steps), np.inf)
@@ -138,13 +156,15 @@ def _ramp(span: slice, count: int, blend: int) -> np.ndarray:
 
 
 def _entries(side: str, parts: tuple[str, ...]) -> np.ndarray:
-    """Entries of a pose that belong to some joints of a side."""
+    """Return the entries of a pose that belong to some joints of a side."""
     joints = [skeleton.JOINT_NAMES.index(f"{side}_{part}") for part in parts]
     return np.asarray(3 + np.flatnonzero(np.isin(skeleton.DOF_JOINT, joints)))
 
 
 def _bent(body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """The pose (P,) with the leg's angles moved as little as brings heel, ball and ankle to `target` (3, 3)."""
+    """Return the pose (P,) with the smallest change of the leg's angles that moves heel, ball and ankle to `target` (3,
+    3).
+    """
     knee = int(skeleton.PARENTS[sole.joint])
 
     def points(at: np.ndarray) -> np.ndarray:
@@ -155,15 +175,15 @@ def _bent(body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target:
     low, high = skeleton.POSE_LIMITS[entries].T
     start, current = pose[entries], pose.copy()
     aim = np.concatenate([target, points(pose)[3:]])
-    for _ in range(ROUNDS):
+    for _ in range(SETTINGS.iterations):
         here = points(current)
         jacobian = np.empty((here.size, len(entries)))
         for k, entry in enumerate(entries):
             nudged = current.copy()
-            nudged[entry] += STEP
-            jacobian[:, k] = (points(nudged) - here).ravel() / STEP
-        system = np.concatenate([jacobian, STIFFNESS * np.eye(len(entries))])
-        wanted = np.concatenate([(aim - here).ravel(), STIFFNESS * (start - current[entries])])
+            nudged[entry] += FORWARD_STEP
+            jacobian[:, k] = (points(nudged) - here).ravel() / FORWARD_STEP
+        system = np.concatenate([jacobian, SETTINGS.stiffness * np.eye(len(entries))])
+        wanted = np.concatenate([(aim - here).ravel(), SETTINGS.stiffness * (start - current[entries])])
         step = np.linalg.lstsq(system, wanted, rcond=None)[0]
         current[entries] = np.clip(current[entries] + step, np.minimum(low, start), np.maximum(high, start))
     return current

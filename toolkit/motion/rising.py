@@ -1,4 +1,4 @@
-"""Sit-to-stand and squats: how often a person rises, and how long it takes."""
+"""Rises from a seat or a squat: their number, start and duration."""
 
 from __future__ import annotations
 
@@ -11,26 +11,46 @@ from toolkit.body.sole import soles
 from toolkit.io.spans import spans
 from toolkit.motion.contact import frames_in, smoothed, typical_step
 
-LOW, HIGH = 0.75, 0.92
-"""Shares of the height of the standing hips below which a person is down, and above which they stand."""
-SMOOTHING = 0.08
-"""Seconds, standard deviation of the Gaussian over the height of the pelvis."""
-ONSET, DONE = 0.05, 0.95
-"""Shares of the way up at which a rise begins and ends."""
-RESTING, REST, SHARE = 0.02, 0.30, 0.60
-"""Metres within which the pelvis stays on a seat, for so many seconds and for such a share of the way up; at the bottom
-of a squat it turns at once (of a cosine it is half as long as the way up)."""
+
+@dataclass(frozen=True)
+class RiseSettings:
+    """Thresholds of rises.
+
+    Attributes
+    ----------
+    low : fraction of the standing hip height below which a person is down
+    high : fraction of the standing hip height above which a person stands
+    smoothing : seconds, standard deviation of the Gaussian over the height of the pelvis
+    onset : fraction of the ascent at which a rise begins
+    done : fraction of the ascent at which a rise ends
+    seat_tolerance : metres within which the height of the pelvis on a seat varies
+    seat_seconds : seconds that a person sits at least
+    seat_share : smallest time on the seat as a fraction of the ascent; at the bottom of a squat, modelled as a
+        cosine, it is 0.5
+    """
+
+    low: float = 0.75
+    high: float = 0.92
+    smoothing: float = 0.08
+    onset: float = 0.05
+    done: float = 0.95
+    seat_tolerance: float = 0.02
+    seat_seconds: float = 0.30
+    seat_share: float = 0.60
+
+
+SETTINGS = RiseSettings()
 
 
 @dataclass(frozen=True)
 class Rise:
-    """From down to standing.
+    """Rise from a low position to standing.
 
     Attributes
     ----------
-    start, end : seconds at which the pelvis has 5 and 95 % of its way up behind it
-    lowest, highest : metres of the hips over the feet
-    seated : whether the pelvis rested before; else it is the end of a squat
+    start, end : seconds at 5 and 95 % of the ascent of the pelvis
+    lowest, highest : metres of the hips above the feet
+    seated : True if the pelvis rested before (sit-to-stand), False at the end of a squat
     """
 
     start: float
@@ -41,47 +61,47 @@ class Rise:
 
     @property
     def duration(self) -> float:
-        """Seconds."""
+        """Duration in seconds."""
         return self.end - self.start
 
 
 def rises_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray) -> tuple[Rise, ...]:
-    """The rises in poses (T, P) in a y-up frame at `times` (T,), seconds; `known` is bool (T,)."""
+    """Return the rises in poses (T, P) in a y-up frame at `times` (T,), seconds; `known` is bool (T,)."""
     standing = -float(soles(body, np.zeros((1, poses.shape[1])))[0, ..., 1].min())
     found: list[Rise] = []
     for span in spans(known):
         ground = soles(body, poses[span])[..., 1].min(axis=(1, 2))
         floor = float(np.percentile(ground, 20))
-        height = smoothed(poses[span, 1] - floor, times[span], SMOOTHING)
+        height = smoothed(poses[span, 1] - floor, times[span], SETTINGS.smoothing)
         found += _rises(height, times[span], standing)
     return tuple(found)
 
 
 def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]:
-    """Rises in the height (T,) of the hips over the feet."""
+    """Return the rises in the height (T,) of the hips above the feet."""
     found = []
-    low, high = height < LOW * standing, height > HIGH * standing
+    low, high = height < SETTINGS.low * standing, height > SETTINGS.high * standing
     for down in spans(_until(low, high)):
         if down.stop >= len(height):
             continue  # still down at the end
         bottom = down.start + int(height[down].argmin())
-        up = spans(height[down.stop - 1 :] > LOW * standing)
+        up = spans(height[down.stop - 1 :] > SETTINGS.low * standing)
         top = int(down.stop - 1 + up[0].start) if up else down.stop
         top = _top(height, max(top, bottom), times)
         lowest, highest = _level(height, bottom, times), float(height[top])
         way = (height[bottom : top + 1] - lowest) / max(highest - lowest, 1e-6)
-        begin = bottom + int(np.flatnonzero(way <= ONSET)[-1]) if (way <= ONSET).any() else bottom
-        end = bottom + int(np.argmax(way >= DONE))
-        still = height[down] - height[bottom] < RESTING
-        start, done = _crossing(way, times, bottom, begin, ONSET), float(times[end])
+        begin = bottom + int(np.flatnonzero(way <= SETTINGS.onset)[-1]) if (way <= SETTINGS.onset).any() else bottom
+        end = bottom + int(np.argmax(way >= SETTINGS.done))
+        still = height[down] - height[bottom] < SETTINGS.seat_tolerance
+        start, done = _crossing(way, times, bottom, begin, SETTINGS.onset), float(times[end])
         longest = max((s.stop - s.start for s in spans(still)), default=0)
-        seated = longest >= frames_in(max(REST, SHARE * (done - start)), times)
+        seated = longest >= frames_in(max(SETTINGS.seat_seconds, SETTINGS.seat_share * (done - start)), times)
         found.append(Rise(start, done, lowest, highest, seated))
     return found
 
 
 def _until(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Frames from where a person is low to where they stand."""
+    """Return a mask of the frames from a low position until standing."""
     down, out = False, np.zeros(len(low), dtype=bool)
     for i, (below, above) in enumerate(zip(low, high, strict=True)):
         down = below or (down and not above)
@@ -90,7 +110,7 @@ def _until(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 def _top(height: np.ndarray, start: int, times: np.ndarray) -> int:
-    """The frame after `start` from which on the hips rise no more."""
+    """Return the frame after `start` at which the hips stop rising."""
     i, reach = start, frames_in(0.2, times)
     while i + 1 < len(height) and height[i : i + reach + 1].max() > height[i] + 1e-3:
         i += 1
@@ -98,13 +118,13 @@ def _top(height: np.ndarray, start: int, times: np.ndarray) -> int:
 
 
 def _level(height: np.ndarray, bottom: int, times: np.ndarray) -> float:
-    """Height on the seat: the median within 4 cm of the lowest place, so that noise does not lower it."""
+    """Return the height on the seat: the median near the lowest frame, which noise does not lower."""
     near = height[max(0, bottom - frames_in(1.0, times)) : bottom + frames_in(1.0, times)]
-    return float(np.median(near[near < height[bottom] + RESTING]))
+    return float(np.median(near[near < height[bottom] + SETTINGS.seat_tolerance]))
 
 
 def _crossing(way: np.ndarray, times: np.ndarray, bottom: int, row: int, level: float) -> float:
-    """Seconds, between the frames, at which the way crosses a level after `row`."""
+    """Return the time in seconds at which the ascent crosses a level after `row`, interpolated."""
     k = row - bottom
     if k + 1 >= len(way) or way[k + 1] <= way[k]:
         return float(times[row])

@@ -1,4 +1,4 @@
-"""What the files of retrieval have in common: an NPZ file of arrays, and a header that says of what features."""
+"""Common format of the files of retrieval: arrays in NPZ with a header that identifies the features."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ Header = TypeVar("Header")
 
 @dataclass(frozen=True)
 class StoredKind:
-    """A kind of file.
+    """Kind of file.
 
     Attributes
     ----------
-    name : in messages, with its article
-    version : files of others are refused
-    remedy : what to do about a file that cannot be read
-    columns : the arrays that every file of the kind holds
+    name : name in messages, with its article
+    version : version of the format; other versions are refused
+    remedy : advice about an unreadable file, for messages
+    columns : required arrays
     """
 
     name: str
@@ -39,12 +39,12 @@ class StoredKind:
     def save(
         self, path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray], *, compressed: bool = True
     ) -> None:
-        """Write a file, whole or not at all, with the version of its kind and the fingerprint of the features."""
+        """Write a file atomically, with the version of its kind and the fingerprint of the features."""
         text = json.dumps({"version": self.version, "features": feature_fingerprint(), **header})
         save_archive(path, {"header": np.array(text), **arrays}, compressed=compressed)
 
     def load(self, path: str | Path, header: type[Header]) -> tuple[Header, dict[str, np.ndarray]]:
-        """Read what `save` wrote: the header as a dataclass, and all arrays.
+        """Read a file of `save`: the header as a dataclass, and all arrays.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class StoredKind:
 
 @dataclass(frozen=True)
 class _Made:
-    """What every header says."""
+    """Common entries of every header."""
 
     version: int
     features: str

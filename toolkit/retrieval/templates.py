@@ -1,7 +1,7 @@
-"""Motion templates: what the clips of a motion class have in common (thesis 2.3; Mueller and Roeder 2006).
+"""Motion templates: common features of the clips of a motion class (thesis 2.3; Mueller and Roeder 2006).
 
-A template is a real-valued matrix of 40 features over time. Values near 0 and 1 are shared by all training clips,
-values in between vary among them and become wildcards when the template is quantised.
+A template is a real-valued matrix of 40 features over time. Values near 0 and 1 are shared by all training clips.
+Other values vary among the clips and become wildcards when the template is quantised.
 """
 
 from __future__ import annotations
@@ -17,25 +17,38 @@ from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix, pack
 
 WILDCARD = -1
-"""Entry of a quantised template that leaves the feature open."""
+"""Entry of a quantised template that matches any value."""
 _UNDECIDED = 0.5
-MAX_ROUNDS = 10
-"""Most rounds of warping and averaging."""
-TOLERANCE = 0.005
-"""They stop when the largest pairwise alignment cost, divided by the template's total weight, is at most this; those of
-the strict variant at 0."""
-CONTRACT_BELOW = 0.75
-"""Columns lighter than this are merged with their right neighbours."""
+
+
+@dataclass(frozen=True)
+class TemplateSettings:
+    """Settings of the learning of a template.
+
+    Attributes
+    ----------
+    rounds : largest number of rounds of warping and averaging
+    tolerance : largest pairwise alignment cost, divided by the template's total weight, at which the rounds stop; 0
+        for the strict variant
+    lightest : weight below which a column is merged with its right neighbour
+    """
+
+    rounds: int = 10
+    tolerance: float = 0.005
+    lightest: float = 0.75
+
+
+SETTINGS = TemplateSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class QuantisedTemplate:
-    """A template of zeros, ones and wildcards (thesis 2.3).
+    """Template of zeros, ones and wildcards (thesis 2.3).
 
     Attributes
     ----------
     values : int8 (40, N), 0, 1 or `WILDCARD`
-    weights : float64 (N,), how many frames of an average training clip a column stands for, about 1
+    weights : float64 (N,), frames of an average training clip per column, about 1
     """
 
     values: np.ndarray
@@ -46,19 +59,21 @@ class QuantisedTemplate:
 
     @property
     def wildcards(self) -> np.ndarray:
-        """Bool (40, N): the open entries."""
+        """Bool (40, N) mask of the wildcards."""
         return self.values == WILDCARD
 
     @cached_property
     def expanded(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values int8 (40, M) and weights (M,), every column being about one frame (see `expand`); it is these that a
-        document is aligned with."""
+        """Values int8 (40, M) and weights (M,) with about one frame per column (see `expand`), for alignment."""
         return expand(self.values, self.weights)
 
     @cached_property
     def packed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The M columns as the kernels take them (Equation 5.2): bit words and masks of what is no wildcard, uint64
-        (M,), and what a differing entry costs, float64 (M,)."""
+        """The M columns for the kernels (Equation 5.2).
+
+        Bit words and masks of the entries other than wildcards, uint64 (M,), and the cost of a differing entry, float64
+        (M,).
+        """
         values, weights = self.expanded
         known = values != WILDCARD
         scale = 0.5 * (weights + 1.0) / (np.maximum(known.sum(axis=0), 1) * values.shape[1])
@@ -66,16 +81,18 @@ class QuantisedTemplate:
 
     @property
     def shortest(self) -> int:
-        """Fewest document frames that an alignment needs: every step may skip one of the M columns."""
+        """Smallest number of document frames of an alignment; every step may skip one of the M columns."""
         return 1 + self.expanded[0].shape[1] // 2
 
     def distance(self, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
+        """Return distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
         return dtw.distance_function(*self.packed, document)
 
     def trace(self, document: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
-        """Cost and template columns (L,) of the cheapest alignment that ends in the last of some packed document
-        columns (L,), -1 outside it; rows `unknown` (L,) in a column do not count."""
+        """Return cost and template columns (L,) of the cheapest alignment to the end of packed columns (L,).
+
+        Columns outside the alignment are -1. Features `unknown` (L,), as bits, are ignored in their column.
+        """
         return dtw.trace(*self.packed, document, unknown)
 
 
@@ -87,7 +104,7 @@ class MotionTemplate:
     ----------
     values : float64 (40, N), the template; 0.5 marks the wildcards of the strict variant
     weights : float64 (N,), frames of an average training clip per column; their sum is about the clips' mean length
-    spread : float64 (rounds + 1,) or shorter, largest pairwise cost per frame before each round
+    spread : float64 (rounds,), largest pairwise cost per frame before each round
     """
 
     values: np.ndarray
@@ -98,18 +115,18 @@ class MotionTemplate:
     def of(cls, matrices: Sequence[FeatureMatrix], strict: bool = False) -> MotionTemplate:
         """Learn the template of one class from its clips.
 
-        In each round every clip is the reference once, all others are warped on to it and averaged, and the averages
-        are the clips of the next round; the template is the one that began as the first clip.
+        In each round every clip is the reference once, the others are warped to it and averaged, and the averages are
+        the clips of the next round. The template is the average that started as the first clip.
 
         Parameters
         ----------
         matrices : feature matrices of the clips at 30 Hz
-        strict : keep only entries in which all aligned clips agree, all others become wildcards (for keyframes)
+        strict : keep only entries with agreement of all aligned clips; the others become wildcards (for keyframes)
 
         Raises
         ------
         RetrievalError
-            No clips, or a clip without frames.
+            There are no clips, or a clip has no frames.
         """
         if not matrices:
             raise RetrievalError("a motion class without clips has no template; give at least one training clip")
@@ -118,16 +135,16 @@ class MotionTemplate:
             raise RetrievalError(f"training clip {empty[0]!r} has no frames; leave it out")
         clips = [(matrix.values.astype(np.float64), np.ones(len(matrix))) for matrix in matrices]
         spread: list[float] = []
-        for _ in range(MAX_ROUNDS):
+        for _ in range(SETTINGS.rounds):
             paths, largest = _align_all(clips)
             spread.append(largest / float(clips[0][1].sum()))
-            if spread[-1] <= (0.0 if strict else TOLERANCE) or spread[-1:] == spread[-2:-1]:
+            if spread[-1] <= (0.0 if strict else SETTINGS.tolerance) or spread[-1:] == spread[-2:-1]:
                 break
             clips = [_average(reference, clips, paths, strict) for reference in range(len(clips))]
         return cls(*clips[0], np.array(spread))
 
     def quantised(self, delta: float = 0.05) -> QuantisedTemplate:
-        """Entries up to `delta` become 0, from 1 - `delta` on 1, the rest wildcards; delta in [0, 0.5)."""
+        """Return entries up to `delta` as 0, from 1 - `delta` on as 1, the rest as wildcards; delta in [0, 0.5)."""
         if not 0.0 <= delta < 0.5:
             raise RetrievalError(f"quantisation threshold {delta} is not in [0, 0.5); use 0.05, or 0 for keyframes")
         values = np.full(self.values.shape, WILDCARD, dtype=np.int8)
@@ -142,7 +159,7 @@ def _average(
     paths: dict[tuple[int, int], np.ndarray],
     strict: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted mean of one clip and all others warped on to it, its time axis adapted to the new weights."""
+    """Return the weighted mean of one clip and all others warped to it, its time axis adapted to the new weights."""
     base, base_weights = clips[reference]
     total, weights = base * base_weights, base_weights.copy()
     for other, (values, other_weights) in enumerate(clips):
@@ -152,19 +169,19 @@ def _average(
             weights += new_weights
     settle = _settled if strict else np.asarray
     mean, weights = expand(settle(total / weights), weights / len(clips))
-    mean, weights = contract(mean, weights, CONTRACT_BELOW)
+    mean, weights = contract(mean, weights, SETTINGS.lightest)
     return expand(settle(mean), weights)
 
 
 def _settled(values: np.ndarray) -> np.ndarray:
-    """Every entry on which clips or columns differ becomes a wildcard."""
+    """Replace every entry with disagreement by a wildcard."""
     return np.where((values > 0.0) & (values < 1.0), _UNDECIDED, values)
 
 
 def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Merge from the left columns lighter than `least` with their right neighbours until they reach it.
+    """Merge columns lighter than `least` with their right neighbours, from the left.
 
-    A remainder at the right end joins the column before it; merged columns are weighted means.
+    A remainder at the right end is merged with the column before it; merged columns are weighted means.
     """
     starts, gathered = [0], 0.0
     for column, weight in enumerate(weights):
@@ -181,7 +198,7 @@ def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.
 
 
 def _align_all(clips: list[tuple[np.ndarray, np.ndarray]]) -> tuple[dict[tuple[int, int], np.ndarray], float]:
-    """Alignment paths of every ordered pair (reference, warped), and the largest cost among them."""
+    """Return the alignment paths of every ordered pair (reference, warped), and the largest cost."""
     paths, largest = {}, 0.0
     for i, (reference, reference_weights) in enumerate(clips):
         for j, (warped, warped_weights) in enumerate(clips):

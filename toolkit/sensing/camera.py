@@ -1,7 +1,7 @@
-"""The pinhole camera and the level frame.
+"""Pinhole camera with lens distortion, and the level frame.
 
-Camera frame: x right, y down, z forward (OpenCV), metres. Integer pixel (u, v) is the centre of a pixel, so
-`x = (u - cx) z / fx` and `y = (v - cy) z / fy`.
+Camera frame: x right, y down, z forward (OpenCV), metres. Integer pixel (u, v) is the centre of a pixel: `x = (u - cx)
+z / fx` and `y = (v - cy) z / fy`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 from toolkit.io.errors import RecordingError
 
 DEFAULT_UP = (0.0, -1.0, 0.0)
-"""The vertical in the camera frame of a camera that looks horizontally."""
+"""Vertical in the camera frame of a horizontal camera."""
 LEAST_STRETCH = 0.3
-"""Share of its distance from the centre at which a lens may show a corner; fisheyes, which this model does not fit, go
-below."""
+"""Smallest plausible radial factor of a lens at a corner of the image; fisheye lenses, which this model does not fit,
+are below it."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +30,13 @@ class Camera:
     fx, fy : focal lengths, pixels
     cx, cy : principal point, pixels; 0 is the centre of the first pixel
     width, height : pixels
-    distortion : k1, k2, p1, p2, k3, or with the rational model k4, k5, k6 behind them, in OpenCV's order; None for an
+    distortion : k1, k2, p1, p2, k3, or these and k4, k5, k6 of the rational model, in OpenCV's order; None for an
         ideal lens
 
     Raises
     ------
     RecordingError
-        The intrinsics cannot belong to a depth camera of this size (see `check`).
+        The intrinsics are implausible for a depth camera of this size (see `check`).
     """
 
     fx: float
@@ -51,7 +51,7 @@ class Camera:
         self.check()
 
     def check(self) -> None:
-        """Raise RecordingError for intrinsics that are not finite or that no depth camera has."""
+        """Raise RecordingError for intrinsics that are not finite or implausible."""
         if self.width < 1 or self.height < 1:
             raise RecordingError(f"an image of {self.width}x{self.height} pixels is empty; check the recording")
         if not np.isfinite(self.intrinsics).all():
@@ -59,14 +59,14 @@ class Camera:
         for focal, size in ((self.fx, self.width), (self.fy, self.height)):
             if not 0.1 * size <= focal <= 20 * size:
                 raise RecordingError(
-                    f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: a focal length of "
+                    f"intrinsics {self._text} are implausible at {self.width}x{self.height} pixels: a focal length of "
                     f"{focal:g} pixels; give fx, fy, cx, cy in pixels"
                 )
         if not (
             -0.5 * self.width <= self.cx <= 1.5 * self.width and -0.5 * self.height <= self.cy <= 1.5 * self.height
         ):
             raise RecordingError(
-                f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: the principal point "
+                f"intrinsics {self._text} are implausible at {self.width}x{self.height} pixels: the principal point "
                 "lies far outside; give fx, fy, cx, cy in pixels"
             )
         if self.distortion is None:
@@ -99,7 +99,7 @@ class Camera:
     def from_intrinsics(
         cls, intrinsics: np.ndarray, shape: tuple[int, int], distortion: np.ndarray | None = None
     ) -> Camera:
-        """Camera from `fx, fy, cx, cy` (4,), an image shape (height, width) and optionally five distortion numbers."""
+        """Return a camera of `fx, fy, cx, cy` (4,), an image shape (height, width) and optional distortion."""
         values = np.asarray(intrinsics, dtype=np.float64).ravel()
         if values.shape != (4,):
             raise RecordingError(f"intrinsics hold {values.size} numbers; give the four fx, fy, cx, cy in pixels")
@@ -147,7 +147,7 @@ class Camera:
         return np.asarray(slopes, dtype=np.float64).reshape(self.height, self.width, 2)
 
     def scaled(self, factor: float) -> Camera:
-        """The same view resized by `factor` (> 0), pixel areas kept (as image resizing does)."""
+        """Return the camera of the image resized by `factor` (> 0), with OpenCV's convention for pixel areas."""
         return replace(
             self,
             fx=self.fx * factor,
@@ -159,7 +159,7 @@ class Camera:
         )
 
     def subsampled(self, step: int) -> Camera:
-        """The camera of the image `depth[::step, ::step]`."""
+        """Return the camera of the image `depth[::step, ::step]`."""
         return replace(
             self,
             fx=self.fx / step,
@@ -171,14 +171,14 @@ class Camera:
         )
 
     def mirrored(self) -> Camera:
-        """The camera of the image flipped left to right (u' = width - 1 - u)."""
+        """Return the camera of the image flipped left to right (u' = width - 1 - u)."""
         bent = self.distortion
-        if bent is not None:  # the tangential term along x changes its sign with x
+        if bent is not None:  # the tangential term along x changes sign with x
             bent = (*bent[:3], -bent[3], *bent[4:])
         return replace(self, cx=self.width - 1 - self.cx, distortion=bent)
 
     def rotated(self, turns: int) -> Camera:
-        """The camera of the image turned clockwise by `turns` quarters (u' = height - 1 - v, v' = u for one)."""
+        """Return the camera of the image rotated clockwise by `turns` quarters (one: u' = height - 1 - v, v' = u)."""
         turned = self
         for _ in range(turns % 4):
             bent = turned.distortion
@@ -196,12 +196,12 @@ class Camera:
         return turned
 
     def undistorted(self) -> Camera:
-        """The same camera with an ideal lens."""
+        """Return the camera with an ideal lens."""
         return replace(self, distortion=None)
 
 
 def rotated_points(points_camera: np.ndarray, turns: int) -> np.ndarray:
-    """Points or directions (..., 3) of a camera in the frame of the same camera `rotated` by `turns` quarters."""
+    """Return points or directions (..., 3) of a camera in the frame of that camera `rotated` by `turns` quarters."""
     x, y, z = np.moveaxis(np.asarray(points_camera), -1, 0)
     for _ in range(turns % 4):
         x, y = -y, x
@@ -209,10 +209,10 @@ def rotated_points(points_camera: np.ndarray, turns: int) -> np.ndarray:
 
 
 def level_rotation(up_camera: np.ndarray) -> np.ndarray:
-    """`R_level_camera`, float64 (3, 3): y up along gravity, z horizontally towards the camera, x = y x z.
+    """Return `R_level_camera`, float64 (3, 3): y up along gravity, z horizontally towards the camera, x = y x z.
 
-    `up_camera` (3,) is the vertical in the camera frame, of any length. For a camera that looks straight up or down,
-    z is taken from the image's vertical, the limit of tilting it there.
+    `up_camera` (3,) is the vertical in the camera frame, of any length. For a camera that points straight up or down, z
+    is the image's vertical, the limit of tilting the camera there.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The organised metric point cloud of one cleaned depth image (`M_I` in Baak 2013, 5.3.1)."""
+"""Organised metric point cloud of one filtered depth image (`M_I` in Baak 2013, 5.3.1)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from toolkit.sensing.camera import Camera
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points that remember the pixel they came from.
+    """Point cloud with the pixel of each point.
 
     Attributes
     ----------
     points : float32 (N, 3), metres, level frame, in row-major order of their pixels
     pixels : int32 (N,), flat index v * width + u
-    index : int32 (H, W), a pixel's row in `points`, -1 where there is none
-    camera : the camera of `depth`
+    index : int32 (H, W), a pixel's row in `points`, -1 for none
+    camera : camera of `depth`
     rotation : float64 (3, 3), `R_level_camera`
     depth : float32 (H, W), metres along z, 0 = nothing
     """
@@ -34,7 +34,7 @@ class Cloud:
 
     @classmethod
     def from_depth(cls, depth: np.ndarray, camera: Camera, rotation: np.ndarray) -> Cloud:
-        """Cloud of a depth image, float32 (H, W) metres (0 = nothing), seen by an undistorted `camera`."""
+        """Return the cloud of a depth image, float32 (H, W) metres (0 = no measurement), of an undistorted `camera`."""
         depth = np.ascontiguousarray(depth, dtype=np.float32)
         index = np.empty(depth.shape, dtype=np.int32)
         pixels = np.empty(depth.size, dtype=np.int32)
@@ -74,14 +74,14 @@ class Cloud:
         return len(self.points)
 
     def spread_rows(self, count: int) -> np.ndarray:
-        """About `count` rows of the cloud, evenly spread in scan order: int64 (min(count, N),)."""
+        """Return about `count` rows of the cloud, evenly spaced in scan order: int64 (min(count, N),)."""
         rows = np.empty(min(count, len(self)), dtype=np.int64)
         kernels.spread(len(self), rows)
         return rows
 
 
 def window_of(depth: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns that hold all that is above 0 in a depth image (H, W); empty where nothing is."""
+    """Return the rows and columns of the bounding box of all depths above 0; empty if there are none."""
     measured = depth > 0
     rows, columns = np.flatnonzero(measured.any(axis=1)), np.flatnonzero(measured.any(axis=0))
     if not len(rows):
@@ -90,13 +90,13 @@ def window_of(depth: np.ndarray) -> tuple[slice, slice]:
 
 
 def cropped(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The part of a depth image (H, W) that holds what was measured, a copy, and its intrinsics (4,)."""
+    """Return a copy of a depth image (H, W) cropped to its measurements, and its intrinsics (4,)."""
     rows, columns = window_of(depth)
     return depth[rows, columns].copy(), intrinsics - [0.0, 0.0, columns.start, rows.start]
 
 
 def marked(depth: np.ndarray, mask: np.ndarray, value: float) -> np.ndarray:
-    """A depth image (H, W) with `value` where `mask` (H, W) is set: a new array of its type."""
+    """Return a depth image (H, W) with `value` where `mask` (H, W) is set: a new array of its type."""
     out = np.empty_like(depth)
     kernels.mark(depth, mask, value, out)
     return out

@@ -1,4 +1,4 @@
-"""From a file's raw depth images to the one form of a recording: uint16 millimetres along z, not mirrored."""
+"""Conversion of raw depth images to the canonical form: uint16 millimetres along z, not mirrored."""
 
 from __future__ import annotations
 
@@ -10,25 +10,28 @@ from toolkit.io.errors import RecordingError, UsageError
 from toolkit.sensing.camera import Camera
 
 LARGEST_MM = 65535
-NOTHING = 65000  # raw 16-bit values from here on mark "nothing": Azure Kinect files say so, others saturate at 65535
-NEAREST_MEDIAN_MM = 100.0  # a depth camera's nearest range; metres read as millimetres stay below
-FARTHEST_MEDIAN_MM = 20_000.0  # twice a room
+INVALID_FROM = 65000
+"""Raw 16-bit values from here on mean no measurement (Azure Kinect files; others saturate at 65535)."""
+NEAREST_MEDIAN_MM = 100.0
+"""Nearest range of a depth camera; metres read as millimetres are below."""
+FARTHEST_MEDIAN_MM = 20_000.0
+"""Twice the length of a room."""
 DEPTH_UNITS = {
     "mm": 0.001, "m": 1.0, "0.01": 0.01, "0.0254": 0.0254, "0.002": 0.002, "0.0005": 0.0005, "0.00025": 0.00025,
     "0.0002": 0.0002, "0.0001": 0.0001,
 }  # fmt: skip
-"""Units in which depth is stored, as `--depth-unit` takes them -> metres: centimetres, inches, 1/5000 m (TUM RGB-D),
-1/10 mm (RealSense at close range) and halves, quarters and doubles of a millimetre."""
+"""Metres per stored unit, by the name of `--depth-unit`: centimetres, inches, 1/5000 m (TUM RGB-D), 1/10 mm (RealSense
+at close range), and halves, quarters and doubles of a millimetre."""
 
 
 @dataclass(eq=False)
 class DepthConverter:
-    """Puts units, projection and mirroring of raw frames right.
+    """Converter of units, projection and mirroring of raw frames.
 
     Attributes
     ----------
     unit : "mm", "m" or the metres of one raw unit
-    radial : raw values are distances to the camera's centre, not depths along z
+    radial : raw values are distances from the camera's centre, not depths along z
     mirrored : raw images are flipped left to right
     """
 
@@ -43,15 +46,15 @@ class DepthConverter:
         self._factor = 1000.0 * unit_in_metres(self.unit)
 
     def convert(self, raw: np.ndarray, camera: Camera, what: str, *, check: bool = True) -> np.ndarray:
-        """One raw image (H, W) of `camera` as uint16 millimetres along z.
+        """Return one raw image (H, W) of `camera` as uint16 millimetres along z.
 
-        NaN, infinite and negative values, 16-bit values from `NOTHING` on, and depths beyond 65.5 m, become 0: no
+        NaN, infinite and negative values, 16-bit values from `INVALID_FROM` on, and depths beyond 65.5 m, become 0: no
         measurement.
 
         Raises
         ------
         RecordingError
-            The image has another shape or type, or the first one that holds a measurement has an absurd median.
+            The image has another shape or type, or the first one with a measurement has an implausible median.
         """
         if raw.shape != camera.shape:
             raise RecordingError(
@@ -60,9 +63,9 @@ class DepthConverter:
         if raw.dtype.kind not in "uif":
             raise RecordingError(f"{what} has type {raw.dtype}; depth must be numbers, uint16 millimetres best")
         if raw.dtype.itemsize == 1:
-            raise RecordingError(f"{what} has 8 bits a pixel, a picture of depth; give the depth itself, 16 bits")
-        if raw.dtype == np.uint16 and raw.size and raw.max() >= NOTHING:
-            raw = np.where(raw < NOTHING, raw, np.uint16(0))
+            raise RecordingError(f"{what} has 8 bits a pixel; depth needs 16 bits")
+        if raw.dtype == np.uint16 and raw.size and raw.max() >= INVALID_FROM:
+            raw = np.where(raw < INVALID_FROM, raw, np.uint16(0))
         if check and not self._checked:
             self._check(raw, what)
         depth = raw
@@ -71,7 +74,7 @@ class DepthConverter:
         return np.ascontiguousarray(depth[:, ::-1] if self.mirrored else depth)
 
     def _millimetres(self, raw: np.ndarray, camera: Camera) -> np.ndarray:
-        with np.errstate(over="ignore", invalid="ignore"):  # what overflows, or is no number, is beyond every range
+        with np.errstate(over="ignore", invalid="ignore"):  # overflows and NaN are out of range
             values = raw.astype(np.float64) * self._factor
         if self.radial:
             if self._slant is None:
@@ -103,12 +106,12 @@ class DepthConverter:
 
 
 def unit_in_metres(unit: str | float) -> float:
-    """Metres of one depth unit: "mm", "m" or a positive number.
+    """Return the metres of one depth unit: "mm", "m" or a positive number.
 
     Raises
     ------
     UsageError
-        It is none of these.
+        The unit is none of these.
     """
     if unit in ("mm", "m"):
         return 0.001 if unit == "mm" else 1.0

@@ -1,4 +1,4 @@
-"""What is done to every depth image of a recording before and after a person is cut out of it (Baak 2013, 5.3.1)."""
+"""Filtering of depth images before and after the segmentation of a person (Baak 2013, 5.3.1)."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from toolkit.sensing.sensing_settings import SUPPORT, SensingSettings
 
 
 class DepthFilter:
-    """Takes the lens distortion out of raw frames, and mixed pixels and noise out of people.
+    """Filter that removes lens distortion from raw frames, and mixed pixels and noise from people.
 
     Parameters
     ----------
-    camera : of the raw frames, lens distortion included
-    settings : how to clean
+    camera : camera of the raw frames, lens distortion included
+    settings : filter settings
 
     Attributes
     ----------
-    flat_camera : of undistorted frames
-    camera : of polished depth: without lens distortion, half as large if so set
+    flat_camera : camera of undistorted frames
+    camera : camera of filtered depth: without lens distortion, at half resolution if so set
     """
 
     def __init__(self, camera: Camera, settings: SensingSettings) -> None:
@@ -33,12 +33,12 @@ class DepthFilter:
         self._kept = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
 
     def checked(self, depth_mm: np.ndarray) -> np.ndarray:
-        """A raw frame, undistorted.
+        """Return a raw frame, undistorted.
 
         Raises
         ------
         RecordingError
-            It has another size or type than the recording's camera says.
+            Its size or type differs from the recording's camera.
         """
         if depth_mm.shape != self._raw.shape or depth_mm.dtype != np.uint16:
             raise RecordingError(
@@ -47,19 +47,19 @@ class DepthFilter:
         return self.undistort(np.ascontiguousarray(depth_mm))
 
     def undistort(self, depth: np.ndarray) -> np.ndarray:
-        """A depth image (H, W) as `flat_camera` sees it."""
+        """Return a depth image (H, W) of `flat_camera`."""
         if self._maps is None:
             return depth
         import cv2
 
-        # Nearest, because a mean of two depths at an edge is a point where nothing is.
+        # Nearest neighbour, because the mean of two depths at an edge is a point in free space.
         return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST))
 
     def filtered(self, padded: np.ndarray, box: np.ndarray) -> np.ndarray:
-        """Contour pixels deleted, 3x3 median: float32 (H', W') of `camera`, metres, a new array.
+        """Delete contour pixels and apply the 3x3 median: float32 (H', W') of `camera`, metres, a new array.
 
-        `padded` is the person's depth, uint16 (H + 2, W + 2), millimetres, and `box` the window (v0, v1, u0, u1, ends
-        excluded, padded indices) that holds it.
+        `padded` is the person's depth, uint16 (H + 2, W + 2), millimetres, and `box` its window (v0, v1, u0, u1, ends
+        excluded, padded indices).
         """
         settings = self._settings
         out = np.zeros(self.camera.shape, dtype=np.float32)
@@ -86,7 +86,7 @@ def _undistortion_maps(camera: Camera) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def _clear_around(image: np.ndarray, box: np.ndarray) -> None:
-    """Zero the ring of pixels around the window, which the median looks at."""
+    """Zero the ring of pixels around the window, which the median reads."""
     v0, v1, u0, u1 = box
     image[v0 - 1, u0 - 1 : u1 + 1] = 0
     image[v1, u0 - 1 : u1 + 1] = 0

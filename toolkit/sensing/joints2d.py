@@ -1,4 +1,4 @@
-"""Joints in the image: where a detector sees them, and from there into space with the depth (Qammaz, 2.2)."""
+"""Joints in the image, and their back-projection with the depth (Qammaz, 2.2)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ HALF_LIMBS = {
     "head": 0.09, "shoulder": 0.07, "elbow": 0.04, "wrist": 0.03, "hand": 0.02,
     "hip": 0.10, "knee": 0.05, "ankle": 0.04, "foot": 0.03,
 }  # fmt: skip
-"""Metres from the skin that the camera sees to the joint behind it."""
-SURE = 0.3
-"""Confidence from which on a joint counts as found."""
+"""Metres from the visible skin to the joint behind it."""
+MIN_JOINT_CONFIDENCE = 0.3
+"""Smallest confidence of a detected joint."""
 
 _JOINTS = skeleton.REPORTED
 BEHIND_SKIN: np.ndarray = np.array([HALF_LIMBS.get(name.split("_")[-1], np.nan) for name in _JOINTS])
@@ -24,7 +24,7 @@ BEHIND_SKIN: np.ndarray = np.array([HALF_LIMBS.get(name.split("_")[-1], np.nan) 
 
 
 class Joints2D(NamedTuple):
-    """The reported joints of one person in an image, in the order of `skeleton.REPORTED`.
+    """Reported joints of one person in an image, in the order of `skeleton.REPORTED`.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Joints2D(NamedTuple):
 
     @classmethod
     def of_rows(cls, rows: np.ndarray) -> Joints2D:
-        """From float (20, 3): u, v, confidence, as a recording stores them."""
+        """Return the joints of float (20, 3): u, v, confidence, the format of a recording."""
         pixels, confidence = rows[:, :2].astype(np.float32), rows[:, 2].astype(np.float32)
         unknown = ~(np.isfinite(rows).all(axis=1) & (confidence > 0))
         pixels[unknown], confidence[unknown] = np.nan, 0.0
@@ -51,8 +51,8 @@ class Joints2D(NamedTuple):
 
     @property
     def sure(self) -> np.ndarray:
-        """Bool (20,): joints that count as found."""
-        return self.confidence >= SURE
+        """Bool (20,) mask of the detected joints."""
+        return self.confidence >= MIN_JOINT_CONFIDENCE
 
 
 class LiftedJoints(NamedTuple):
@@ -69,15 +69,15 @@ class LiftedJoints(NamedTuple):
 
 
 def lift(joints: Joints2D, depth: np.ndarray, camera: Camera) -> LiftedJoints:
-    """Joints on the person's surface, moved half a limb behind it: camera frame.
+    """Return the joints on the person's surface, moved behind it by half a limb: camera frame.
 
-    Coarse: where something hides a joint, the surface that is seen there is taken for the joint's own.
+    An approximation: if an object occludes a joint, the surface of the object is taken instead.
 
     Parameters
     ----------
     joints : in pixels of `depth`
     depth : float32 (H, W), metres along z, 0 = not the person
-    camera : of that depth, without lens distortion
+    camera : camera of that depth, without lens distortion
     """
     height, width = depth.shape
     u, v = joints.pixels[:, 0].astype(np.float64), joints.pixels[:, 1].astype(np.float64)
@@ -100,12 +100,12 @@ def lift(joints: Joints2D, depth: np.ndarray, camera: Camera) -> LiftedJoints:
 
 
 def check_rows(rows: np.ndarray | None, count: int, where: object) -> np.ndarray | None:
-    """A copy as float32 (N, count, 20, 3), from that or (count, 20, 3) of one person.
+    """Return a copy as float32 (N, count, 20, 3), from that shape or (count, 20, 3) of one person.
 
     Raises
     ------
     RecordingError
-        It has another shape, is no numbers, or a confidence is not in [0, 1].
+        The shape is wrong, the values are not numbers, or a confidence is not in [0, 1].
     """
     if rows is None:
         return None
@@ -119,14 +119,14 @@ def check_rows(rows: np.ndarray | None, count: int, where: object) -> np.ndarray
     confidence = array[..., 2][np.isfinite(array[..., 2])]
     if confidence.size and not (0.0 <= confidence.min() and confidence.max() <= 1.0):
         wrong = confidence.min() if confidence.min() < 0 else confidence.max()
-        raise RecordingError(f"joints_2d of {where} holds a confidence of {wrong:g}; it goes from 0 to 1")
+        raise RecordingError(f"joints_2d of {where} holds a confidence of {wrong:g}; give values from 0 to 1")
     return array.astype(np.float32)
 
 
 def mirrored_rows(rows: np.ndarray, width: int) -> np.ndarray:
-    """Rows (..., 20, 3) found in a mirrored image, as the image of `width` pixels that is not mirrored shows them.
+    """Return rows (..., 20, 3) of a mirrored image, converted to the unmirrored image of `width` pixels.
 
-    A detector calls what it sees in the mirror by the other side's name.
+    A detector on a mirrored image exchanges left and right.
     """
     flipped = rows[..., skeleton.OTHER_SIDE, :].copy()
     flipped[..., 0] = width - 1 - flipped[..., 0]
@@ -134,7 +134,7 @@ def mirrored_rows(rows: np.ndarray, width: int) -> np.ndarray:
 
 
 def rotated_rows(rows: np.ndarray, camera: Camera, turns: int) -> np.ndarray:
-    """Rows (..., 20, 3) of `camera`, as the camera `rotated` by `turns` quarters shows them."""
+    """Return rows (..., 20, 3) of `camera`, converted to the camera `rotated` by `turns` quarters."""
     turned, height = rows.copy(), camera.height
     for _ in range(turns % 4):
         turned[..., :2] = np.stack([height - 1 - turned[..., 1], turned[..., 0]], axis=-1)
@@ -143,7 +143,7 @@ def rotated_rows(rows: np.ndarray, camera: Camera, turns: int) -> np.ndarray:
 
 
 def same_rays(pixels: np.ndarray, here: Camera, there: Camera) -> np.ndarray:
-    """Pixels (N, 2) of one camera where another at the same place sees the same: float32 (N, 2), lenses included."""
+    """Return pixels (N, 2) of one camera in the image of another at the same place: float32 (N, 2), lenses included."""
     seen = np.full((len(pixels), 2), np.nan)
     known = np.isfinite(pixels).all(axis=1)
     if not known.any():

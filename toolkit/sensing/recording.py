@@ -1,7 +1,7 @@
-"""A depth recording: frames of one camera, put right, with what is known beside them.
+"""Depth recordings: frames of one camera in a canonical form, with their metadata.
 
-A recording is never mirrored: a person who faces the camera has the left hand at positive x. Frames are handed out
-one at a time; a long recording is never read whole.
+A recording is never mirrored: a person who faces the camera has the left hand at positive x. Frames are read one at a
+time; a long recording is never read whole.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from toolkit.sensing.stream import Frame
 
 JOINT_COUNT = len(skeleton.REPORTED)
 LONGEST_STEP = 10.0
-"""Seconds: frames farther apart, in the median, are no motion, but milliseconds taken for seconds."""
+"""Largest median step of the timestamps, seconds; a larger one means milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Vertical:
-    """Where up is.
+    """Vertical direction and its source.
 
     Attributes
     ----------
     up_camera : float64 (3,), camera frame, length 1
-    source : "option" (given when the recording was opened), "file" (stored in it), "floor" (a floor is seen) or
-        "assumed" (from walls and people, else the image's own vertical)
-    height : metres of the camera above the floor, None where no floor is seen
+    source : "option" (given when the recording was opened), "file" (stored in it), "floor" (a detected floor) or
+        "assumed" (from walls and people, else the image's vertical)
+    height : metres of the camera above the floor, None without a detected floor
     """
 
     up_camera: np.ndarray
@@ -47,21 +47,21 @@ class Vertical:
 
 
 class FrameSource(ABC):
-    """Raw frames as they lie in files, before units, mirroring and projection are put right."""
+    """Raw frames as stored in files, before the conversion of units, mirroring and projection."""
 
     @abstractmethod
     def __len__(self) -> int: ...
 
     @abstractmethod
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`: numbers (H, W)."""
+        """Return raw frame `i`: numbers (H, W)."""
 
     def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
+        """Return the raw frames in order."""
         return (self.depth(i) for i in range(len(self)))
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of frame `i`, uint8 (H, W, 3), RGB, or None, as here."""
+        """Return the colour of frame `i`, uint8 (H, W, 3), RGB, or None (the default)."""
         return None
 
 
@@ -71,7 +71,7 @@ class SelectedFrames(FrameSource):
     Parameters
     ----------
     source : all frames
-    numbers : int (N,), those that are kept, rising
+    numbers : int (N,), increasing, indices of the selected frames
     """
 
     def __init__(self, source: FrameSource, numbers: np.ndarray) -> None:
@@ -81,51 +81,51 @@ class SelectedFrames(FrameSource):
         return len(self._numbers)
 
     def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
+        """Return raw frame `i`."""
         return self._source.depth(self._numbers[i])
 
     def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
+        """Return the raw frames in order."""
         kept = set(self._numbers)
         return (raw for i, raw in enumerate(self._source.frames()) if i in kept)
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of frame `i`, or None."""
+        """Return the colour image of frame `i`, or None."""
         return self._source.color(self._numbers[i])
 
 
 def memory_path(name: str) -> Path:
-    """What stands for the path of a recording of arrays in memory: no file has this name."""
+    """Return the placeholder path of a recording of arrays in memory; no file has this name."""
     return Path(f"<{name}>")
 
 
 @dataclass(eq=False)
 class Recording:
-    """A depth recording: raw frames from a `FrameSource`, converted on the way out.
+    """Depth recording: raw frames of a `FrameSource`, converted when they are read.
 
-    Depth is uint16 (H, W), millimetres along z, 0 = no measurement. Metadata are given in the frame of the raw images;
-    a mirrored source has them flipped here, and a camera that stands on its side turned, together with its images.
+    Depth is uint16 (H, W), millimetres along z, 0 = no measurement. Metadata are given in the frame of the raw images.
+    For a mirrored source they are flipped here; for a camera on its side they are rotated together with the images.
 
     Attributes
     ----------
     name : stem of the file or name of the folder
-    path : where it was read from
+    path : file or folder of the recording
     camera : intrinsics of every frame, lens distortion included
     timestamps : float64 (T,), seconds
-    source, converter : raw frames, and what puts them right
-    find_vertical : finds where up is, where it is not stored
+    source, converter : raw frames and their converter
+    find_vertical : estimates the vertical, if it is not stored
     background : uint16 (H, W), depth of the empty scene, or None
     joints : float32 (T, 20, 3), true joints, metres, camera frame, NaN = unknown, or None; of several people (or of
         no person) (N, T, 20, 3), NaN while absent
-    reference_joints : the same, another system's estimate, or None
-    image_joints : float32 (N, T, 20, 3), joints that a detector found in the images of up to N people in no order: u, v
-        in pixels of the depth image and confidence, NaN = unknown; or None
+    reference_joints : the same as estimated by another system, or None
+    image_joints : float32 (N, T, 20, 3), detected joints in the images of up to N people in any order: u, v in pixels
+        of the depth image and confidence, NaN = unknown; or None
     stored_up : (3,), the vertical in the camera frame as stored, or None
-    options : the reader options it was opened with, fit for JSON
-    times_assumed : True where neither the file nor an option has times or a frame rate
-    raw_camera : the camera of the images as they lie in the file, before they are flipped or turned
-    stored_frames : number of frames in the file. A frame that repeats the timestamp of the frame before is left out,
-        with its joints, so that this can be more than the length
+    options : options of the reader, JSON-compatible
+    times_assumed : True if neither the file nor an option has times or a frame rate
+    raw_camera : camera of the stored images, before they are flipped or rotated
+    stored_frames : number of frames in the file. Frames that repeat the previous timestamp are left out with their
+        joints, so this number can exceed the length
     """
 
     name: str
@@ -198,31 +198,31 @@ class Recording:
         return len(self.source)
 
     def depth(self, i: int) -> np.ndarray:
-        """Frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
+        """Return frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
         return self.convert(self.source.depth(self._checked(i)), i)
 
     def frames(self) -> Iterator[np.ndarray]:
-        """All frames in order; only one is held at a time."""
+        """Yield all frames in order; only one is in memory at a time."""
         for i, raw in enumerate(self.source.frames()):
             yield self.convert(raw, i)
 
     def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
-        """Frames from number `start` on, one at a time, with their colour if asked for."""
+        """Yield the frames from number `start` on, with their colour if `color` is set."""
         for i, depth in islice(enumerate(self.frames()), start, None):
             yield Frame(depth, float(self.timestamps[i]), self.joints_2d(i), self.color(i) if color else None)
 
     def joints_2d(self, i: int) -> tuple[Joints2D, ...]:
-        """Joints of all people whom a detector found in the image of frame `i`."""
+        """Return the detected joints of all people in the image of frame `i`."""
         if self.image_joints is None:
             return ()
         people = (Joints2D.of_rows(rows) for rows in self.image_joints[:, self._checked(i)])
         return tuple(person for person in people if person.confidence.any())
 
     def give_joints_2d(self, rows: np.ndarray) -> None:
-        """Take joints (T, 20, 3) or (N, T, 20, 3) found in the images as they were before they were flipped or turned.
+        """Replace `image_joints` by joints (T, 20, 3) or (N, T, 20, 3), detected in the stored images.
 
-        T is `stored_frames`. They replace `image_joints`. A detector that saw mirrored images called the sides by each
-        other's names.
+        T is `stored_frames`. The joints are flipped and rotated like the images. A detector on mirrored images
+        exchanges left and right.
         """
         joints = check_rows(rows, self.stored_frames, self.path)
         assert joints is not None
@@ -233,11 +233,11 @@ class Recording:
 
     @property
     def has_color(self) -> bool:
-        """Whether the frames come with colour."""
+        """True if the frames have colour."""
         return self.color(0) is not None
 
     def color(self, i: int) -> np.ndarray | None:
-        """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
+        """Return the colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
         image = self.source.color(self._checked(i))
         if image is None:
             return None
@@ -245,17 +245,17 @@ class Recording:
 
     @property
     def in_memory(self) -> bool:
-        """Whether the frames are arrays that were handed over: no file holds them."""
+        """True if the frames are arrays in memory, without a file."""
         return self.path == memory_path(self.name)
 
     @property
     def up_camera(self) -> np.ndarray:
-        """The vertical in the camera frame, float64 (3,), of length 1."""
+        """Vertical in the camera frame, float64 (3,), of length 1."""
         return self.vertical.up_camera
 
     @cached_property
     def vertical(self) -> Vertical:
-        """Where up is: as stored, else from a visible floor, else from the walls and people of the first seconds."""
+        """Vertical as stored, else from a detected floor, else from walls and people of the first seconds."""
         if self.stored_up is not None:
             up = np.asarray(self.stored_up, dtype=np.float64)
             if up.shape != (3,) or not np.isfinite(up).all() or math.hypot(*up) < 1e-6:
@@ -269,12 +269,18 @@ class Recording:
         return i
 
     def convert(self, raw: np.ndarray, i: int) -> np.ndarray:
-        """A raw frame as it is handed out under the number `i`: uint16 (H, W), millimetres."""
+        """Return a raw frame with number `i` in canonical form: uint16 (H, W), millimetres."""
         return self._upright(self.converter.convert(raw, self.raw_camera, f"frame {i} of {self.path}"))
 
 
 def check_timestamps(timestamps: np.ndarray, count: int, path: Path) -> np.ndarray:
-    """Timestamps as float64 (count,), or RecordingError: wrong length, not finite, backwards, all equal, no seconds."""
+    """Return timestamps as float64 (count,).
+
+    Raises
+    ------
+    RecordingError
+        They have a wrong length, are not finite, decrease, are all equal, or are not seconds.
+    """
     times = np.asarray(timestamps, dtype=np.float64)
     if times.shape != (count,):
         raise RecordingError(f"{path} has {count} frames and timestamps of shape {times.shape}; write one per frame")
@@ -288,7 +294,13 @@ def check_timestamps(timestamps: np.ndarray, count: int, path: Path) -> np.ndarr
 
 
 def check_joints(joints: np.ndarray | None, count: int, key: str, path: Path) -> np.ndarray | None:
-    """A copy as float32 (count, 20, 3), or (N, count, 20, 3) of N people (NaN = unknown), or RecordingError."""
+    """Return a copy as float32 (count, 20, 3), or (N, count, 20, 3) of N people; NaN = unknown.
+
+    Raises
+    ------
+    RecordingError
+        The shape is wrong.
+    """
     if joints is None:
         return None
     array = np.array(joints, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Settings of how depth is segmented and cleaned."""
+"""Settings of segmentation and filtering of depth."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from toolkit.io.typed_values import constant
 MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
 MOST_EMPTY_FRAMES = 1000
 SUPPORT = {"keep": 0, "mixed": 3}
-"""Neighbours (of 8) at its depth that a pixel needs in order to stay, by the setting `contour`."""
+"""Number of supporting neighbours (of 8) that a pixel needs, by the setting `contour`."""
 CONTOURS = (*SUPPORT, "silhouette")
 
 
 @dataclass(frozen=True)
 class SegmentationMode:
-    """The setting `segment`, taken apart: a name and its numbers."""
+    """Parsed setting `segment`: a name and its numbers."""
 
     name: str
     numbers: tuple[float, ...] = ()
 
     @classmethod
     def parse(cls, text: str) -> SegmentationMode:
-        """Read `name` or `name:number[,number]`.
+        """Parse `name` or `name:number[,number]`.
 
         Raises
         ------
         SettingsError
-            It is none of `MODES`.
+            The text is none of `MODES`.
         """
         name, _, tail = text.partition(":")
         counts = {"auto": 0, "segmented": 0, "background": 0, "person": 0, "empty-frames": 1, "range": 2, "seed": 2}
@@ -49,26 +49,26 @@ class SegmentationMode:
 
 @dataclass(frozen=True)
 class SensingSettings:
-    """How depth is cleaned.
+    """Settings of segmentation and filtering.
 
     Attributes
     ----------
     segment : "auto" (a background if there is one, else already segmented frames), "segmented", "background",
-        "empty-frames:N" (background learnt from the first N frames), "range:NEAR,FAR" (metres), "person" (the one
-        person-sized thing in the room), "seed:U,V" (the thing at this pixel of the first frame)
-    subject : who is meant where there are several people: "only" (two are an error), "largest" or "nearest"
+        "empty-frames:N" (background model of the first N frames), "range:NEAR,FAR" (metres), "person" (the only
+        person-sized object), "seed:U,V" (the object at this pixel of the first frame)
+    subject : selected person of several: "only" (two people are an error), "largest" or "nearest"
     near, far : metres; depth outside is not used. A Kinect starts at 0.4 m, and no person beyond 8 m has enough pixels
-    background_margin : metres that a pixel must lie before the background, on top of the quantisation of both; a ToF
-        camera's noise is 1 to 2 cm, and a sole is 4 cm above the floor
+    background_margin : metres by which a foreground pixel is nearer than the background, beyond the quantisation of
+        both; a ToF camera's noise is 1 to 2 cm, and a sole is 4 cm above the floor
     contour : "mixed" deletes pixels that fewer than 3 of their 8 neighbours support, "silhouette" every pixel of the
-        person with a pixel beside the person among its 4 neighbours, as in Baak 2013, 5.3.1, "keep" none. On simulated
-        time-of-flight images "mixed" leaves 91 % of a person, with 0.1 % beside the body against 2.7 % of "keep"; a
-        forearm is 3 to 4 pixels wide at 176x144, so that "silhouette" halves it
-    contour_tolerance : metres within which a neighbour supports a pixel, on top of the quantisation; the side of a
-        forearm falls off by 2 cm a pixel at 3 m
+        person with a pixel beside the person among its 4 neighbours (Baak 2013, 5.3.1), "keep" none. On simulated
+        time-of-flight images "mixed" keeps 91 % of a person, with 0.1 % beside the body ("keep": 2.7 %); a forearm is
+        3 to 4 pixels wide at 176x144, and "silhouette" halves it
+    contour_tolerance : metres within which a neighbour supports a pixel, beyond the quantisation; the depth of a
+        forearm's side changes by 2 cm per pixel at 3 m
     quantisation : metres at 1 m; grows with the square of the distance. A Kinect v1 has 2.5 cm at 3 m (Baak 2013,
         5.3.1)
-    median : take the 3x3 median
+    median : apply the 3x3 median
     half_resolution : keep every second pixel of every second row
     """
 

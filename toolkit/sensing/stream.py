@@ -1,4 +1,4 @@
-"""One frame of a camera, as trackers take it."""
+"""One frame of a camera, the input of a tracker."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from toolkit.sensing.joints2d import Joints2D
 
 
 class Frame(NamedTuple):
-    """One frame of a stream.
+    """Frame of a stream.
 
     Attributes
     ----------
     depth_mm : uint16 (H, W), millimetres along z, 0 = no measurement
     timestamp : seconds
-    joints : of all people whom a detector found in the image, in pixels of `depth_mm`, lens distortion included
-    color : uint8 (H', W', 3), RGB of the same view, or None where there is none or it was not asked for
+    joints : detected joints of all people in the image, in pixels of `depth_mm`, lens distortion included
+    color : uint8 (H', W', 3), RGB of the same view, or None if missing or not requested
     """
 
     depth_mm: np.ndarray

@@ -1,4 +1,4 @@
-"""What simulated people look like: skin, hair, face and clothes as colours of the mesh's vertices."""
+"""Appearance of simulated people: skin, hair, face and clothes as vertex colours."""
 
 from __future__ import annotations
 
@@ -11,22 +11,25 @@ from toolkit.body.body import Body
 
 Color = tuple[int, int, int]
 
-SKINS: tuple[Color, ...] = ((236, 196, 168), (224, 172, 138), (198, 140, 104), (150, 98, 68), (104, 68, 50))
-HAIRS: tuple[Color, ...] = ((35, 28, 24), (70, 48, 32), (120, 84, 48), (190, 160, 110), (140, 136, 132))
-CLOTHES: tuple[Color, ...] = (
-    (40, 60, 120), (160, 40, 44), (60, 110, 70), (220, 220, 214), (46, 46, 52), (210, 170, 60), (120, 90, 140),
-    (90, 130, 160),
-)  # fmt: skip
-TROUSERS: tuple[Color, ...] = ((44, 54, 84), (40, 40, 44), (120, 108, 88), (92, 96, 100), (70, 52, 42))
-SHOES: tuple[Color, ...] = ((30, 28, 28), (210, 210, 205), (90, 60, 40))
+
+def _palette(codes: str) -> tuple[Color, ...]:
+    """Return the colours of hexadecimal RGB codes."""
+    return tuple((int(code[:2], 16), int(code[2:4], 16), int(code[4:], 16)) for code in codes.split())
+
+
+SKINS = _palette("ecc4a8 e0ac8a c68c68 966244 684432")
+HAIRS = _palette("231c18 463020 785430 bea06e 8c8884")
+CLOTHES = _palette("283c78 a0282c 3c6e46 dcdcd6 2e2e34 d2aa3c 785a8c 5a82a0")
+TROUSERS = _palette("2c3654 28282c 786c58 5c6064 46342a")
+SHOES = _palette("1e1c1c d2d2cd 5a3c28")
 HEAD_WIDTH = 0.17
-"""Metres: width of the head to which places on it are relative."""
+"""Width in metres of the head for positions on it."""
 HAIRLINE = ((-0.1, -0.04, 0.0, 0.04, 0.085), (-0.09, -0.06, 0.01, 0.025, 0.065))
-"""Height of the hairline over the middle of the head by the distance in front of it, metres."""
+"""Height of the hairline above the middle of the head by the distance in front of it, metres."""
 LONG_HAIR = -0.15
-"""Height down to which long hair covers the back of the head."""
+"""Lowest height of long hair at the back of the head, metres."""
 STRIPES = 0.09
-"""Metres from one stripe of a shirt to the next."""
+"""Period of the stripes of a shirt, metres."""
 UPPER = ("lumbar", "thorax", "left_clavicle", "right_clavicle", "left_shoulder", "right_shoulder")
 FOREARMS, FEET = ("left_elbow", "right_elbow"), ("left_ankle", "right_ankle")
 LEGS = ("root", "left_hip", "right_hip", "left_knee", "right_knee")
@@ -38,8 +41,8 @@ class Appearance:
 
     Attributes
     ----------
-    skin, hair, shirt, stripes, trousers, shoes : `stripes` is the other colour of the shirt
-    long_sleeves, long_hair : how far cloth and hair reach
+    skin, hair, shirt, stripes, trousers, shoes : colours; `stripes` is the second colour of the shirt
+    long_sleeves, long_hair : extent of cloth and hair
     """
 
     skin: Color
@@ -53,7 +56,7 @@ class Appearance:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Appearance:
-        """A person's at random; half of all shirts have stripes."""
+        """Return a random appearance; half of all shirts have stripes."""
         skin, hair, shirt, other, trousers, shoes = (
             palette[int(rng.integers(len(palette)))] for palette in (SKINS, HAIRS, CLOTHES, CLOTHES, TROUSERS, SHOES)
         )
@@ -62,7 +65,7 @@ class Appearance:
 
 
 def vertex_colors(body: Body, look: Appearance, hanging: int = 0) -> np.ndarray:
-    """Colours of a body's vertices, float64 (V, 3), 0 to 255; the last `hanging` vertices are a skirt's cloth."""
+    """Return the colours of a body's vertices, float64 (V, 3), 0 to 255; the last `hanging` vertices are a skirt."""
     colors = np.tile(np.array(look.skin, dtype=np.float64), (len(body.vertices), 1))
     height = body.vertices[:, 1]
     striped = np.where((height // (0.5 * STRIPES) % 2 == 0)[:, None], look.shirt, look.stripes)
@@ -82,7 +85,7 @@ def _carried(body: Body, joints: tuple[str, ...]) -> np.ndarray:
 
 
 def _draw_head(body: Body, look: Appearance, colors: np.ndarray) -> None:
-    """Hair, and a face with brows, eyes and lips: what tells a front from a back."""
+    """Draw hair, and a face with brows, eyes and lips, which distinguishes front and back."""
     head = np.flatnonzero(_carried(body, ("cervical",)))
     middle = body.sites[[name for name, _ in skeleton.SITES].index("head")]
     places = (body.vertices[head] - middle) * HEAD_WIDTH / np.ptp(body.vertices[head, 0])

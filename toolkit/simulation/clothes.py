@@ -1,9 +1,9 @@
-"""Clothes as geometry over the body: garments that hang from it and garments that stand off it."""
+"""Geometry of clothes: garments that hang from the body and garments that stand off it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,23 +12,35 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.io.errors import UsageError
 
-AROUND = 48
-"""Vertices of each ring of a skirt."""
-RINGS = 16
-"""Rings of a skirt, from waist to hem."""
-LOOSE = 0.012
-"""Metres between a skirt and the skin below it."""
+
+@dataclass(frozen=True)
+class SkirtSettings:
+    """Mesh of a skirt.
+
+    Attributes
+    ----------
+    around : number of vertices of each ring
+    rings : number of rings from waist to hem
+    loose : metres between a skirt and the skin below it
+    """
+
+    around: int = 48
+    rings: int = 16
+    loose: float = 0.012
+
+
+SETTINGS = SkirtSettings()
 
 
 class Skirt(NamedTuple):
-    """A skirt: where it ends, 0 at the hips, 1 at the knees, 2 at the ankles; and its flare at the hem over stature."""
+    """Skirt with the level of its hem (0 hips, 1 knees, 2 ankles) and its flare at the hem over stature."""
 
     hem: float
     flare: float
 
 
 class Shell(NamedTuple):
-    """Cloth that stands off the skin which these joints carry, metres."""
+    """Cloth at a distance in metres from the skin of some joints."""
 
     joints: tuple[str, ...]
     distance: float
@@ -44,18 +56,18 @@ GARMENTS: dict[str, tuple[Skirt | Shell, ...]] = {
     "coat": (Skirt(0.8, 0.03), Shell(TRUNK, 0.035), Shell(SLEEVES, 0.025)),
     "wide_trousers": (Shell(LEGS, 0.04),),
 }
-"""What can be worn."""
+"""Garments by name."""
 
 
 def dressed(body: Body, garments: Sequence[str]) -> Body:
-    """The same person in clothes: skin under a shell moved outwards, skirts added as vertices of their own.
+    """Return the body in clothes: skin below a shell is moved outwards, skirts are added as vertices.
 
-    Joints and end effectors stay what they are.
+    Joints and end effectors do not change.
 
     Raises
     ------
     UsageError
-        A garment is unknown; the message lists those of `GARMENTS`.
+        A garment is unknown.
     """
     for name in garments:
         if name not in GARMENTS:
@@ -75,18 +87,18 @@ def _with_shell(body: Body, shell: Shell) -> Body:
 
 
 def _with_skirt(body: Body, skirt: Skirt) -> Body:
-    """A lofted tube around both legs, open below; its cloth is carried half by either leg in the middle."""
+    """Add a lofted tube around both legs, open below; its middle follows both legs equally."""
     waist = 0.06 * body.height
     levels = [waist, 0.0, _height_of(body, "knee"), _height_of(body, "ankle")]
-    heights = np.interp(np.linspace(-1.0, skirt.hem, RINGS), [-1.0, 0.0, 1.0, 2.0], levels)
+    heights = np.interp(np.linspace(-1.0, skirt.hem, SETTINGS.rings), [-1.0, 0.0, 1.0, 2.0], levels)
     rings = [_ring(body, height) for height in heights]
-    for i in range(1, RINGS):
-        if heights[i] < levels[1]:  # below the hips cloth falls straight where the legs grow narrower
+    for i in range(1, SETTINGS.rings):
+        if heights[i] < levels[1]:  # below the hips cloth hangs vertically
             rings[i] = np.maximum(rings[i], rings[i - 1])
-    angles = np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False)
+    angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     below = np.clip((levels[1] - heights) / (levels[1] - heights[-1]), 0.0, 1.0)
-    radii = np.array(rings) + LOOSE + skirt.flare * body.height * below[:, None]
+    radii = np.array(rings) + SETTINGS.loose + skirt.flare * body.height * below[:, None]
     plan = radii[..., None] * directions
     vertices = np.stack([plan[..., 0], np.broadcast_to(heights[:, None], radii.shape), plan[..., 1]], axis=-1)
     joints, weights = _hanging(body, vertices.reshape(-1, 3))
@@ -106,10 +118,10 @@ def _height_of(body: Body, joint: str) -> float:
 
 
 def _ring(body: Body, height: float) -> np.ndarray:
-    """Reach of trunk and legs in each direction at a height of the rest pose: float64 (AROUND,), metres."""
+    """Extent of trunk and legs in each direction at a height of the rest pose: float64 (AROUND,), metres."""
     carriers = [skeleton.JOINT_NAMES.index(name) for name in (*TRUNK[:2], *LEGS)]
     near = np.isin(body.part, carriers) & (np.abs(body.vertices[:, 1] - height) < 0.02 * body.height)
-    angles = np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False)
+    angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
     directions = np.stack([np.cos(angles), np.sin(angles)])
     support = (body.vertices[near][:, [0, 2]] @ directions).max(axis=0, initial=0.05)
     # From the support function h to the radius of the hull along each direction: min over h(b) / cos(b - a).
@@ -118,7 +130,7 @@ def _ring(body: Body, height: float) -> np.ndarray:
 
 
 def _hanging(body: Body, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Carriers and weights (V, 4) of cloth: the root above the hips, below them the thighs, each on its side."""
+    """Return joints and weights (V, 4) of cloth: the root above the hips, the thighs below, each on its side."""
     names = ("root", "left_hip", "right_hip")
     carriers = np.array([skeleton.JOINT_NAMES.index(name) for name in names])
     share = np.clip(0.3 - vertices[:, 1] / (0.12 * body.height), 0.0, 1.0)  # of the legs
@@ -128,8 +140,8 @@ def _hanging(body: Body, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _tube() -> np.ndarray:
-    """Triangles between neighbouring rings."""
-    ring, side = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND), indexing="ij")
-    a, b = ring * AROUND + side, ring * AROUND + (side + 1) % AROUND
-    c, d = a + AROUND, b + AROUND
+    """Return the triangles between neighbouring rings."""
+    ring, side = np.meshgrid(np.arange(SETTINGS.rings - 1), np.arange(SETTINGS.around), indexing="ij")
+    a, b = ring * SETTINGS.around + side, ring * SETTINGS.around + (side + 1) % SETTINGS.around
+    c, d = a + SETTINGS.around, b + SETTINGS.around
     return np.concatenate([np.stack([a, b, d], axis=-1), np.stack([a, d, c], axis=-1)]).reshape(-1, 3)

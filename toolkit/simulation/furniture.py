@@ -1,4 +1,4 @@
-"""Furniture made of upright boxes: beside a person, or listed in a file."""
+"""Furniture of upright boxes: beside a person, or from a file."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from toolkit.io.yaml_reader import read_yaml
 from toolkit.simulation.interiors.mesh import Mesh, box, joined, moved
 
 SEAT_HEIGHT = 0.26
-"""Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, and a child gets a child's chair."""
+"""Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, less for a child."""
 
 
 class Box(NamedTuple):
-    """An upright box: its lowest and highest corner (x, y, z), metres, y = 0 on the floor."""
+    """Upright box with lowest and highest corner (x, y, z), metres, y = 0 on the floor."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
 
 
 def chair(seat: float) -> tuple[Box, ...]:
-    """A chair whose seat is `seat` metres high, for a person whose hips are above the origin and who faces +z."""
+    """Return a chair with a seat `seat` metres high, for a person with the hips above the origin who faces +z."""
     return (
         Box((-0.22, seat - 0.05, -0.20), (0.22, seat, 0.26)),
         Box((-0.22, seat, -0.25), (0.22, seat + 0.45, -0.20)),
@@ -33,7 +33,7 @@ def chair(seat: float) -> tuple[Box, ...]:
 
 
 def stool(seat: float) -> tuple[Box, ...]:
-    """A stool on one post, as `chair`."""
+    """Return a stool on one post, as `chair`."""
     return (
         Box((-0.17, seat - 0.04, -0.17), (0.17, seat, 0.17)),
         Box((-0.03, 0.03, -0.03), (0.03, seat - 0.04, 0.03)),
@@ -42,7 +42,7 @@ def stool(seat: float) -> tuple[Box, ...]:
 
 
 def table(height: float) -> tuple[Box, ...]:
-    """A table `height` metres high, from the origin towards +z."""
+    """Return a table `height` metres high, from the origin towards +z."""
     return (
         Box((-0.7, height - 0.04, 0.0), (0.7, height, 0.7)),
         *_legs(0.7, (0.0, 0.7), height - 0.04),
@@ -50,7 +50,7 @@ def table(height: float) -> tuple[Box, ...]:
 
 
 def desk(height: float) -> tuple[Box, ...]:
-    """A table with a panel before the legs and a screen at the far left."""
+    """Return a table with a front panel and a screen at the far left."""
     return (
         *table(height),
         Box((-0.66, 0.3 * height, 0.62), (0.66, height - 0.04, 0.65)),
@@ -59,12 +59,12 @@ def desk(height: float) -> tuple[Box, ...]:
 
 
 def crate(height: float) -> tuple[Box, ...]:
-    """A crate as high as a table, from the origin towards +z."""
+    """Return a crate as high as a table, from the origin towards +z."""
     return (Box((-0.3, 0.0, 0.0), (0.3, height, 0.4)),)
 
 
 def _legs(half: float, depth: tuple[float, float], height: float) -> tuple[Box, ...]:
-    """Four legs 4 cm thick below the corners of a top `2 half` wide."""
+    """Return four legs 4 cm thick below the corners of a top `2 half` wide."""
     near, far = depth
     return tuple(
         Box((x, 0.0, z), (x + 0.04, height, z + 0.04)) for x in (-half, half - 0.04) for z in (near, far - 0.04)
@@ -72,20 +72,20 @@ def _legs(half: float, depth: tuple[float, float], height: float) -> tuple[Box, 
 
 
 SEATS = {"chair": chair, "stool": stool}
-"""What a person sits on, as functions of the seat's height."""
+"""Seats as functions of the seat height."""
 OBSTACLES = {"desk": desk, "table": table, "crate": crate}
-"""What a person stands or sits behind, as functions of its height."""
+"""Obstacles in front of a person as functions of their height."""
 HEIGHTS = {"desk": 0.42, "table": 0.42, "crate": 0.33}
-"""Heights of obstacles over the stature of the person whom they belong to."""
+"""Heights of obstacles over the stature of their person."""
 
 
 def check_kinds(kinds: Sequence[str]) -> tuple[str, ...]:
-    """The kinds of furniture as they are.
+    """Return the kinds of furniture unchanged.
 
     Raises
     ------
     UsageError
-        One is unknown; the message lists the known ones.
+        A kind is unknown.
     """
     known = (*SEATS, *OBSTACLES)
     for kind in kinds:
@@ -95,15 +95,15 @@ def check_kinds(kinds: Sequence[str]) -> tuple[str, ...]:
 
 
 def read_boxes(path: str | Path) -> tuple[Box, ...]:
-    """Boxes of a YAML file: `boxes:`, a list of `low: [x, y, z]` and `high: [x, y, z]`.
+    """Read boxes of a YAML file: `boxes:`, a list of `low: [x, y, z]` and `high: [x, y, z]`.
 
     Metres on the floor plan of the recording: x to the right in the image, y up from the floor, z towards the camera,
-    the origin at the distance at which the camera stands.
+    the origin at the camera's distance.
 
     Raises
     ------
     UsageError
-        The file is missing or not of this form, or a box has crossed corners.
+        The file is missing or invalid, or a box has exchanged corners.
     """
     hint = "write `boxes:` and entries such as {low: [0, 0, 0], high: [1, 0.7, 0.5]}"
     content = read_yaml(path, f"the furniture {path}", UsageError, hint)
@@ -132,5 +132,5 @@ def _checked_box(low: object, high: object, number: int, path: str | Path) -> Bo
 
 
 def boxes_mesh(boxes: Sequence[Box], yaw: float = 0.0, at: tuple[float, float] = (0.0, 0.0)) -> Mesh:
-    """Boxes turned by `yaw` (radians, about +y from +z) and moved to `at` (x, z), as one mesh."""
+    """Return boxes rotated by `yaw` (radians, about +y from +z) and moved to `at` (x, z), as one mesh."""
     return moved(joined([box(low, high) for low, high in boxes]), at[0], 0.0, at[1], yaw)

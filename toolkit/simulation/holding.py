@@ -1,4 +1,4 @@
-"""Things in people's hands: they move with the hands and are no person."""
+"""Held objects, which move with the hands and are not part of the person."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from toolkit.simulation.interiors.mesh import Mesh, box, joined, moved
 HOLDINGS: dict[str, tuple[float, float, float]] = {
     "box": (0.0, 0.28, 0.3), "tablet": (0.0, 0.2, 0.015), "bag": (0.3, 0.36, 0.14),
 }  # fmt: skip
-"""What can be held, and its width, height and depth in metres; what is held by both hands is as wide as they are
-apart."""
+"""Width, height and depth in metres of held objects; an object in both hands is as wide as their distance."""
 STRAPS = 0.14
 """Metres from the hand to the top of a bag."""
 _LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
 
 
 def check_holding(kind: str | None) -> None:
-    """Raise UsageError for an unknown thing; the message lists the known ones."""
+    """Raise UsageError for an unknown object."""
     if kind is not None and kind not in HOLDINGS:
         raise UsageError(f"no person can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
 
 
 def held_mesh(kind: str, joints: np.ndarray) -> Mesh:
-    """A thing out of `HOLDINGS` in the hands of joints (20, 3), metres, y up: a box or tablet between both hands, a bag
-    below the left one."""
+    """Return an object of `HOLDINGS` in the hands of joints (20, 3), metres, y up.
+
+    A box or tablet is between both hands, a bag below the left one.
+    """
     _, high, deep = HOLDINGS[kind]
     left, right = joints[_LEFT], joints[_RIGHT]
     if kind == "bag":
@@ -41,6 +42,6 @@ def held_mesh(kind: str, joints: np.ndarray) -> Mesh:
 
 
 def _facing(joints: np.ndarray) -> float:
-    """Yaw about +y from +z to which the hips of joints (20, 3) face, radians."""
+    """Yaw about +y from +z of the hips of joints (20, 3), radians."""
     across = joints[skeleton.REPORTED.index("left_hip")] - joints[skeleton.REPORTED.index("right_hip")]
     return float(np.arctan2(-across[2], across[0]))

@@ -1,4 +1,4 @@
-"""Simulated inertial sensors: what sensors on a moving body would measure, with the flaws that real ones have."""
+"""Simulated inertial sensors on a moving body, with realistic noise."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ from toolkit.io.errors import UsageError
 from toolkit.io.files import save_json
 
 Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
-"""Turns a world with y up into one with z up."""
+"""Rotation from a world with y up to one with z up."""
 
 
 INCLINATION, DECLINATION, STRENGTH = 64.9, 1.5, 48.3
 """Degrees, degrees and microtesla: the earth's magnetic field at Saarbruecken in 2012."""
 SOFT_SECONDS = 0.3
-"""Correlation time of the slow turn between a sensor and its bone."""
+"""Correlation time of the soft-tissue rotation between a sensor and its bone, seconds."""
 
 
 def earth_field(inclination: float, declination: float, strength: float) -> np.ndarray:
-    """The magnetic field (3,) in a world with x to the north and z up (thesis, Eq. A.4 to A.7).
+    """Return the magnetic field (3,) in a world with x to the north and z up (thesis, Eq. A.4 to A.7).
 
     Parameters
     ----------
-    inclination : degrees by which it points below the horizon
-    declination : degrees by which magnetic north lies east of the north
-    strength : its length, in any unit
+    inclination : degrees below the horizon
+    declination : degrees of magnetic north east of north
+    strength : norm of the field, in any unit
     """
     down, east = np.radians(inclination), np.radians(declination)
     return strength * np.array([np.cos(down) * np.cos(east), -np.cos(down) * np.sin(east), -np.sin(down)])
@@ -42,21 +42,21 @@ def earth_field(inclination: float, declination: float, strength: float) -> np.n
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """The flaws of a set of sensors; angles in degrees, times in seconds.
+    """Noise of a set of sensors; angles in degrees, times in seconds.
 
     Attributes
     ----------
     rate : samples a second
     tilt : standard deviation of a constant error of the vertical, per sensor
-    white : of the error of each orientation
-    heading_walk : of the heading after one minute, a random walk
-    soft_tissue : of a slow turn between sensor and bone, see `SOFT_SECONDS`
+    white : standard deviation of the error of each orientation
+    heading_walk : standard deviation of the heading after one minute, a random walk
+    soft_tissue : standard deviation of a slow rotation between sensor and bone, see `SOFT_SECONDS`
     gyro : rad/s, white
     gyro_bias : rad/s, constant
     acceleration : m/s2, white
-    offset : largest start of the sensors' clock against the camera's
+    offset : largest offset of the sensors' clock from the camera's
     skew : parts per million, largest difference of the clocks' rates
-    lost : share of packets lost, in runs of one to five
+    lost : fraction of lost packets, in runs of one to five
     """
 
     rate: float = 100.0
@@ -83,20 +83,20 @@ NOISE: dict[str, SensorNoise] = {
         acceleration=0.15, offset=1.5, skew=80.0, lost=0.02,
     ),
 }  # fmt: skip
-"""`mtx`: sensors as in the thesis, tightly strapped; `phone`: a phone's in a pocket or a sleeve."""
+"""Noise of strapped sensors as in the thesis (`mtx`), and of a phone in a pocket or a sleeve (`phone`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedSensors:
-    """Streams and the truth about them.
+    """Sensor streams with their truth.
 
     Attributes
     ----------
-    sensors : what was measured, on the sensors' clock
+    sensors : measured streams, on the sensors' clock
     offset, rate : of their clock, `t_sensor = rate * t_camera + offset`
     world : float64 (4,), `q_G`: level frame to inertial world
     mounting : part of the body -> float64 (4,), `q_L`: sensor to the part's frame
-    noise : the flaws
+    noise : noise of the sensors
     """
 
     sensors: Sensors
@@ -107,7 +107,7 @@ class SimulatedSensors:
     noise: SensorNoise
 
     def truth(self) -> dict[str, Any]:
-        """All but the streams, for JSON."""
+        """Return everything except the streams as JSON values."""
         return {
             "offset": self.offset,
             "rate": self.rate,
@@ -117,7 +117,7 @@ class SimulatedSensors:
         }
 
     def save(self, path: str | Path) -> tuple[Path, Path]:
-        """Write the canonical file and, beside it, `<stem>_truth.json`; returns both paths."""
+        """Write the canonical file and `<stem>_truth.json` beside it; return both paths."""
         sensors = Path(path)
         truth = sensors.with_name(f"{sensors.stem}_truth.json")
         self.sensors.save(sensors)
@@ -134,16 +134,16 @@ def simulate_sensors(
     seed: int = 0,
     start: float = 0.0,
 ) -> SimulatedSensors:
-    """Sensors on a body that takes poses at a frame rate.
+    """Simulate sensors on a body that moves through poses at a frame rate.
 
     Parameters
     ----------
-    body : who carries them
-    poses : float64 (T, P), any frame with y up; the camera's level frame if offsets shall mean that
+    body : body with the sensors
+    poses : float64 (T, P), any frame with y up; offsets refer to this frame
     frame_rate : poses a second
-    limbs : out of `limbs.PARTS`
-    noise : name out of `NOISE`, or the flaws themselves
-    seed : of everything random: offsets, clock and noise
+    limbs : names of `sensor_limbs.PARTS`
+    noise : name of `NOISE`, or the noise itself
+    seed : seed of offsets, clock and noise
     start : time of the first pose on the camera's clock, seconds
 
     Raises
@@ -151,7 +151,7 @@ def simulate_sensors(
     UsageError
         The noise is unknown or there are fewer than three poses.
     InertialError
-        A limb does not exist or is named twice.
+        A limb is unknown or repeated.
     """
     if isinstance(noise, str):
         if noise not in NOISE:
@@ -183,14 +183,14 @@ def _measure(
     noise: SensorNoise,
     rng: np.random.Generator,
 ) -> SensorStream:
-    """One stream. Orientations and paths between the poses are splines, so that rates of turn are their derivatives."""
+    """Return one stream; orientations and positions between the poses are splines, and rates their derivatives."""
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, RotationSpline
 
     camera = np.arange(motion.times[0], motion.times[-1] + 1e-9, 1.0 / noise.rate)
     spline = RotationSpline(motion.times, Rotation.from_quat(motion.orientation(limb)[:, [1, 2, 3, 0]]))
     bone = spline(camera).as_quat()[:, [3, 0, 1, 2]]
-    # strapped near the far end of the bone, on the skin
+    # position near the far end of the bone, on the skin
     at = 0.7 * bone_vector(motion.body, limb) + 0.04 * np.roll(bone_axis(limb), 1)
     places = motion.middle(limb) + quat.rotate(motion.orientation(limb), at - 0.5 * bone_vector(motion.body, limb))
     acceleration = CubicSpline(motion.times, places)(camera, 2) + [0.0, GRAVITY, 0.0]
@@ -218,7 +218,7 @@ def _measure(
 
 
 def _slow(rng: np.random.Generator, count: int, width: float) -> np.ndarray:
-    """Noise (count, 3) of unit variance, correlated over `width` samples."""
+    """Return noise (count, 3) of unit variance, correlated over `width` samples."""
     from scipy.ndimage import gaussian_filter1d
 
     pad = int(4 * width) + 1
@@ -227,7 +227,7 @@ def _slow(rng: np.random.Generator, count: int, width: float) -> np.ndarray:
 
 
 def _thinned(stream: SensorStream, lost: float, rng: np.random.Generator) -> SensorStream:
-    """The stream without packets lost in runs of one to five."""
+    """Return the stream without lost packets."""
     keep = np.ones(len(stream), dtype=bool)
     for start in np.flatnonzero(rng.random(len(stream)) < lost / 3.0):
         keep[start : start + rng.integers(1, 6)] = False

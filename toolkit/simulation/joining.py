@@ -1,4 +1,4 @@
-"""Motions one after the other, as one person would perform them."""
+"""Concatenation of motions, as performed by one person."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from toolkit.body import skeleton
 from toolkit.simulation.person import facing_of, turned
 
 JOIN = 12
-"""Frames between two motions (0.4 s at 30 Hz), eased."""
+"""Number of eased frames between two motions (0.4 s at 30 Hz)."""
 
 
 def joined(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, list[int]]:
-    """Poses of parts (T, P) one after the other, each turned and moved over the floor to where the one before ended.
+    """Return the poses of parts (T, P) in sequence, each rotated and moved to the end of the part before.
 
-    Between two parts lie `JOIN` frames that ease from pose to pose.
+    `JOIN` eased frames connect two parts.
 
     Returns
     -------
     poses : float64 (sum of T + JOIN joins, P)
-    starts : the frame in which each part begins
+    starts : first frame of each part
     """
     pieces, starts, frames = [parts[0]], [0], len(parts[0])
     for part in parts[1:]:
@@ -34,13 +34,13 @@ def joined(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, list[int]]:
 
 
 def _continuing(last: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """A part (T, P) turned about the vertical and moved over the floor so that it begins where `last` (P,) stands."""
+    """Return a part (T, P) rotated about the vertical and moved so that it starts at `last` (P,)."""
     floor = np.array([1.0, 0.0, 1.0])
     return turned(part, facing_of(last) - facing_of(part[0]), part[0, :3] * floor, last[:3] * floor)
 
 
 def _eased(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """`JOIN` poses strictly between two: float64 (JOIN, P)."""
+    """Return `JOIN` poses strictly between two: float64 (JOIN, P)."""
     from scipy.spatial.transform import Rotation
 
     place = np.arange(1, JOIN + 1)[:, None] / (JOIN + 1.0)

@@ -1,4 +1,4 @@
-"""Who is recorded: a motion, a body, clothes and a place on the floor."""
+"""People of a simulation: motion, body, clothes and position on the floor."""
 
 from __future__ import annotations
 
@@ -22,34 +22,50 @@ from toolkit.simulation.holding import check_holding, held_mesh
 from toolkit.simulation.interiors.mesh import Mesh, joined
 from toolkit.simulation.seating import seat_height, seated
 
-TALL, SMALL = 1.25, 0.75
-"""Statures in metres between which a child's limbs grow from short to those of the shape space's children."""
-SHORT_LEGS, SHORT_ARMS = 0.8, 0.9
-"""Lengths of a toddler's leg and arm bones relative to those of an older child of the same stature, before scaling:
-the sitting height falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807)."""
-CLEARANCE = 0.12
-"""Metres from the legs and trunk of a person to the obstacle before them."""
-CHESTS = 0.075
-"""Radius of the core of a trunk over the stature: two cores never overlap, however closely people embrace."""
+
+@dataclass(frozen=True)
+class PersonSettings:
+    """Proportions of children and distances of people.
+
+    Attributes
+    ----------
+    tall : metres of stature from which limbs have the shape space's proportions
+    small : metres of stature up to which limbs are shortest
+    short_legs : length of a toddler's leg bones relative to an older child of the same stature, before scaling; the
+        sitting height falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807)
+    short_arms : the same of the arm bones
+    obstacle_distance : metres from the legs and trunk of a person to the obstacle before them
+    chest : radius of the core of a trunk over the stature; two cores never overlap, even in a hug
+    """
+
+    tall: float = 1.25
+    small: float = 0.75
+    short_legs: float = 0.8
+    short_arms: float = 0.9
+    obstacle_distance: float = 0.12
+    chest: float = 0.075
+
+
+SETTINGS = PersonSettings()
 
 
 @dataclass(frozen=True)
 class SimulatedPerson:
-    """A person to be recorded.
+    """Person of a simulation.
 
     Attributes
     ----------
-    clip : a mocap file, or poses of the subject
+    clip : mocap file, or poses of the subject
     body : name or shape coefficients (also as text with commas) of a full-resolution subject, or any body
-    at : x and z of the mean place on the floor plan, metres: to the right in the image, and towards the camera
-    yaw : degrees by which they are turned to their left in their first frame; 0 faces the camera
-    stature : metres to which the body is scaled; below 1.25 m limbs get shorter in proportion. None leaves it
-    seated : whether they do what the clip shows sitting, on a chair unless `furniture` holds another seat
-    furniture : kinds of furniture beside or before them, out of `furniture.SEATS` and `furniture.OBSTACLES`
-    clothes : out of `clothes.GARMENTS`
-    enters : seconds after the beginning of the recording at which they appear; they are gone when their clip ends
-    holds : a thing in their hands, out of `holding.HOLDINGS`, that moves with them and is not theirs
-    held : seconds of the recording between which they hold it
+    at : x and z of the mean position on the floor plan, metres: to the right in the image, and towards the camera
+    yaw : degrees to the person's left in the first frame; 0 faces the camera
+    stature : metres to which the body is scaled; limbs are shorter below 1.25 m. None keeps the body's
+    seated : perform the clip seated, on a chair unless `furniture` has another seat
+    furniture : furniture beside or before the person, names of `furniture.SEATS` and `furniture.OBSTACLES`
+    clothes : names of `clothes.GARMENTS`
+    enters : seconds of the recording at which the person appears; the person leaves at the end of the clip
+    holds : held object, a name of `holding.HOLDINGS`
+    held : seconds of the recording between which it is held
     """
 
     clip: str | Path | PoseClip
@@ -75,13 +91,13 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "stature": (0.3, 3.0, "metres"),
     "enters": (0.0, 86_400.0, "seconds, a day at most"),
 }
-"""What the numbers of a person may be, both ends included, and in which unit."""
+"""Inclusive ranges of the numbers of a person, with their unit."""
 FARTHEST_PLACE = 60.0
-"""Metres on the floor plan: farther away depth is not stored."""
+"""Metres on the floor plan; depth beyond is not stored."""
 
 
 def check_ranges(given: object, ranges: Mapping[str, tuple[float, float, str]]) -> None:
-    """Raise UsageError for a number of `given` that is out of its range; None is left out."""
+    """Raise UsageError for a number of `given` outside its range; None is skipped."""
     for name, (low, high, unit) in ranges.items():
         value = getattr(given, name)
         if value is not None and not low <= value <= high:
@@ -89,15 +105,15 @@ def check_ranges(given: object, ranges: Mapping[str, tuple[float, float, str]]) 
 
 
 class PosedSubject(NamedTuple):
-    """A person in place.
+    """Person placed on the floor plan.
 
     Attributes
     ----------
-    body : in clothes
+    body : clothed body
     poses : float64 (T, P) on the floor plan: x right in the image, y up from the floor, z towards the camera
     first : frame of the recording that shows the first pose
-    hanging : how many of the body's last vertices are a skirt's
-    holds, held : what is in their hands, and between which frames of the recording
+    hanging : number of the body's last vertices that belong to a skirt
+    holds, held : held object, and the frames of the recording between which it is held
     """
 
     body: Body
@@ -108,7 +124,7 @@ class PosedSubject(NamedTuple):
     held: tuple[float, float] = (0.0, np.inf)
 
     def held_thing(self, frame: int) -> Mesh | None:
-        """What is in their hands in a frame of the recording, on the floor plan."""
+        """Return the held object in a frame of the recording, on the floor plan."""
         if self.holds is None or not self.held[0] <= frame < self.held[1]:
             return None
         return held_mesh(self.holds, self.body.joint_positions(self.poses[frame - self.first]))
@@ -120,7 +136,7 @@ class PosedSubject(NamedTuple):
 
 
 def subject_of(body: str | Sequence[float] | Body) -> Body:
-    """The subject that `--body NAME|SHAPE` means: a name, coefficients (also as text with commas), or a body as it is.
+    """Return the subject of `--body NAME|SHAPE`: a name, coefficients (also as text with commas), or a body.
 
     Raises
     ------
@@ -138,24 +154,24 @@ def subject_of(body: str | Sequence[float] | Body) -> Body:
 
 
 def grown_to(body: Body, stature: float) -> Body:
-    """The body scaled to a stature in metres, with the proportions of a small child below 1.25 m.
+    """Return the body scaled to a stature in metres, with a small child's proportions below 1.25 m.
 
     Raises
     ------
     UsageError
-        No person is of this stature.
+        The stature is out of range.
     """
     if not 0.5 <= stature <= 2.3:
         raise UsageError(f"no person is {stature} m tall; give a stature from 0.5 to 2.3 m")
-    young = float(np.clip((TALL - stature) / (TALL - SMALL), 0.0, 1.0))
+    young = float(np.clip((SETTINGS.tall - stature) / (SETTINGS.tall - SETTINGS.small), 0.0, 1.0))
     if young > 0:
-        legs, arms = 1.0 - young * (1.0 - SHORT_LEGS), 1.0 - young * (1.0 - SHORT_ARMS)
+        legs, arms = 1.0 - young * (1.0 - SETTINGS.short_legs), 1.0 - young * (1.0 - SETTINGS.short_arms)
         body = body.stretched({"hip": legs, "knee": legs, "shoulder": arms, "elbow": arms})
     return body.scaled(stature / body.height)
 
 
 def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Generator) -> PosedSubject:
-    """Body and poses of a person on the floor plan; `rng` draws how a person sits."""
+    """Return body and poses of a person on the floor plan; `rng` draws the sitting posture."""
     check_holding(person.holds)
     naked = subject_of(person.body)
     if person.stature is not None:
@@ -176,23 +192,23 @@ def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Ge
 
 
 def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:
-    """Poses turned about the vertical so that the first one faces `yaw`, with their mean place at `at`."""
+    """Return the poses rotated about the vertical to a first facing of `yaw`, with their mean position at `at`."""
     return turned(poses, yaw - facing_of(poses[0]), mean_place(poses), np.array([at[0], 0.0, at[1]]))
 
 
 def mean_place(poses: np.ndarray) -> np.ndarray:
-    """Where on the floor (3,) the root is on average in poses (T, P)."""
+    """Mean position (3,) of the root on the floor in poses (T, P)."""
     return poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
 
 
 def turned(poses: np.ndarray, angle: float | np.ndarray, about: np.ndarray, to: np.ndarray) -> np.ndarray:
-    """Poses (T, P) turned about the vertical through a place, which is then moved.
+    """Return poses (T, P) rotated about a vertical axis, which is then moved.
 
     Parameters
     ----------
     angle : radians about +y, one or (T, 1)
-    about : (3,), metres
-    to : (3,) or (T, 3), where that place is moved, metres
+    about : (3,), point of the axis, metres
+    to : (3,) or (T, 3), new position of that point, metres
     """
     from scipy.spatial.transform import Rotation
 
@@ -217,7 +233,7 @@ def facing_of(pose: np.ndarray) -> float:
 
 
 def furniture_of(person: SimulatedPerson, performer: PosedSubject) -> Mesh:
-    """What belongs to a person: seats under the hips, a desk before a sitter, other obstacles towards the camera."""
+    """Return the furniture of a person: seats under the hips, a desk before a sitter, obstacles towards the camera."""
     kinds = check_kinds(person.furniture)
     if person.seated and not any(kind in SEATS for kind in kinds):
         kinds = ("chair", *kinds)
@@ -230,30 +246,32 @@ def furniture_of(person: SimulatedPerson, performer: PosedSubject) -> Mesh:
             continue
         yaw = facing if person.seated else 0.0
         forward = np.array([np.sin(yaw), np.cos(yaw)])
-        reach = _reach(body, poses, at, forward, over_knees=person.seated and kind != "crate") + CLEARANCE
+        reach = (
+            _reach(body, poses, at, forward, over_knees=person.seated and kind != "crate") + SETTINGS.obstacle_distance
+        )
         boxes = OBSTACLES[kind](HEIGHTS[kind] * body.height)
         meshes.append(boxes_mesh(boxes, yaw, (at[0] + reach * forward[0], at[1] + reach * forward[1])))
     return joined(meshes)
 
 
 def _reach(body: Body, poses: np.ndarray, at: tuple[float, float], forward: np.ndarray, *, over_knees: bool) -> float:
-    """How far trunk and legs (the trunk only, where a table stands over the knees) come forward, metres."""
+    """Return the forward extent of trunk and legs (only the trunk at a table over the knees), metres."""
     named = [
         i
         for i, name in enumerate(skeleton.REPORTED)
         if name in ("pelvis", "spine", "neck") or (not over_knees and name.split("_")[-1] in ("knee", "ankle", "foot"))
     ]
     joints = body.joint_positions(poses)[:, named]
-    return float(((joints[..., [0, 2]] - at) @ forward).max()) + CHESTS * body.height
+    return float(((joints[..., [0, 2]] - at) @ forward).max()) + SETTINGS.chest * body.height
 
 
 def check_apart(performers: Sequence[PosedSubject]) -> None:
-    """Refuse people who stand in each other.
+    """Raise UsageError for people inside one another.
 
     Raises
     ------
     UsageError
-        In some frame the trunks of two people are nearer than two bodies can be.
+        In a frame the trunks of two people overlap.
     """
     for i, first in enumerate(performers):
         for j, second in enumerate(performers[:i]):
@@ -263,7 +281,7 @@ def check_apart(performers: Sequence[PosedSubject]) -> None:
             gaps = np.linalg.norm(
                 _trunk(first, start, end)[:, :, None] - _trunk(second, start, end)[:, None], axis=-1
             ).min(axis=(1, 2))
-            needed = CHESTS * (first.body.height + second.body.height)
+            needed = SETTINGS.chest * (first.body.height + second.body.height)
             if gaps.min() < needed:
                 frame = start + int(gaps.argmin())
                 raise UsageError(
@@ -273,12 +291,12 @@ def check_apart(performers: Sequence[PosedSubject]) -> None:
 
 
 def check_clear(performers: Sequence[PosedSubject], boxes: Sequence[Box]) -> None:
-    """Refuse people who stand in the furniture of the room.
+    """Raise UsageError for people inside the furniture of the room.
 
     Raises
     ------
     UsageError
-        In some frame a person's trunk is inside a box.
+        In a frame a person's trunk is inside a box.
     """
     for i, performer in enumerate(performers):
         trunk = _trunk(performer, performer.first, performer.end)

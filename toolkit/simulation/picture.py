@@ -1,4 +1,4 @@
-"""Colour pictures of simulated people in their room, registered to the depth."""
+"""Colour images of simulated people in their room, registered to the depth."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from toolkit.simulation.raycast import Hits
 from toolkit.simulation.scene import PlacedCamera
 
 FINER = 2
-"""Pictures are drawn so many times finer, and averaged: contours are smooth."""
-NOISE = 2.5
-"""Grey levels: standard deviation of a picture's noise."""
+"""Supersampling factor of images, for smooth contours."""
+IMAGE_NOISE = 2.5
+"""Standard deviation of an image's noise, grey levels."""
 LIGHTS = np.array([0.35, 0.5, 0.2])
-"""Shares of the light that comes from everywhere, from a lamp, and from the camera."""
+"""Fractions of ambient light, of a lamp, and of light from the camera."""
 KEY_SPREAD = 0.6
-"""How far the lamp may be from above and before the people, as the tangent of an angle."""
+"""Largest deviation of the lamp from above and before the people, as the tangent of an angle."""
 BOX_FACES = 12
 """Triangles of a box; the first box of a room is its shell."""
 
 
 class DrawnMesh(NamedTuple):
-    """A mesh to be drawn.
+    """Mesh with vertex colours.
 
     Attributes
     ----------
@@ -43,14 +43,14 @@ class DrawnMesh(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Backdrop:
-    """The room without people, as the camera sees it.
+    """Image of the room without people.
 
     Attributes
     ----------
     image : float64 (H, W, 3), RGB
-    depth : float64 (H, W), metres, infinite where nothing is
+    depth : float64 (H, W), metres, infinite without a surface
     key : (3,), direction towards the lamp, camera frame
-    camera : of both, `FINER` times finer than the depth camera
+    camera : camera of both, `FINER` times finer than the depth camera
     """
 
     image: np.ndarray
@@ -60,7 +60,7 @@ class Backdrop:
 
     @classmethod
     def of_room(cls, hits: Hits, camera: Camera, view: PlacedCamera, rng: np.random.Generator) -> Backdrop:
-        """Walls with paint and pictures, a floor of planks, furniture: what `camera` sees of a room of boxes."""
+        """Draw a room of boxes for `camera`: painted walls with pictures, a plank floor, furniture."""
         aside, before = rng.uniform(-KEY_SPREAD, KEY_SPREAD), rng.uniform(0.2, 0.2 + KEY_SPREAD)
         lamp = np.array([aside, 1.0, before])
         key = lamp / np.linalg.norm(lamp) @ view.R_level_camera
@@ -75,7 +75,9 @@ class Backdrop:
         return cls(image, np.where(seen, hits.depth, np.inf).astype(np.float64), key, camera)
 
     def with_people(self, people: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:
-        """A picture of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size; `rng` draws its noise."""
+        """Return an image of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size; `rng` draws
+        noise.
+        """
         image, depth = np.clip(self.image, 0, 255).astype(np.uint8), self.depth.copy()
         for mesh in people:
             normals = vertex_normals(mesh.vertices, mesh.faces)
@@ -84,11 +86,11 @@ class Backdrop:
             )
         fine = image.reshape(len(image) // FINER, FINER, -1, FINER, 3)
         coarse = fine.mean(axis=(1, 3), dtype=np.float32)
-        return np.clip(np.rint(coarse + rng.normal(0.0, NOISE, coarse.shape)), 0, 255).astype(np.uint8)
+        return np.clip(np.rint(coarse + rng.normal(0.0, IMAGE_NOISE, coarse.shape)), 0, 255).astype(np.uint8)
 
 
 def _paint(points: np.ndarray, box: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Colours (N, 3) of points (N, 3) on the boxes of a room, on the floor plan: every room has its own."""
+    """Return the colours (N, 3) of points (N, 3) on the boxes of a room, on the floor plan."""
     palette = rng.uniform(60.0, 190.0, (int(box.max()) + 1, 3))
     palette[0] = rng.uniform(150.0, 215.0) + rng.normal(0.0, 10.0, 3)
     colors = palette[box]

@@ -1,6 +1,6 @@
-"""Depth images of a body through Open3D's ray caster: no GL, no display.
+"""Depth images by Open3D's ray caster, without OpenGL and display.
 
-Rays go through pixel centres at integer coordinates (Open3D's own pinhole rays would go through u + 0.5) with direction
+Rays pass through pixel centres at integer coordinates (Open3D's own pinhole rays pass through u + 0.5) with direction
 `(x/z, y/z, 1)`, so that the distance along a ray is the depth along z.
 """
 
@@ -16,13 +16,13 @@ from toolkit.sensing.camera import Camera
 
 @dataclass(frozen=True)
 class Hits:
-    """What each pixel sees.
+    """Visible surface of each pixel.
 
     Attributes
     ----------
-    depth : float32 (H, W), metres along z, 0 where nothing is hit
-    triangles : int32 (H, W), index of the triangle, -1 where nothing is hit
-    normals : float32 (H, W, 3), unit normals of the triangles in the camera frame, 0 where nothing is hit
+    depth : float32 (H, W), metres along z, 0 without a hit
+    triangles : int32 (H, W), index of the triangle, -1 without a hit
+    normals : float32 (H, W, 3), unit normals of the triangles in the camera frame, 0 without a hit
     """
 
     depth: np.ndarray
@@ -31,13 +31,13 @@ class Hits:
 
 
 def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits:
-    """Nearest surface of a mesh along every pixel's ray.
+    """Return the nearest surface of a mesh along every pixel's ray.
 
     Parameters
     ----------
-    vertices_camera : (V, 3), metres, camera frame; a mesh that reaches behind the camera is cut at the camera
+    vertices_camera : (V, 3), metres, camera frame; parts behind the camera are ignored
     faces : int (F, 3)
-    camera : its lens distortion bends the rays
+    camera : camera, lens distortion included
     """
     from open3d.core import Tensor
     from open3d.t.geometry import RaycastingScene
@@ -70,12 +70,12 @@ def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits
 
 
 def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> np.ndarray:  # noqa: N803
-    """Depth image of a body: float32 (H, W), metres along z, 0 where there is nothing.
+    """Return the depth image of a body: float32 (H, W), metres along z, 0 without a hit.
 
     Parameters
     ----------
-    pose_level : float (P,), a pose in the level frame (y up along gravity, origin at the camera)
-    R_level_camera : float (3, 3), takes the camera frame to the level frame
+    pose_level : float (P,), pose in the level frame (y up along gravity, origin at the camera)
+    R_level_camera : float (3, 3), rotation from the camera frame to the level frame
 
     Raises
     ------
@@ -86,7 +86,7 @@ def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_cam
 
 
 def _window(vertices_camera: np.ndarray, camera: Camera) -> tuple[slice, slice]:
-    """Rows and columns that can see the mesh: all if a vertex is beside the camera or the lens bends the rays."""
+    """Return rows and columns that may see the mesh: all for a vertex beside the camera or a distorted lens."""
     if camera.distortion is not None or (vertices_camera[:, 2] <= 0.01).any():
         return slice(0, camera.height), slice(0, camera.width)
     pixels = camera.project(vertices_camera)

@@ -1,7 +1,7 @@
-"""Where the camera stands and what surrounds the people.
+"""Position of the camera and surroundings of the people.
 
-Everything stands on a floor plan: x to the right in the image, y up from the floor, z towards the camera; the origin
-lies in front of the camera at the distance at which it stands. The level frame is the plan seen from the camera.
+All objects are on a floor plan: x to the right in the image, y up from the floor, z towards the camera. The origin is
+in front of the camera at its distance. The level frame is the floor plan relative to the camera.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from toolkit.simulation.interiors.mesh import Mesh, box, joined
 from toolkit.simulation.interiors.pieces import PLAIN
 from toolkit.simulation.interiors.room import furnished, named_room
 
-CLEARANCE = 0.22
-"""Metres from people's joints to the furniture of a room: it touches what they wear."""
+FURNITURE_DISTANCE = 0.22
+"""Metres from people's joints to the furniture of a room, which may touch their clothes."""
 SIGHT = np.linspace(0.1, 1.0, 10)
-"""Shares of the way from the camera to the middle of the people."""
+"""Fractions of the line from the camera to the centre of the people that are kept free."""
 
 
 @dataclass(frozen=True)
 class PlacedCamera:
-    """A camera on the floor plan.
+    """Camera on the floor plan.
 
     Attributes
     ----------
@@ -39,20 +39,20 @@ class PlacedCamera:
 
     @property
     def up_camera(self) -> np.ndarray:
-        """Float64 (3,): the vertical in the camera frame."""
+        """Vertical in the camera frame, float64 (3,)."""
         return self.R_level_camera.T @ np.array([0.0, 1.0, 0.0])
 
     def to_level(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the floor plan in the level frame."""
+        """Return points (..., 3) of the floor plan in the level frame."""
         return points - self.position
 
     def to_camera(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the floor plan in the camera frame."""
+        """Return points (..., 3) of the floor plan in the camera frame."""
         return self.to_level(points) @ self.R_level_camera
 
 
 def place_camera(*, distance: float, height: float, tilt: float) -> PlacedCamera:
-    """A camera that has the origin of the floor plan in the middle of its image from left to right.
+    """Return a camera with the origin of the floor plan in the middle image column.
 
     Parameters
     ----------
@@ -81,33 +81,34 @@ def place_camera(*, distance: float, height: float, tilt: float) -> PlacedCamera
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """What surrounds the people, camera frame.
+    """Surroundings of the people, camera frame.
 
     Attributes
     ----------
     mesh : all surfaces
-    reflectance : float32 (F,), of each face over that of a plain surface; None where all are plain
+    reflectance : float32 (F,), relative to a plain surface; None if all faces are plain
     """
 
     mesh: Mesh
     reflectance: np.ndarray | None
 
     def reflectance_of(self, triangles: np.ndarray) -> np.ndarray | None:
-        """That of triangles (H, W), -1 = none, as `Surface.reflectance`."""
+        """Return the reflectance of triangles (H, W), -1 = none, as `Surface.reflectance`."""
         if self.reflectance is None:
             return None
         return np.where(triangles >= 0, self.reflectance[triangles], 0.0).astype(np.float32)
 
 
 def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, view: PlacedCamera) -> Scenery:
-    """The room around people: a bare one, or one that is furnished at random.
+    """Return the room around people: a bare one, or a randomly furnished one.
 
     Parameters
     ----------
     name : kind and seed such as "office:7", or None
-    used : points (N, 3) of the people, floor plan, from which furniture stays `CLEARANCE` metres away, as it does from
-        the line on which the camera sees them
-    furniture : what belongs to them
+    used : points (N, 3) of the people, floor plan; furniture stays `FURNITURE_DISTANCE` metres away from them and from
+        the line of sight of the camera
+    furniture : furniture of the people
+    view : position of the camera
     """
     points = np.concatenate([*used, furniture.vertices])
     reach = np.array([points.min(axis=0), points.max(axis=0)])
@@ -121,23 +122,23 @@ def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, 
     free = np.concatenate([np.unique(np.round(own, 1), axis=0), sight])
     camera = (float(view.position[0]), float(view.position[2]))
     rng = np.random.default_rng(seed)
-    around = furnished(kind, rng, camera=camera, reach=reach, free=free, clearance=CLEARANCE).surfaces()
+    around = furnished(kind, rng, camera=camera, reach=reach, free=free, clearance=FURNITURE_DISTANCE).surfaces()
     mesh = joined([around.mesh, furniture])
     reflectance = np.concatenate([around.reflectance / PLAIN, np.ones(len(furniture.faces))])
     return Scenery(Mesh(view.to_camera(mesh.vertices), mesh.faces), np.minimum(reflectance, 1.0).astype(np.float32))
 
 
 def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:
-    """A furnished room around the space that people use, on the floor plan.
+    """Return a bare room around the space of the people, on the floor plan.
 
     Parameters
     ----------
     reach : (2, 3), lowest and highest corner of that space, metres
-    camera : (3,), place of the camera, inside the room too
+    camera : (3,), position of the camera, which is also inside the room
 
     Returns
     -------
-    A shell with its faces inwards and furniture along the far wall, at least 0.9 m away from the people's space.
+    A shell with its faces inwards, and boxes along the far wall at least 0.9 m away from the people's space.
     """
     (left, _, back), (right, _, _) = reach
     left, right, back = left - 1.2, right + 1.2, back - 0.9
@@ -151,8 +152,8 @@ def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:
 
 
 def cut_tilt(camera: Camera, height: float, distance: float, cut: float) -> float:
-    """Radians downwards at which the image's lowest row meets the subject at the height `cut`, metres.
+    """Return the tilt in radians downwards at which the lowest image row is at the height `cut`, metres.
 
-    The camera stands `height` metres above the floor and `distance` metres before the subject.
+    The camera is `height` metres above the floor and `distance` metres in front of the subject.
     """
     return float(np.arctan2(height - cut, distance) - np.arctan2(camera.height - 1 - camera.cy, camera.fy))

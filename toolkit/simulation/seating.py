@@ -1,6 +1,8 @@
-"""Seated poses: the upper body of any motion over legs that rest on a seat and the floor."""
+"""Seated poses: the upper body of any motion above legs on a seat."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,39 +16,52 @@ LEGS = np.array(
     [i for i, name in enumerate(skeleton.POSE_NAMES) if any(part in name for part in ("hip", "knee", "ankle"))]
 )
 """Pose entries of both legs."""
-SLOUCH = 6.0
-"""Degrees by which the pelvis leans back on a seat."""
-TRUNK = 0.30
-"""Of the stature: from the seat up to the neck of who sits."""
-SWAY = 0.25
-"""Share of the root's own turning and leaning that a person keeps who sits."""
+
+
+@dataclass(frozen=True)
+class SeatingSettings:
+    """Settings of seated poses.
+
+    Attributes
+    ----------
+    slouch : degrees of backward tilt of the pelvis on a seat
+    neck : height of a seated person's neck above the seat, as a fraction of the stature
+    sway : fraction of the root's own rotation that a seated person keeps
+    """
+
+    slouch: float = 6.0
+    neck: float = 0.30
+    sway: float = 0.25
+
+
+SETTINGS = SeatingSettings()
 
 
 def seat_height(body: Body) -> float:
-    """Height of the seat that a person gets, metres."""
+    """Height of the seat of a person, metres."""
     return SEAT_HEIGHT * body.height
 
 
 def neck_height(body: Body, *, seated: bool = False) -> float:
-    """Height above the floor of the neck of a person upright, metres: where the shoulders are."""
+    """Height of the neck above the floor of an upright person, metres: at the shoulders."""
     if seated:
-        return seat_height(body) + TRUNK * body.height
+        return seat_height(body) + SETTINGS.neck * body.height
     shoulder = body.joints[skeleton.JOINT_NAMES.index("left_shoulder"), 1]
     return float(shoulder - body.vertices[:, 1].min())
 
 
 def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarray:
-    """A motion done by a person who sits: poses (T, P) with hips above the origin, facing +z, the floor at y = 0.
+    """Return a motion performed by a seated person: poses (T, P) with hips above the origin, facing +z, floor at y = 0.
 
-    Spine, head and arms move as they did. The root stays on the seat and keeps a share `SWAY` of its turning; thighs
-    lie on the seat, shins lean by a random angle of up to 15 degrees, feet are flat on the floor (or dangle, where the
-    legs are too short).
+    Spine, head and arms keep their motion. The root stays on the seat and keeps the fraction `SeatingSettings.sway` of
+    its rotation. Thighs are on the seat, shins lean by a random angle of up to 15 degrees, and feet are flat on the
+    floor (or hang, if the legs are too short).
 
     Parameters
     ----------
     poses : float64 (T, P), any y-up frame
-    body : who sits, on a seat of height `seat_height(body)`
-    rng : draws how far apart, how far forwards and how restless the legs are
+    body : body on a seat of height `seat_height(body)`
+    rng : generator of the spread, position and restlessness of the legs
     """
     from scipy.spatial.transform import Rotation
 
@@ -55,8 +70,10 @@ def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarra
     upright = turns.mean().as_euler("YXZ")[0]
     sway = (Rotation.from_euler("Y", -upright) * turns).as_euler("YXZ", degrees=True)
     sway[:, 1:] -= sway[:, 1:].mean(axis=0)
-    sway = SWAY * np.clip(sway, -40.0, 40.0)
-    result[:, skeleton.ROOT_ROTATION] = Rotation.from_euler("YXZ", sway - [0.0, SLOUCH, 0.0], degrees=True).as_rotvec()
+    sway = SETTINGS.sway * np.clip(sway, -40.0, 40.0)
+    result[:, skeleton.ROOT_ROTATION] = Rotation.from_euler(
+        "YXZ", sway - [0.0, SETTINGS.slouch, 0.0], degrees=True
+    ).as_rotvec()
     result[:, LEGS] = _legs(len(poses), body, rng)[:, LEGS]
     result[:, skeleton.ROOT_POSITION] = 0.0
     lowest = _thigh_bottom(body, result[0])
@@ -65,7 +82,7 @@ def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarra
 
 
 def _legs(count: int, body: Body, rng: np.random.Generator) -> np.ndarray:
-    """Poses (count, P) whose legs are those of a person seated upright."""
+    """Return poses (count, P) with the legs of an upright seated person."""
     controls = np.tile(np.array([BASE[name] for name in CONTROLS]), (count, 1))
     times = np.arange(count)[:, None] / 30.0
     for side in ("left", "right"):
@@ -83,14 +100,14 @@ def _legs(count: int, body: Body, rng: np.random.Generator) -> np.ndarray:
             controls[:, CONTROLS.index(f"{side}_{name}")] = value
     legs = poses_from_controls(controls)
     hips = [i for i, name in enumerate(skeleton.POSE_NAMES) if name.endswith("hip_rx")]
-    legs[:, hips] += np.radians(SLOUCH)
+    legs[:, hips] += np.radians(SETTINGS.slouch)
     low, high = skeleton.POSE_LIMITS[6:].T
     legs[:, 6:] = np.clip(legs[:, 6:], low, high)
     return legs
 
 
 def _thigh_bottom(body: Body, pose: np.ndarray) -> float:
-    """Height of the lowest skin of seat and thighs relative to the root, in a pose whose root is at the origin."""
+    """Height of the lowest skin of seat and thighs relative to the root, for a root at the origin."""
     carriers = [skeleton.JOINT_NAMES.index(name) for name in ("root", "left_hip", "right_hip")]
     skin = body.vertex_positions(pose)[np.isin(body.part, carriers)]
     near = np.abs(skin[:, 2]) < 0.1 * body.height

@@ -1,4 +1,4 @@
-"""Depth sensor models: what a time-of-flight camera and a Kinect v1 make of the exact surface.
+"""Depth sensor models: measurements of an exact surface by a time-of-flight camera and a Kinect v1.
 
 A frame is an instant: motion blur is not modelled.
 """
@@ -17,15 +17,15 @@ from toolkit.sensing.camera import Camera
 
 @dataclass(frozen=True)
 class Surface:
-    """What the rays of a camera meet.
+    """Surface seen by the rays of a camera.
 
     Attributes
     ----------
-    depth : float32 (H, W), metres along z, 0 where nothing is hit
+    depth : float32 (H, W), metres along z, 0 without a hit
     cosine : float32 (H, W), cosine between ray and surface normal, in [0, 1]
-    person : int16 (H, W), number of the person who is hit, -1 for everything else
-    reflectance : float32 (H, W), share of the light given back over that of a plain surface: 1 is bright cloth or wood,
-        0 glass; None is 1 everywhere
+    person : int16 (H, W), number of the person, -1 for everything else
+    reflectance : float32 (H, W), relative to a plain surface: 1 is bright cloth or wood, 0 glass; None is 1
+        everywhere
     """
 
     depth: np.ndarray
@@ -34,8 +34,8 @@ class Surface:
     reflectance: np.ndarray | None = None
 
 
-FARTHEST = 8.0
-"""Metres that either sensor measures at most."""
+SENSOR_RANGE = 8.0
+"""Largest measured depth of both sensors, metres."""
 
 
 def _ray_lengths(camera: Camera) -> np.ndarray:
@@ -50,11 +50,11 @@ def _millimetres(depth: np.ndarray, valid: np.ndarray, nearest: float, farthest:
 
 @dataclass(frozen=True)
 class TimeOfFlight:
-    """A time-of-flight camera of 176 x 144 pixels (Baak 2013, 5.3.1), 44 by 35 degrees of view.
+    """Time-of-flight camera of 176 x 144 pixels (Baak 2013, 5.3.1), 44 by 35 degrees field of view.
 
-    Light returns with an amplitude of cos(angle of incidence) / distance^2. Photons are counted, so the noise of the
-    range goes with the inverse root of the amplitude: it grows with distance and grazing angle. A pixel is the
-    amplitude-weighted mean of the ranges in it, so that at edges it lies between front and back (mixed pixels).
+    Light returns with an amplitude of cos(angle of incidence) / distance^2. Photon noise makes the range noise
+    proportional to the inverse root of the amplitude, so it grows with distance and grazing angle. A pixel is the
+    amplitude-weighted mean of the ranges in it; at edges it lies between front and back (mixed pixels).
     """
 
     name: ClassVar = "tof"
@@ -67,7 +67,9 @@ class TimeOfFlight:
     """Amplitude, relative to a frontal surface at 3 m, below which there is no measurement."""
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): person, -1 = none."""
+        """Return measured depth, uint16 (H, W) millimetres along z with 0 = none, and person, int16 (H, W), -1 =
+        none.
+        """
         distance = surface.depth * self._fine_lengths
         hit = surface.depth > 0
         amplitude = np.where(hit, surface.cosine / np.where(hit, distance, 1.0) ** 2, 0.0)
@@ -78,10 +80,10 @@ class TimeOfFlight:
         strength = total * 9.0
         noise = self.noise_at_3m / np.sqrt(np.maximum(strength, self.dimmest)) * rng.standard_normal(total.shape)
         depth = (mean + noise) / _ray_lengths(self.camera)
-        return _millimetres(depth, strength >= self.dimmest, 0.3, FARTHEST), self._owners(surface.person)
+        return _millimetres(depth, strength >= self.dimmest, 0.3, SENSOR_RANGE), self._owners(surface.person)
 
     def _owners(self, person: np.ndarray) -> np.ndarray:
-        """The person who fills most of a pixel, int16 (H, W); -1 where people fill less than half of it."""
+        """Return the person with the largest part of a pixel, int16 (H, W); -1 if people fill less than half."""
         people = max(int(person.max()) + 1, 1)
         shares = np.stack([self._pixels((person == i).astype(np.float32)) for i in range(people)])
         return np.where(shares.sum(axis=0) >= 0.5, shares.argmax(axis=0), -1).astype(np.int16)
@@ -98,11 +100,11 @@ class TimeOfFlight:
 
 @dataclass(frozen=True)
 class KinectV1:
-    """A Kinect v1 at 320 x 240 pixels: structured light, triangulated over a baseline (Baak 2013, 5.3.1).
+    """Kinect v1 at 320 x 240 pixels: structured light with triangulation (Baak 2013, 5.3.1).
 
-    Inverse depth is what it measures: with noise that neighbours share (the matching window), in steps of 2.5 cm at
-    3 m. Silhouettes are ragged by about a pixel; what the projector, 7.5 cm to the right, does not light is a hole (the
-    shadow to the left of a person), and so are surfaces seen at a grazing angle and pixels torn out of the edges.
+    The sensor measures inverse depth with spatially correlated noise (the matching window), in steps of 2.5 cm at 3 m.
+    Silhouettes are ragged by about a pixel. Points that the projector, 7.5 cm to the right, does not illuminate are
+    holes (the shadow to the left of a person), as are surfaces at a grazing angle and random pixels at edges.
     """
 
     name: ClassVar = "kinect"
@@ -127,7 +129,9 @@ class KinectV1:
     """Share of the pixels at depth edges that give no measurement."""
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): person, -1 = none."""
+        """Return measured depth, uint16 (H, W) millimetres along z with 0 = none, and person, int16 (H, W), -1 =
+        none.
+        """
         rows, columns = self._displaced(rng)
         depth, cosine = surface.depth[rows, columns], surface.cosine[rows, columns]
         lit = self._lit(surface.depth)[rows, columns]
@@ -141,20 +145,20 @@ class KinectV1:
             light = surface.reflectance[rows, columns] * cosine * inverse**2
             valid &= light >= self.dimmest * rng.lognormal(0.0, 0.25, light.shape)
         measured = 1.0 / (self.step * np.maximum(quanta, 1.0))
-        return _millimetres(measured, valid, 0.45, FARTHEST), surface.person[rows, columns]
+        return _millimetres(measured, valid, 0.45, SENSOR_RANGE), surface.person[rows, columns]
 
     def _displaced(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels from which each pixel takes its measurement."""
+        """Return the source pixels of each pixel's measurement."""
         height, width = self.camera.shape
         shift = np.rint(self.ragged * rng.standard_normal((2, height, width))).astype(np.int64)
         rows = np.clip(np.arange(height)[:, None] + shift[0], 0, height - 1)
         return rows, np.clip(np.arange(width) + shift[1], 0, width - 1)
 
     def _lit(self, depth: np.ndarray) -> np.ndarray:
-        """Bool (H, W): is the point seen by the projector.
+        """Bool (H, W) mask of the points that the projector illuminates.
 
-        Seen from there a point lies at column `u - fx b / z`; where a point further right in the image lies at a
-        smaller one, it stands between the projector and this point.
+        For the projector a point is at column `u - fx b / z`. If a point further right in the image has a smaller
+        column, it is between the projector and this point.
         """
         seen = np.where(depth > 0, depth, np.inf)
         column = np.arange(self.camera.width) - self.camera.fx * self.baseline / seen
@@ -175,13 +179,13 @@ class KinectV1:
 
 
 Sensor = TimeOfFlight | KinectV1
-"""A depth camera: where its rays go, and what it measures on a surface."""
+"""Depth camera: its rays, and its measurement of a surface."""
 SENSORS: dict[str, type[Sensor]] = {kind.name: kind for kind in (TimeOfFlight, KinectV1)}
-"""By the names of `simulate --sensor`."""
+"""Sensors by the names of `simulate --sensor`."""
 
 
 def make_sensor(name: str) -> Sensor:
-    """The sensor of this name, out of `SENSORS`.
+    """Return the sensor of a name in `SENSORS`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Depth recordings with exact truth: any clips, any bodies, any camera, two sensors, furniture."""
+"""Simulation of depth recordings with exact truth: any clips, bodies and cameras, two sensors, furniture."""
 
 from __future__ import annotations
 
@@ -42,47 +42,47 @@ from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 from toolkit.simulation.skinning import SKINNINGS
 
 EMPTY_FRAMES = 9
-"""Frames of the empty room whose median becomes the recorded background."""
-MIDDLE = 0.52
-"""Share of the subject's height at which an untilted choice of the camera aims: the middle of the body."""
-SLOWEST, FASTEST = 0.1, 1000.0
-"""Frames a second of depth cameras."""
+"""Number of frames of the empty room whose median becomes the recorded background."""
+AIM_HEIGHT = 0.52
+"""Height at which a camera without a given tilt aims, as a fraction of the subject's stature."""
+FRAME_RATES = (0.1, 1000.0)
+"""Range of frame rates of depth cameras."""
 RANGES: dict[str, tuple[float, float, str]] = {
-    "frame_rate": (SLOWEST, FASTEST, "frames a second"),
+    "frame_rate": (*FRAME_RATES, "frames a second"),
     "distance": (0.1, 60.0, "metres, as far as depth is stored"),
     "height": (-20.0, 60.0, "metres above the floor"),
     "tilt": (-90.0, 90.0, "degrees"),
     "cut": (-5.0, 5.0, "metres below the neck"),
     "seconds": (1e-3, 86_400.0, "seconds, a day at most"),
 }
-"""What the numbers of a shot may be, both ends included, and in which unit."""
+"""Inclusive ranges of the numbers of `CaptureSettings`, with their unit."""
 EMPTY_STATURE, EMPTY_NECK, EMPTY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
-"""The person for whom an empty room is recorded: stature and neck in metres, and the corners of the space they need."""
+"""Reference person of an empty room: stature and neck height in metres, and the corners of their space."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CaptureSettings:
-    """How a scene is recorded.
+    """Settings of a simulated recording.
 
     Attributes
     ----------
-    sensor : `tof` (176 x 144) or `kinect` (320 x 240), or one with other flaws
+    sensor : `tof` (176 x 144) or `kinect` (320 x 240), or a sensor with other noise
     distance : metres, horizontally, from the camera to the origin of the floor plan
-    height : metres of the camera above the floor; None is as high as the first person's neck
+    height : metres of the camera above the floor; None is the height of the first person's neck
     tilt : degrees downwards; None aims at the middle of the first person's body
-    cut : metres below the first person's neck at which the image ends, instead of a tilt; None cuts no person
+    cut : metres below the first person's neck of the lower image border, instead of a tilt; None truncates no person
     frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
-    furnished : whether the recording shows the room, or the people only (already cut out)
-    background : whether a furnished recording holds the depth of its room without people
-    room : a room furnished at random around the people, such as "office:7" (kind and seed, out of `interiors.KINDS`);
-        None is a bare one
+    furnished : the recording contains the room; False: people only (already segmented)
+    background : a furnished recording has the depth of its room without people
+    room : a room furnished at random around the people, such as "office:7" (kind of `interiors.room.KINDS` and
+        seed); None is a bare one
     boxes : furniture of the room, on the floor plan
     seconds : length of a recording without people
-    seed : of the sensor's noise, of how a person sits, and of what is seen in colour
-    color : whether it holds colour, registered to the depth, of people in a room
-    skinning : how skin follows the joints: "linear" blending, or "dual" quaternions, which keep the volume of a twist
-    inertial : parts of the first person's body that carry inertial sensors, out of `limbs.PARTS`
-    inertial_noise : their flaws, a name out of `inertial.NOISE`
+    seed : seed of the sensor's noise, of sitting postures and of colours
+    color : the recording has colour, registered to the depth, of people in a room
+    skinning : "linear" blending, or "dual" quaternions, which keep the volume of a twist
+    inertial : parts of the first person's body with inertial sensors, names of `sensor_limbs.PARTS`
+    inertial_noise : noise of these sensors, a name of `inertial.NOISE`
 
     Raises
     ------
@@ -110,13 +110,11 @@ class CaptureSettings:
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)
         if self.cut is not None and self.tilt is not None:
-            raise UsageError(
-                f"a cut of {self.cut} m says how far the camera is tilted, and so does {self.tilt}; give one"
-            )
+            raise UsageError(f"a cut of {self.cut} m and a tilt of {self.tilt} exclude each other; give one")
         if self.room is not None:
             named_room(self.room)
             if not self.furnished:
-                raise UsageError(f"the room {self.room} is not seen where people are cut out; leave out one of the two")
+                raise UsageError(f"the room {self.room} is removed with the background; leave out one of the two")
         if self.seed < 0:
             raise UsageError(f"the seed {self.seed} is negative; give a whole number from 0 on")
         if self.skinning not in SKINNINGS:
@@ -125,13 +123,13 @@ class CaptureSettings:
 
 @dataclass(frozen=True)
 class SimulatedFrame:
-    """One frame and its truth.
+    """Simulated frame with its truth.
 
     Attributes
     ----------
     depth : uint16 (H, W), millimetres along z, 0 = no measurement
-    joints : float32 (N, 20, 3), true reported joints, metres, camera frame; NaN for who is absent
-    person : int16 (H, W), number of the person whom a pixel measures, -1 = no person
+    joints : float32 (N, 20, 3), true reported joints, metres, camera frame; NaN for absent people
+    person : int16 (H, W), number of the person in a pixel, -1 = no person
     timestamp : seconds
     color : uint8 (H, W, 3), RGB registered to the depth, or None
     """
@@ -145,15 +143,15 @@ class SimulatedFrame:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """People who move before a sensor.
+    """Simulated scene of people in front of a sensor.
 
     Attributes
     ----------
-    shot : how they are recorded
-    performers : the people on the floor plan
-    furniture : around them
-    view : the camera's place
-    sensor : the camera and its noise
+    shot : settings of the recording
+    performers : people on the floor plan
+    furniture : furniture around them
+    view : position of the camera
+    sensor : depth sensor
     frames_in_all : length of the recording
     frame_rate : frames a second
     """
@@ -168,7 +166,7 @@ class Simulation:
 
     @cached_property
     def _rays(self) -> Camera:
-        """The camera of the sensor's rays, of which a pixel may have several."""
+        """Camera of the sensor's rays, of which a pixel may have several."""
         return self.sensor.camera.scaled(self.sensor.rays_per_side)
 
     @cached_property
@@ -179,7 +177,7 @@ class Simulation:
 
     @cached_property
     def _room(self) -> Surface:
-        """What the rays meet in the room without people."""
+        """Surface of the room without people."""
         hits = cast(self._surroundings.mesh.vertices, self._surroundings.mesh.faces, self._rays)
         everywhere = np.ones(hits.depth.shape, dtype=bool)
         cosines = self._cosines(hits, everywhere).reshape(everywhere.shape)
@@ -188,19 +186,22 @@ class Simulation:
 
     @cached_property
     def _backdrop(self) -> Backdrop:
-        """What is seen in colour of the room without people."""
+        """Colour image of the room without people."""
         camera = self.sensor.camera.scaled(FINER)
         hits = cast(self._surroundings.mesh.vertices, self._surroundings.mesh.faces, camera)
         return Backdrop.of_room(hits, camera, self.view, np.random.default_rng([self.shot.seed, 4]))
 
     @cached_property
     def _skins(self) -> tuple[np.ndarray, ...]:
-        """Colours of the vertices of each performer."""
+        """Vertex colours of each person."""
         looks = (Appearance.drawn(np.random.default_rng([self.shot.seed, 5, i])) for i in range(len(self.performers)))
         return tuple(vertex_colors(p.body, look, p.hanging) for p, look in zip(self.performers, looks, strict=True))
 
     def background(self) -> np.ndarray | None:
-        """Depth of the empty room, uint16 (H, W) millimetres, median of a few noisy frames; None if not furnished."""
+        """Return the depth of the empty room, uint16 (H, W) millimetres; None if not furnished.
+
+        The background is the median of a few noisy frames.
+        """
         if not self.shot.furnished:
             return None
         rng = np.random.default_rng([self.shot.seed, 1])
@@ -208,7 +209,7 @@ class Simulation:
         return np.median(frames, axis=0).astype(np.uint16)
 
     def frames(self) -> Iterator[SimulatedFrame]:
-        """Frame after frame, always the same for the same seed."""
+        """Yield the frames, equal for equal seeds."""
         rng, painter = (np.random.default_rng([self.shot.seed, k]) for k in (0, 3))
         joints = self.joints()
         for i in range(self.frames_in_all):
@@ -221,14 +222,14 @@ class Simulation:
             yield SimulatedFrame(depth, joints[:, i], measured, i / self.frame_rate, color)
 
     def joints(self) -> np.ndarray:
-        """True joints of all people, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
+        """Return the true joints of all people, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
         joints = np.full((len(self.performers), self.frames_in_all, len(skeleton.REPORTED), 3), np.nan, np.float32)
         for own, p in zip(joints, self.performers, strict=True):
             own[p.first : p.end] = self.view.to_camera(p.body.joint_positions(p.poses))
         return joints
 
     def _present(self, frame: int) -> dict[int, np.ndarray]:
-        """The vertices (V, 3) of those who are there in a frame, camera frame, by number."""
+        """Return the vertices (V, 3) of the people in a frame, camera frame, by their number."""
         return {
             i: self.view.to_camera(SKINNINGS[self.shot.skinning](p.body, p.poses[frame - p.first]))
             for i, p in enumerate(self.performers)
@@ -240,12 +241,12 @@ class Simulation:
         return self._backdrop.with_people(people, rng)
 
     def _things(self, frame: int) -> list[Mesh]:
-        """What is in people's hands in a frame, camera frame."""
+        """Return the held objects in a frame, camera frame."""
         held = [p.held_thing(frame) for p in self.performers if p.first <= frame < p.end]
         return [Mesh(self.view.to_camera(thing.vertices), thing.faces) for thing in held if thing is not None]
 
     def _surface(self, present: Mapping[int, np.ndarray], things: Sequence[Mesh]) -> Surface:
-        """What the rays meet: the nearest of the people whose vertices these are, of what they hold, or the room."""
+        """Return the nearest surface of people, held objects and room."""
         behind = self._room
         depth, cosine, person = behind.depth.copy(), behind.cosine.copy(), behind.person.copy()
         reflectance = None if behind.reflectance is None else behind.reflectance.copy()
@@ -261,14 +262,14 @@ class Simulation:
         return Surface(depth, cosine, person, reflectance)
 
     def _cosines(self, hits: Hits, where: np.ndarray) -> np.ndarray:
-        """Cosines between rays and normals at the pixels `where` (N,): float32; cloth has two sides."""
+        """Cosines between rays and normals at the pixels `where` (N,): float32; both sides of a face count."""
         rays, normals = self._rays.rays()[where], hits.normals[where]
         towards = np.abs((normals[:, :2] * rays).sum(axis=1) + normals[:, 2])
         return np.clip(towards / np.sqrt(1.0 + (rays**2).sum(axis=1)), 0.0, 1.0).astype(np.float32)
 
 
 def prepare(people: Sequence[SimulatedPerson], shot: CaptureSettings | None = None) -> Simulation:
-    """Everything placed, nothing simulated yet. Arguments and errors as in `simulate_scene`."""
+    """Place people, furniture and camera of a scene. Arguments and errors as in `simulate_scene`."""
     shot = shot or CaptureSettings()
     rate = min([shot.frame_rate, *(p.clip.frame_rate for p in people if isinstance(p.clip, PoseClip))])
     performers = tuple(
@@ -292,13 +293,13 @@ def prepare(people: Sequence[SimulatedPerson], shot: CaptureSettings | None = No
 def _view(
     people: Sequence[SimulatedPerson], performers: Sequence[PosedSubject], shot: CaptureSettings, camera: Camera
 ) -> PlacedCamera:
-    """The camera's place: how high it stands, and how far it looks down."""
+    """Return the position of the camera: its height and tilt."""
     stature, neck = EMPTY_STATURE, EMPTY_NECK
     if performers:
         body = performers[0].body
         stature, neck = body.height, neck_height(body, seated=people[0].seated)
     height = neck if shot.height is None else shot.height
-    tilt = np.arctan2(height - MIDDLE * stature, shot.distance)
+    tilt = np.arctan2(height - AIM_HEIGHT * stature, shot.distance)
     if shot.tilt is not None:
         tilt = np.deg2rad(shot.tilt)
     elif shot.cut is not None:
@@ -315,14 +316,14 @@ def simulate_scene(
 ) -> Recording:
     """Simulate a depth recording with exact joints and write it as NPZ (`depthmocap simulate`).
 
-    Inertial sensors lie beside it, as `<stem>_sensors.npz` and `<stem>_sensors_truth.json`.
+    Inertial sensors are written beside it, as `<stem>_sensors.npz` and `<stem>_sensors_truth.json`.
 
     Parameters
     ----------
-    people : no person, one person or several; the true joints are (20, 3) a frame for one and (N, 20, 3) otherwise
-    output : the NPZ file to write
-    shot : how they are recorded
-    progress : told after every frame
+    people : any number of people; the true joints are (20, 3) a frame for one person and (N, 20, 3) otherwise
+    output : NPZ file to write
+    shot : settings of the recording
+    progress : callback for the number of frames done
 
     Returns
     -------
@@ -333,8 +334,8 @@ def simulate_scene(
     MocapError
         A clip cannot be read or retargeted.
     BodyError, UsageError
-        An argument is unknown or out of range, a person stands inside another person or inside a box, or `output` is no
-        .npz file or would replace a clip.
+        An argument is unknown or out of range, a person is inside another person or a box, or `output` is no .npz file
+        or would overwrite a clip.
     OutputError
         The file cannot be written.
     """
@@ -358,7 +359,7 @@ def simulate_scene(
 
 
 def _worn_sensors(simulation: Simulation) -> SimulatedSensors:
-    """Sensors of the first person; the floor plan's axes are those of the level frame."""
+    """Return the sensors of the first person; the axes of the floor plan are those of the level frame."""
     shot, rate = simulation.shot, simulation.frame_rate
     if not simulation.performers:
         raise UsageError(f"there is no person to wear sensors on {', '.join(shot.inertial)}; name a clip")
@@ -376,7 +377,7 @@ def simulate_recording(
     progress: Count = silent,
     **shot: Any,
 ) -> Recording:
-    """Simulate one person: `simulate_scene` with arguments of `SimulatedPerson` and keywords of `CaptureSettings`."""
+    """Simulate one person with arguments of `SimulatedPerson` and keywords of `CaptureSettings`."""
     return simulate_scene(
         [SimulatedPerson(clip, body=body, yaw=yaw)], output, CaptureSettings(**shot), progress=progress
     )

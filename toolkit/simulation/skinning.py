@@ -1,4 +1,4 @@
-"""How the skin of simulated people follows their joints."""
+"""Skinning methods of simulated people."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def skin_dual(
         for s in range(skin_joints.shape[1]):
             j, weight = skin_joints[n, s], skin_weights[n, s]
             if first[0] * real[j, 0] + first[1] * real[j, 1] + first[2] * real[j, 2] + first[3] * real[j, 3] < 0.0:
-                weight = -weight  # q and -q are one rotation; the blend takes the shorter way
+                weight = -weight  # q and -q are one rotation; blend along the shorter arc
             for a in range(4):
                 r[a] += weight * real[j, a]
                 d[a] += weight * dual[j, a]
@@ -85,7 +85,7 @@ def _dual_part(real: np.ndarray, offset: np.ndarray, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def _moved(point: np.ndarray, r: np.ndarray, d: np.ndarray, out: np.ndarray) -> None:
-    """A point (3,) rotated by `r` and moved by twice `d` times the conjugate of `r`."""
+    """Rotate a point (3,) by `r` and translate it by twice `d` times the conjugate of `r`."""
     w, x, y, z = r[0], r[1], r[2], r[3]
     cx = y * point[2] - z * point[1] + w * point[0]
     cy = z * point[0] - x * point[2] + w * point[1]
@@ -96,7 +96,7 @@ def _moved(point: np.ndarray, r: np.ndarray, d: np.ndarray, out: np.ndarray) -> 
 
 
 def _dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
-    """Mesh (V, 3) of a pose (P,) by dual quaternions (Kavan 2008; Qammaz, 3.1)."""
+    """Return the mesh (V, 3) of a pose (P,) by dual quaternions (Kavan 2008; Qammaz, 3.1)."""
     placed, out = body.place(pose), np.empty_like(body.vertices)
     skin_dual(body.vertices, body.skin_joints, body.skin_weights, body.joints, placed.rotations, placed.origins, out)
     return out
@@ -106,4 +106,5 @@ SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {
     "linear": Body.vertex_positions,
     "dual": _dual_skinning,
 }
-"""Mesh (V, 3) of a body in a pose (P,), by the names of `Shot.skinning`; trackers have the linear one."""
+"""Functions for the mesh (V, 3) of a body in a pose (P,), by the names of `CaptureSettings.skinning`; trackers use the
+linear one."""

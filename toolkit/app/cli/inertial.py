@@ -51,16 +51,15 @@ def read(
     from toolkit.inertial.workflow import read_sensors
 
     options = SensorOptions(**given(format=format, columns=columns, units=units, sensor=sensor, rate=rate))
-    report = read_sensors(files, output, placement=placement, options=options)
+    sensors = read_sensors(files, output, placement=placement, options=options)
     table = Table("sensor", "device", "Hz", "seconds", "rows", "left out", "gaps", "longest gap s", "orientation from")
-    for stream in report.sensors:
+    for stream in sensors:
         table.add_row(
-            stream.name, report.sensors.devices.get(stream.name, ""), f"{stream.rate:.1f}",
+            stream.name, sensors.devices.get(stream.name, ""), f"{stream.rate:.1f}",
             f"{stream.times[-1] - stream.times[0]:.2f}", str(len(stream)), str(int((~stream.valid).sum())),
             str(stream.gaps), f"{stream.longest_gap:.3f}", stream.origin,
         )  # fmt: skip
     print_table(table)
-    _say(report.suspicions)
 
 
 @app.command()
@@ -98,7 +97,8 @@ def calibrate(
     print_table(table)
     for name, take in found.takes.items():
         say(f"{name}: t_sensor = {take.rate:.5f} t_camera {take.offset:+.4f} s")
-    _say(found.notes)
+    for note in found.notes:
+        say(note)
 
 
 @app.command()
@@ -156,9 +156,3 @@ def _rates(rate: str) -> tuple[float, float] | None:
     if rate not in ("same", "free"):
         raise UsageError(f"--rate is {rate!r}; give same or free")
     return RATES if rate == "free" else None
-
-
-def _say(sentences: list[str] | tuple[str, ...]) -> None:
-    """Print the suspicions to the standard output, because they are part of the result."""
-    for sentence in sentences:
-        say(f"suspicion: {sentence}")

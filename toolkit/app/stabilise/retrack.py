@@ -1,4 +1,4 @@
-"""Second tracking of a recording with predictions for occluded limbs, and comparison of all candidates."""
+"""Second tracking of a recording with priors on occluded limbs, and the comparison of all candidates with it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.app.stabilise.demands import contradiction
 from toolkit.app.stabilise.source_run import SourceRun
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
 from toolkit.people.survey import find_person
-from toolkit.retrieval.priors.gap_trajectories import AGAIN, PRIOR_SPREAD, PRIOR_WEIGHT, GapWays
+from toolkit.retrieval.priors.gap_settings import GapSettings
+from toolkit.retrieval.priors.gap_trajectories import RETRACKED, GapCandidates
 from toolkit.retrieval.priors.limb_entries import OUTER
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
@@ -23,57 +23,60 @@ from toolkit.tracks import FrameResult
 
 
 class GapGuide(NoGuide):
-    """Guide with priors on limbs in their gaps and on the whole pose in bad frames (6.4.3).
+    """Guide of the second tracking: priors on occluded limbs, on whole poses in bad frames, and floor terms (6.4.3).
 
-    A prior on all limbs would degrade the observed ones; see `docs/architecture.md`.
+    A prior on all limbs increases the error of visible ones; see `docs/retrieval.md`.
 
     Parameters
     ----------
-    ways : through each gap, with what is expected there
-    whole : frame -> whole pose, in bad frames
-    times : of the frames, seconds
-    marked : frame -> terms on occluded limbs
+    candidates : candidates of each gap, with the expected angles
+    whole : frame -> prior on the whole pose, in bad frames
+    times : float64 (T,), seconds, of the frames
+    contacts : frame -> floor terms of occluded feet
+    settings : weights
     """
 
     def __init__(
         self,
-        ways: Sequence[GapWays],
+        candidates: Sequence[GapCandidates],
         whole: Mapping[int, GaussianPrior],
         times: np.ndarray,
-        marked: Mapping[int, Sequence[ResidualTerm]],
+        contacts: Mapping[int, Sequence[ResidualTerm]],
+        settings: GapSettings,
     ) -> None:
-        self._marked = {float(times[frame]): tuple(terms) for frame, terms in marked.items()}
+        self._contacts = {float(times[frame]): tuple(terms) for frame, terms in contacts.items()}
+        self._contact_cost = settings.contact_cost
         self._whole = {float(times[frame]): prior for frame, prior in whole.items()}
         self._priors: dict[float, list[LimbPrior]] = {}
-        for way in ways:
-            for place in np.flatnonzero(way.hidden):
-                if way.gap.start + place in whole:
+        for gap in candidates:
+            for place in np.flatnonzero(gap.hidden):
+                if gap.gap.start + place in whole:
                     continue
-                mean, variance = way.expected.mean[place], way.expected.variance[place]
-                prior = LimbPrior(PRIOR_WEIGHT, way.entries, mean, variance + PRIOR_SPREAD**2)
-                self._priors.setdefault(float(times[way.gap.start + place]), []).append(prior)
+                mean, variance = gap.expected.mean[place], gap.expected.variance[place]
+                prior = LimbPrior(settings.prior_weight, gap.entries, mean, variance + settings.prior_spread**2)
+                self._priors.setdefault(float(times[gap.gap.start + place]), []).append(prior)
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
         """See `Guide.priors`."""
         likely = [self._whole[timestamp]] if timestamp in self._whole else self._priors.get(timestamp, [])
-        return [*likely, *self._marked.get(timestamp, ())]
+        return [*likely, *self._contacts.get(timestamp, ())]
 
-    def contradicts(self, timestamp: float, pose: np.ndarray) -> float:
-        """Return the cost (P,) in metres of poses that violate the template entries of occluded limbs in the frame."""
-        return contradiction(self._marked.get(timestamp, ()), pose)
+    def contact_penalty(self, timestamp: float, pose: np.ndarray) -> float:
+        """Return the penalty in metres for the floor terms that a pose (P,) violates."""
+        return self._contact_cost * sum(term.violation(pose) for term in self._contacts.get(timestamp, ()))
 
 
 class Retracked(NamedTuple):
-    """Result of the second tracking.
+    """Result of the second tracking of T frames.
 
     Attributes
     ----------
     rows : one result per frame
-    distances : for each gap float64 (C, D), metres, of each candidate from each frame; infinite without a person
-    angles : for each gap float64 (C, D, A), with those of tracking again
+    distances : for each gap float64 (C, D), metres, from each candidate to the frame; infinite without a person
+    angles : for each gap float64 (C, D, A), radians, those of the second tracking included
     confidence : for each gap float64 (C, D, 3), of the limb's outer joints for each candidate
-    explained : float64 (T,), metres: distances of the original poses; infinite without a person
-    whole : float64 (2, T), metres: distances of the original and of the new whole pose; NaN in good frames
+    explained : float64 (T,), metres, distances of the poses before; infinite without a person
+    whole : float64 (2, T), metres, distances of the whole pose before and tracked again; NaN outside bad frames
     """
 
     rows: list[FrameResult]
@@ -85,47 +88,41 @@ class Retracked(NamedTuple):
 
 
 def retrack(
-    source: SourceRun,
-    poses: np.ndarray,
-    ways: Sequence[GapWays],
-    bad: np.ndarray,
-    guide: GapGuide,
-    progress: Count,
+    source: SourceRun, candidates: Sequence[GapCandidates], bad: np.ndarray, guide: GapGuide, progress: Count
 ) -> Retracked:
-    """Track the recording again, guided in the gaps, and compare all candidates with its frames.
+    """Track the recording again with a guide, and compare all candidates with its frames.
 
     Parameters
     ----------
-    source : the run
-    poses : float64 (T, P), current poses; a candidate replaces one limb of them
-    ways : through each gap
+    source : finished run
+    candidates : candidates of each gap
     bad : bool (T,), frames in which the whole pose may be exchanged
-    guide : what is known beside the depth
-    progress : told after each frame
+    guide : priors and floor terms
+    progress : callback for the number of frames done
     """
-    tracker, recording = source.tracker, source.recording
+    tracker, recording, poses = source.tracker, source.recording, source.track.pose
     tracker.guide = guide
     finder = find_person(recording, tracker.settings.sensing, judge_of(tracker))
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
     explained, whole = np.full(len(poses), np.inf), np.full((2, len(poses)), np.nan)
-    angles = [way.angles.copy() for way in ways]
-    distances = [np.full(way.angles.shape[:2], np.inf) for way in ways]
-    confidence = [np.zeros((*way.angles.shape[:2], len(OUTER[way.gap.limb]))) for way in ways]
+    angles = [gap.angles.copy() for gap in candidates]
+    distances = [np.full(gap.angles.shape[:2], np.inf) for gap in candidates]
+    confidence = [np.zeros((*gap.angles.shape[:2], len(OUTER[gap.gap.limb]))) for gap in candidates]
     for frame in recording.stream():
         number = len(rows)
         if number == len(poses):
             break
         (sighting,) = finder.find(frame.depth_mm, frame.timestamp, {})
         rows.append(follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names)))
-        for gap, way in enumerate(ways):
-            if way.gap.start <= number < way.gap.stop:
-                place = number - way.gap.start
-                angles[gap][way.names.index(AGAIN), place] = rows[-1].pose[way.entries]
+        for k, own in enumerate(candidates):
+            if own.gap.start <= number < own.gap.stop:
+                place = number - own.gap.start
+                angles[k][own.names.index(RETRACKED), place] = rows[-1].pose[own.entries]
                 if follower.observation is not None:
-                    distances[gap][:, place], confidence[gap][:, place] = _compared(
-                        follower, partial(guide.contradicts, frame.timestamp), poses[number], way,
-                        angles[gap][:, place],
+                    distances[k][:, place], confidence[k][:, place] = _compared(
+                        follower, partial(guide.contact_penalty, frame.timestamp), poses[number], own,
+                        angles[k][:, place],
                     )  # fmt: skip
         if follower.observation is not None:
             scene = follower.observation.scene
@@ -138,16 +135,20 @@ def retrack(
 
 
 def _compared(
-    follower: Follower, contradicts: Callable[[np.ndarray], float], pose: np.ndarray, way: GapWays, angles: np.ndarray
+    follower: Follower,
+    penalty: Callable[[np.ndarray], float],
+    pose: np.ndarray,
+    candidates: GapCandidates,
+    angles: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return distances (C,) from the frame and confidence of outer joints for a pose (P,) with limb angles (C, A)."""
-    assert follower.observation is not None  # already computed
+    """Return distances (C,) of a pose (P,) with each candidate's angles (C, A), and its outer joints' confidence."""
+    assert follower.observation is not None  # the caller checks it
     scene = follower.observation.scene
-    distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(OUTER[way.gap.limb])))
+    distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(OUTER[candidates.gap.limb])))
     for row, own in enumerate(angles):
         moved = pose.copy()
-        moved[way.entries] = own
+        moved[candidates.entries] = own
         compared = follower.objective.compare(follower.body, moved, scene)
-        distances[row] = compared.distance + contradicts(moved)
-        confidence[row] = follower.objective.confidence(compared)[OUTER[way.gap.limb]]
+        distances[row] = compared.distance + penalty(moved)
+        confidence[row] = follower.objective.confidence(compared)[OUTER[candidates.gap.limb]]
     return distances, confidence

@@ -1,4 +1,4 @@
-"""Source run of the stabilisation: its track, recording, tracker and body."""
+"""Finished run that is to be stabilised, with its track, recording, tracker and body."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracks import TRACKED, RunInfo, Track
 from toolkit.tracks.runs import PEOPLE_FILE
 
-SOLES = 0.05
-"""Maximum fraction of the tracked soles below the floor if no floor is visible."""
+FLOOR_QUANTILE = 0.05
+"""Quantile of the heights of the tracked soles that replaces an unobserved floor."""
 
 
 class FloorHeight(NamedTuple):
-    """Height of the floor, y in the level frame, metres, and its origin."""
+    """Height of the floor (y in the level frame, metres) and its source."""
 
     height: float
     source: str
@@ -34,13 +34,13 @@ class FloorHeight(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SourceRun:
-    """A finished run with its inputs.
+    """Finished run with its inputs.
 
     Attributes
     ----------
-    run : its folder
-    track, info, body, recording : as it left them
-    tracker : tracker with the settings and the database of the run
+    run : run folder
+    track, info, body, recording : track, description, body and recording of the run
+    tracker : tracker with the run's settings and database
     """
 
     run: Path
@@ -52,12 +52,12 @@ class SourceRun:
 
     @property
     def present(self) -> np.ndarray:
-        """Return bool (T,): frames with a tracked person."""
+        """Bool (T,) mask of the frames with a tracked person."""
         return self.track.state == TRACKED
 
     @cached_property
     def floor(self) -> FloorHeight:
-        """Return the floor of the run or of the recording, else a plane below nearly all tracked soles."""
+        """Floor under the person: from the run, else from the recording, else below nearly all tracked soles."""
         if self.info.floor:
             return FloorHeight(-self.info.floor[0], "run")
         try:
@@ -68,32 +68,32 @@ class SourceRun:
             return FloorHeight(-seen, "recording")
         soles = [Sole.of(self.body, leg) for leg in FEET]
         heights = [sole.at(self.body, pose)[:, 1].min() for pose in self.track.pose[self.present] for sole in soles]
-        return FloorHeight(float(np.quantile(heights, SOLES)) if heights else 0.0, "soles")
+        return FloorHeight(float(np.quantile(heights, FLOOR_QUANTILE)) if heights else 0.0, "soles")
 
 
 def open_source(
     run: str | Path, *, recording: str | Path | None = None, database: str | Path | None = None
 ) -> SourceRun:
-    """Open a run folder with all inputs of a second tracking.
+    """Open a run folder with everything that a second tracking needs.
 
     Parameters
     ----------
-    run : of one person, by a hybrid tracker
-    recording, database : where they have been moved to
+    run : run folder of one person by the hybrid tracker
+    recording, database : new paths, if they were moved
 
     Raises
     ------
     TrackError
-        The folder holds no finished run, or no settings.
+        There is no finished run, or it has no settings.
     RecordingError, DatabaseError
-        An input of the run is missing or has changed.
+        The recording or the database is missing or has changed.
     UsageError
-        The run is one of several people, or of a tracker without a guide.
+        The run has several people, or its tracker takes no guide.
     """
     folder = Path(run)
     track, info = Track.load(folder), RunInfo.load(folder)
     if (folder.resolve().parent / PEOPLE_FILE).exists():
-        raise UsageError(f"{folder} is one of several people's runs; stabilise needs the run of a single person")
+        raise UsageError(f"{folder} is one of several people's runs; stabilise needs the run of one person")
     if info.tracker not in ("hybrid", "baak2013"):
         raise UsageError(f"{folder} was made by the tracker {info.tracker!r}; stabilise needs the hybrid one")
     config = folder / CONFIG_FILE
@@ -101,5 +101,5 @@ def open_source(
         raise TrackError(f"{folder} holds no {CONFIG_FILE}; track the recording again")
     opened = info.open_recording(recording)
     tracker = TrackerRecipe(config, database=database or info.database).build()
-    assert isinstance(tracker, HybridTracker)  # resolve a shipped name
+    assert isinstance(tracker, HybridTracker)  # by its name
     return SourceRun(folder, track, info, info.body(), opened, tracker)

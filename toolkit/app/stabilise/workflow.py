@@ -1,15 +1,15 @@
-"""Stabilisation of run folders with a class file: new run folders and reports."""
+"""Stabilisation from files to files: run folders and a class file in, run folders and reports out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 from toolkit.app.pipeline.run_writer import CONFIG_FILE
-from toolkit.app.stabilise.loop import Round, StabiliseSettings, best_round, stabilise
 from toolkit.app.stabilise.result_page import write_page
 from toolkit.app.stabilise.source_run import SourceRun, open_source
+from toolkit.app.stabilise.stabiliser import Stabilised, StabiliseSettings, stabilise
 from toolkit.io.errors import RetrievalError, TrackError, UsageError
 from toolkit.io.files import check_output, locked, save_json, save_text
 from toolkit.io.progress import Progress, silent
@@ -18,8 +18,6 @@ from toolkit.retrieval.annotation.annotation_report import REPORT_FILES, read_se
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.priors.marks import load_marks
-from toolkit.retrieval.templates import WILDCARD
 from toolkit.tracks import RUN_FILE, TRACK_FILE
 from toolkit.tracks.track import AGAIN
 
@@ -33,38 +31,32 @@ def stabilise_run(
     *,
     settings: StabiliseSettings | None = None,
     segments: str | Path | None = None,
-    marks: str | Path | None = None,
     recording: str | Path | None = None,
     database: str | Path | None = None,
     progress: Progress = silent,
-) -> list[Round]:
+) -> Stabilised:
     """Stabilise a run and write a run folder with its report (`depthmocap stabilise`).
 
     Parameters
     ----------
-    run : a finished run of one person, by the hybrid tracker
-    classes : class file written by `depthmocap learn --templates`
-    output : a run folder, with segments.csv and .json, annotation.png, stabilise.json and report.html
+    run : finished run of one person by the hybrid tracker
+    classes : class file of `depthmocap learn --templates`
+    output : run folder to write, with segments.csv and .json, annotation.png, stabilise.json and report.html
     settings : see `StabiliseSettings`
-    segments : CSV of labelled stretches (start, end, label), in place of those that annotation finds
-    marks : YAML of template entries, see `load_marks`; replaces those of the classes
-    recording, database : where they have been moved to
-    progress : told what is going on
-
-    Returns
-    -------
-    The rounds; the written track is that of the best one.
+    segments : CSV of labelled segments (start, end, label), in place of an annotation of the track
+    recording, database : new paths, if they were moved
+    progress : callback for the number of frames done
 
     Raises
     ------
     TrackError
-        The folder holds no finished run.
+        There is no finished run.
     RecordingError, DatabaseError
         The recording or the database is missing or has changed.
     RetrievalError
-        The class file, the segments or the marks are invalid.
+        The class file or the segments are invalid.
     UsageError
-        The output is the run itself, or the run is one of several people or of another tracker.
+        The output is the run itself, or the run has several people or another tracker.
     """
     settings, folder = settings or StabiliseSettings(), Path(output)
     for name in (TRACK_FILE, RUN_FILE, CONFIG_FILE, RESULT_FILE, *REPORT_FILES):
@@ -72,20 +64,19 @@ def stabilise_run(
     wanted = load_classes(classes)
     source = open_source(run, recording=recording, database=database)
     labelled = None if segments is None else _segments(segments, source, wanted)
-    marked = None if marks is None else load_marks(marks, wanted)
     with locked(folder):
-        rounds = stabilise(source, wanted, settings, segments=labelled, marks=marked, progress=progress)
-        _write(source, rounds, settings, folder)
-    return rounds
+        result = stabilise(source, wanted, settings, segments=labelled, progress=progress)
+        _write(source, result, settings, folder)
+    return result
 
 
 def _segments(path: str | Path, source: SourceRun, classes: Sequence[MotionClass]) -> list[Segment]:
-    """Return the labelled segments, which lie in the track without overlap.
+    """Return the labelled segments of a file, sorted by start.
 
     Raises
     ------
     RetrievalError
-        A segment ends before it begins, ends after the track, overlaps another one or has an unknown label.
+        A segment is empty, ends after the track, overlaps another one, or has a label of no class.
     """
     found = sorted(read_segments(path), key=lambda s: s.start)
     last = float(source.track.timestamps[-1] - source.track.timestamps[0]) if len(source.track) else 0.0
@@ -97,66 +88,50 @@ def _segments(path: str | Path, source: SourceRun, classes: Sequence[MotionClass
         if segment.end > last + 0.5:
             raise RetrievalError(f"{what} ends after the track, which has {last:.2f} s; correct it")
         if before is not None and segment.start < before.end - 1e-6:
-            raise RetrievalError(f"{what} overlaps the one that ends at {before.end:g} s; a frame has one label")
+            raise RetrievalError(f"{what} overlaps the one that ends at {before.end:g} s; give each frame one label")
         if segment.label not in labels:
-            raise RetrievalError(f"{what} has no known label; the classes are {', '.join(labels)}")
+            raise RetrievalError(f"{what} has an unknown label; the classes are {', '.join(labels)}")
     return found
 
 
-def _write(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
-    """Write the run folder; the track comes last, so that a folder with a track is complete."""
+def _write(source: SourceRun, result: Stabilised, settings: StabiliseSettings, folder: Path) -> None:
+    """Write the run folder; the track is written last, so that a folder with a track is complete."""
     folder.mkdir(parents=True, exist_ok=True)
-    best = best_round(rounds)
-    if best.annotation is not None:
-        write_report(replace(best.annotation, segments=best.segments), folder)
-    save_json(folder / RESULT_FILE, result_of(source, rounds, settings))
-    write_page(source, rounds, best, folder)
+    if result.annotation is not None:
+        write_report(result.annotation, folder)
+    save_json(folder / RESULT_FILE, summary_of(source, result, settings))
+    write_page(source, result, folder)
     save_text(folder / CONFIG_FILE, read_text(source.run / CONFIG_FILE, TrackError, AGAIN, inside=True))
     source.info.save(folder)
-    best.track.save(folder)
+    result.track.save(folder)
 
 
-def result_of(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettings) -> dict[str, object]:
-    """Return the content of `stabilise.json`: rounds, labels, gaps and the sources that filled them."""
+def summary_of(source: SourceRun, result: Stabilised, settings: StabiliseSettings) -> dict[str, object]:
+    """Return the content of `stabilise.json`: settings, segments, gaps and distances."""
     times = source.track.timestamps
-
-    def gaps(found: Round) -> list[dict[str, object]]:
-        return [
-            {
-                "limb": gap.limb, "start": float(times[gap.start]), "end": float(times[gap.stop - 1]),
-                "hidden_frames": int(gap.hidden.sum()), "sources": gap.sources, "accepted": gap.accepted,
-                "changed": gap.changed, "residual_before": gap.before, "residual_after": gap.after,
-            }
-            for gap in found.gaps
-        ]  # fmt: skip
-
+    gaps = [
+        {
+            "limb": gap.limb, "start": float(times[gap.start]), "end": float(times[gap.stop - 1]),
+            "hidden_frames": int(gap.hidden.sum()), "sources": gap.sources, "accepted": gap.accepted,
+            "changed": gap.changed, "residual_before": gap.before, "residual_after": gap.after,
+        }
+        for gap in result.gaps
+    ]  # fmt: skip
     return {
         "run": source.run.name,
         "settings": asdict(settings),
-        "rounds": [
-            {
-                "segments": [asdict(s) for s in found.segments],
-                "gaps": gaps(found),
-                "moved": found.moved,
-                "marked_frames": _marked(found),
-                "distance_before": found.before,
-                "distance_after": found.after,
-            }
-            for found in rounds
-        ],
-        "result": rounds.index(best_round(rounds)) + 1,
+        "segments": [asdict(s) for s in result.segments],
+        "gaps": gaps,
+        "moved": result.moved,
+        "contact_frames": result.contact_frames,
+        "distance_before": result.before,
+        "distance_after": result.after,
         "floor": source.floor._asdict(),
     }
 
 
-def _marked(found: Round) -> dict[str, int]:
-    """Return feature -> number of frames in which a template entry requires a value."""
-    counts = (found.priors != WILDCARD).sum(axis=1)
-    return {f"F{row + 1}": int(count) for row, count in enumerate(counts) if count}
-
-
 def output_folders(runs: Sequence[Path], output: Path) -> dict[Path, Path]:
-    """Return the folder of each run: `output` for one run, `output`/<name> for several.
+    """Return the output folder of each run: `output` for one run, `output`/<name> for several.
 
     Raises
     ------
@@ -167,5 +142,5 @@ def output_folders(runs: Sequence[Path], output: Path) -> dict[Path, Path]:
         return {runs[0]: output}
     names = [run.resolve().name for run in runs]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise UsageError(f"two runs are called {twice[0]!r}, so their results would collide; rename one")
+        raise UsageError(f"two runs are called {twice[0]!r}, and so would be their results; rename one")
     return {run: output / name for run, name in zip(runs, names, strict=True)}

@@ -1,4 +1,4 @@
-"""Rotations of many frames at once: Euler angles, swing and twist, hinges, vectors that do not jump."""
+"""Rotations of many frames: Euler angles, swing and twist, hinges, continuous rotation vectors."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from numba import njit
 from toolkit.io.errors import MocapError
 
 LARGEST_TURN = 1000.0
-"""Full turns: what winds up over a motion stays far below."""
+"""Largest angle in full turns; larger values in a motion file are damaged."""
 _ORDER = re.compile("[xyz]{1,3}|[XYZ]{1,3}")
 
 
 def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.ndarray:
-    """Rotations (N, 3, 3) from Euler angles (N, len(order)), or one (3, 3) from (len(order),), as files list them.
+    """Return rotations (N, 3, 3) of Euler angles (N, len(order)), or one (3, 3) of (len(order),).
 
-    Axes in small letters stay fixed, those in capitals turn with the rotations before them.
+    Axes in small letters are fixed (extrinsic); axes in capitals rotate with the rotations before them (intrinsic).
 
     Raises
     ------
     MocapError
-        An axis is unknown or follows itself, or an angle makes more than `LARGEST_TURN`.
+        An axis is unknown or repeated in a row, or an angle is larger than `LARGEST_TURN`.
     """
     if angles.size and np.abs(angles).max() > LARGEST_TURN * (360.0 if degrees else 2 * np.pi):
-        raise MocapError(f"{name} turns by {np.abs(angles).max():g}, which is no angle of a joint; repair or remove it")
+        raise MocapError(f"{name} turns by {np.abs(angles).max():g}, which is not a joint angle; repair or remove it")
     if not _ORDER.fullmatch(order) or any(first == second for first, second in pairwise(order)):
-        raise MocapError(f"{name} turns about the axes {order!r}, which cannot be; export it again")
+        raise MocapError(f"{name} turns about the axes {order!r}, which is not an Euler order; export it again")
     axes = np.array(["xyz".index(axis) for axis in order.lower()])
     radians = np.deg2rad(angles) if degrees else np.asarray(angles, np.float64)
     return euler_matrices(axes, order.isupper(), np.atleast_2d(radians)).reshape(*radians.shape[:-1], 3, 3)
@@ -46,7 +46,7 @@ def transposed(rotations: np.ndarray) -> np.ndarray:
 
 
 def apply(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Rotations (..., 3, 3) on vectors (..., 3)."""
+    """Return the vectors (..., 3) rotated by rotations (..., 3, 3)."""
     return (rotations @ vectors[..., None])[..., 0]
 
 
@@ -86,15 +86,18 @@ def swing(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
 
 
 def without_twist(rotations: np.ndarray, axis: int) -> np.ndarray:
-    """The swing S of each rotation R = S T, T a turn about coordinate axis 0, 1 or 2 (zero in the vector of S)."""
+    """Return the swing S of each rotation R = S T, where T is a rotation about coordinate axis 0, 1 or 2.
+
+    The swing's rotation vector is 0 along that axis.
+    """
     return swing(np.eye(3)[axis], rotations[..., axis])
 
 
 def hinge_angles(first: np.ndarray, second: np.ndarray, axis: int, cosines: np.ndarray, sign: float) -> np.ndarray:
-    """Angles (T,) of a hinge at which two rest directions make the wanted angles.
+    """Return the angles (T,) of a hinge at which two rest directions form the wanted angles.
 
-    Solves `first . R(axis, angle) second = cosine`. Of the two solutions the one on the side of `sign` (1 or -1) is
-    taken, for `sign` 0 the one nearer to zero. An angle that the hinge cannot reach gives the nearest it can.
+    Solves `first . R(axis, angle) second = cosine`. Of the two solutions the one with the sign of `sign` (1 or -1) is
+    returned, for `sign` 0 the one nearer to zero. An angle outside the hinge's range gives the nearest one in it.
 
     Parameters
     ----------
@@ -114,15 +117,15 @@ def hinge_angles(first: np.ndarray, second: np.ndarray, axis: int, cosines: np.n
 
 
 def wrapped(angles: np.ndarray) -> np.ndarray:
-    """Angles brought to (-pi, pi]."""
+    """Return the angles in (-pi, pi]."""
     return np.pi - np.mod(np.pi - angles, 2.0 * np.pi)
 
 
 def unwrapped(vectors: np.ndarray) -> np.ndarray:
-    """Rotation vectors (T, 3) of the same rotations that do not jump by a turn, as far as they stay within 2 pi.
+    """Return rotation vectors (T, 3) of the same rotations without jumps by a full turn, as far as within 2 pi.
 
-    Each one is taken as `w` or `w - 2 pi w / |w|`, whichever is nearer to its predecessor. Where the second becomes a
-    nearly full turn, and so has no stable axis, it falls back to the first.
+    Each vector is `w` or `w - 2 pi w / |w|`, whichever is nearer to its predecessor. Where the second form approaches a
+    full turn, whose axis is undefined, `w` is used.
     """
     angles = np.linalg.norm(vectors, axis=1)
     other = vectors * (1.0 - 2.0 * np.pi / np.where(angles > 1e-9, angles, 1.0))[:, None]
@@ -139,11 +142,11 @@ def unwrapped(vectors: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def euler_matrices(axes: np.ndarray, intrinsic: bool, angles: np.ndarray) -> np.ndarray:
-    """Rotations float64 (N, 3, 3) from angles (N, K), radians, about the coordinate axes (K,), numbers 0 to 2.
+    """Return rotations float64 (N, 3, 3) of angles (N, K), radians, about the coordinate axes (K,), 0 to 2.
 
-    With `intrinsic` each axis is turned by the rotations before it, else all stay fixed. The angles are joined as unit
-    quaternions, in the order of operations of SciPy's `Rotation.from_euler`, whose bits these are: motion files hold
-    many short series, for which SciPy takes 15 times as long.
+    With `intrinsic` each axis is rotated by the rotations before it, else all axes are fixed. The angles are composed
+    as unit quaternions in the order of operations of SciPy's `Rotation.from_euler`, with equal bits. SciPy takes 15
+    times as long for the many short series of motion files.
     """
     out = np.empty((angles.shape[0], 3, 3))
     total, one = np.empty(4), np.empty(4)

@@ -1,6 +1,6 @@
-"""Unit quaternions `w, x, y, z` on plain arrays (..., 4); `q` and `-q` are the same rotation.
+"""Unit quaternions `w, x, y, z` as arrays (..., 4); `q` and `-q` are the same rotation.
 
-A quaternion turns local coordinates into those of its world. `multiply(a, b)` turns by `b` first.
+A quaternion rotates local coordinates into world coordinates. `multiply(a, b)` applies `b` first.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
-    """The inverse rotation."""
+    """Return the inverse rotation."""
     return np.asarray(q, np.float64) * (1.0, -1.0, -1.0, -1.0)
 
 
 def normalised(q: np.ndarray) -> np.ndarray:
-    """`q` at length 1; a zero quaternion becomes NaN."""
+    """Return `q` with norm 1; a zero quaternion becomes NaN."""
     q = np.asarray(q, np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
         return q / np.linalg.norm(q, axis=-1, keepdims=True)
@@ -55,7 +55,7 @@ def logarithm(q: np.ndarray) -> np.ndarray:
 def angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Angle between two orientations in radians, 0 to pi (`d_quat`, thesis, Eq. 7.2).
 
-    By the chord, which keeps its digits where the arc cosine of the equation loses them.
+    Computed from the chord, which is more accurate than the arc cosine of the equation.
     """
     first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
     near, far = ((first - second) ** 2).sum(axis=-1), ((first + second) ** 2).sum(axis=-1)
@@ -63,7 +63,7 @@ def angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) turned by `q`."""
+    """Return the vectors (..., 3) rotated by `q`."""
     q, v = np.asarray(q, np.float64), np.asarray(vectors, np.float64)
     twice = 2.0 * np.cross(q[..., 1:], v)
     return v + q[..., :1] * twice + np.cross(q[..., 1:], twice)
@@ -91,7 +91,10 @@ def from_euler(angles: np.ndarray) -> np.ndarray:
 
 
 def between(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """The smallest turn (4,) of a unit vector (3,) on to another; opposite ones are turned about a perpendicular."""
+    """Return the smallest rotation (4,) of a unit vector (3,) onto another one.
+
+    Opposite vectors are rotated about an arbitrary perpendicular axis.
+    """
     start, stop = np.asarray(start, np.float64), np.asarray(stop, np.float64)
     if (cosine := float((start * stop).sum())) < -1.0 + 1e-9:
         axis = np.cross(start, np.eye(3)[np.abs(start).argmin()])
@@ -100,7 +103,7 @@ def between(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
 
 
 def continuous(q: np.ndarray) -> np.ndarray:
-    """A sequence (N, 4) without flips of sign between neighbours."""
+    """Return a sequence (N, 4) without sign flips between neighbours."""
     q = np.asarray(q, np.float64)
     flips = (q[1:] * q[:-1]).sum(axis=-1) < 0.0
     signs = np.concatenate([[1.0], np.where(flips, -1.0, 1.0)]).cumprod()
@@ -108,7 +111,9 @@ def continuous(q: np.ndarray) -> np.ndarray:
 
 
 def interpolate(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Spherical interpolation from `first` to `second`, both (N, 4), by `share` (N,) in [0, 1], the shorter way."""
+    """Spherical interpolation from `first` to `second`, both (N, 4), by `share` (N,) in [0, 1], along the shorter
+    arc.
+    """
     turn = logarithm(multiply(conjugate(first), second))
     return multiply(first, exponential(turn * np.asarray(share)[..., None]))
 

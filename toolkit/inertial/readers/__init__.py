@@ -1,4 +1,4 @@
-"""One reader per format of sensor data, guessed from the file."""
+"""Readers of sensor files, one per format, selected by the file's content."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.inertial.readers import dot, matlab, mvnx, sto, table, total_capture, xsens_mt
+from toolkit.inertial.readers import matlab, mvnx, sto, table, xsens_mt
 from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.stream import Sensors
 from toolkit.io.errors import InertialError, UsageError
@@ -20,22 +20,20 @@ READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
     "mvnx": (mvnx.matches, mvnx.read),
     "sto": (sto.matches, sto.read),
     "xsens_mt": (xsens_mt.matches, xsens_mt.read),
-    "dot": (dot.matches, dot.read),
-    "total_capture": (total_capture.matches, total_capture.read),
     "csv": (table.matches, table.read),
 }
-"""Format -> (does a file look like it, read it), asked in this order."""
+"""Test and reader of each format, in the order of the tests."""
 
 
 def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors:
-    """The sensors of one file, as they are called in it.
+    """Read the sensors of one file, with the file's names.
 
     Raises
     ------
     UsageError
-        There is no format of the chosen name.
+        The format is unknown.
     InertialError
-        The file is missing, damaged or of no known format.
+        The file is missing, damaged or of an unknown format.
     """
     options, path = options or SensorOptions(), Path(path)
     if not path.is_file():
@@ -50,20 +48,20 @@ def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors
         if matches(path):
             return read(path, options)
     raise InertialError(
-        f"{path} looks like no known sensor file; there are: {', '.join(READERS)}. "
+        f"{path} has no known sensor format; there are: {', '.join(READERS)}. "
         "A CSV of any other kind is read with --columns"
     )
 
 
 def read_files(paths: Sequence[str | Path], options: SensorOptions | None = None) -> Sensors:
-    """All sensors of several files of one recording, on one clock and in one world.
+    """Read all sensors of several files of one recording, on one clock and in one world.
 
     Raises
     ------
     UsageError
         No file is named.
     InertialError
-        Two sensors are called alike, or the files' worlds differ.
+        Two sensors have the same name, or the files' worlds differ.
     """
     if not paths:
         raise UsageError("no sensor file is named; give at least one")

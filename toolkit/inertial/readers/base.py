@@ -1,4 +1,4 @@
-"""What the readers of sensor files share: options, text, tables of numbers, counters that wrap."""
+"""Shared parts of the readers of sensor files: options, text, tables of numbers, wrapped counters."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ DEGREE = np.pi / 180.0
 
 @dataclass(frozen=True)
 class SensorOptions:
-    """What a reader may be told.
+    """Options of a reader.
 
     Attributes
     ----------
-    format : name of the reader; None guesses by the file
+    format : name of the reader; None selects it by the file
     columns : CSV only: ours=theirs pairs such as `time_s=t,qw=Q0`, see `readers/table.py`
-    units : CSV only: `gyro=deg/s,acceleration=g,time=ms`; rad/s, m/s2 and s without
-    sensor : name of the sensor in a file that does not say it
-    rate : samples a second in a file that does not say it
+    units : CSV only: `gyro=deg/s,acceleration=g,time=ms`; default rad/s, m/s2 and s
+    sensor : name of the sensor in a file without one
+    rate : samples a second in a file without times
     """
 
     format: str | None = None
@@ -36,12 +36,12 @@ class SensorOptions:
 
 
 def read_text(path: Path) -> str:
-    """The file as text.
+    """Return the file as text.
 
     Raises
     ------
     InertialError
-        It cannot be read, or it is binary.
+        The file cannot be read, or it is binary.
     """
     try:
         data = read_file(path, LARGEST_TEXT)
@@ -53,7 +53,7 @@ def read_text(path: Path) -> str:
 
 
 def head_of(path: Path, size: int = 4096) -> str:
-    """The beginning of a file as text; empty where it cannot be read or is binary."""
+    """Return the beginning of a file as text; empty for unreadable and binary files."""
     try:
         with open_file(path) as stream:
             data = stream.read(size)
@@ -63,7 +63,7 @@ def head_of(path: Path, size: int = 4096) -> str:
 
 
 class Columns:
-    """A table of text cells by column; cells that are empty or no number are NaN."""
+    """Table of text cells by column; empty cells and cells without a number are NaN."""
 
     def __init__(self, path: Path, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         self.path = path
@@ -76,7 +76,7 @@ class Columns:
         return len(self._rows)
 
     def has(self, *names: str) -> bool:
-        """Whether all these columns are there."""
+        """Return True if all these columns exist."""
         return all(name in self.names for name in names)
 
     def numbers(self, *names: str) -> np.ndarray:
@@ -93,14 +93,14 @@ class Columns:
         return np.array([[_number(row[p]) if p < len(row) else np.nan for p in places] for row in self._rows])
 
     def optional(self, *names: str) -> np.ndarray | None:
-        """The same, or None where a column is missing or holds no number at all."""
+        """Return the numbers, or None if a column is missing or has no number."""
         if not self.has(*names):
             return None
         values = self.numbers(*names)
         return values if np.isfinite(values).any() else None
 
     def texts(self, name: str) -> list[str]:
-        """The cells of a column as they are."""
+        """Return the cells of a column."""
         place = self.names.index(name)
         return [row[place].strip() if place < len(row) else "" for row in self._rows]
 
@@ -113,9 +113,9 @@ def _number(text: str) -> float:
 
 
 def unwrapped(counter: np.ndarray, sizes: Sequence[int] = (1 << 16, 1 << 32)) -> np.ndarray:
-    """A counter (N,) that starts again at zero, as one that does not: the smallest size that holds it is its range.
+    """Return a wrapped counter (N,) without its wraps; its range is the smallest size above all values.
 
-    Rows that are NaN stay NaN. A step back by less than half the range is left: it is no wrap but disorder.
+    NaN rows stay NaN. A step back by less than half the range is no wrap and is kept.
     """
     counter = np.asarray(counter, np.float64)
     rows = np.flatnonzero(np.isfinite(counter))

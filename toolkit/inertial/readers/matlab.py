@@ -1,8 +1,8 @@
-"""MATLAB files of two data sets, both raw: acceleration in g, rate of turn in deg/s, sensor frame.
+"""MATLAB files of two data sets of raw data: acceleration in g, angular velocity in deg/s, sensor frame.
 
 UTD-MHAD, `*_inertial.mat`: `d_iner` (N, 6), 50 samples a second, no times; right wrist in actions 1 to 21, right thigh
-in 22 to 27. CZU-MHAD, `*_sensor.mat`: `sensor`, ten cells (N, 7) whose last column is the time of day in seconds,
-and as text the files `pi00` to `pi09` with the same seven numbers a row.
+in 22 to 27. CZU-MHAD, `*_sensor.mat`: `sensor`, ten cells (N, 7) whose last column is the time of day in seconds, and
+as text the files `pi00` to `pi09` with the same seven numbers a row.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ CZU_LIMBS = (
     "chest", "pelvis", "left_upper_arm", "left_forearm", "right_upper_arm", "right_forearm",
     "left_thigh", "left_shin", "right_thigh", "right_shin",
 )  # fmt: skip
-"""Where the sensors 00 to 09 sit: chest, abdomen, then elbow and wrist, knee and ankle; the upper of each pair is taken
-for the bone above the joint."""
+"""Parts of the body of the sensors 00 to 09: chest, abdomen, then elbow and wrist, knee and ankle; a sensor at a joint
+is assigned to the bone above it."""
 DAY = 86400.0
 _ACTION = re.compile(r"^a(\d+)_s\d+_t\d+")
 _PI = re.compile(r"^pi0?(\d)(\.\w+)?$", re.IGNORECASE)
 
 
 def matches(path: Path) -> bool:
-    """Whether it is a MATLAB file or one of CZU-MHAD's texts, by its name."""
+    """Return True for the name of a MATLAB file or a text of CZU-MHAD."""
     return path.suffix.lower() == ".mat" or bool(_PI.match(path.name))
 
 
 def read(path: Path, options: SensorOptions) -> Sensors:
-    """The sensors of a file of either data set."""
+    """Return the sensors of a file of either data set."""
     if found := _PI.match(path.name):
         return Sensors((_czu_stream(path, int(found.group(1)), _numbers(path), options),))
     stored = read_matlab(path, InertialError)

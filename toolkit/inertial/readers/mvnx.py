@@ -1,6 +1,6 @@
-"""MVNX of Xsens MVN: XML with the orientations of 23 fitted body segments per frame.
+"""MVNX files of Xsens MVN: XML with the orientations of 23 fitted body segments per frame.
 
-These are no raw sensors: MVN has already fitted them to a skeleton. Leading frames may be calibration poses (`npose`,
+The segments are not raw sensors: MVN has fitted them to a skeleton. Leading frames may be calibration poses (`npose`,
 `tpose`, `identity`); only frames of the type `normal` are motion. The world has z up, x to north.
 """
 
@@ -19,12 +19,12 @@ ORIGIN = "segment fitted by MVN"
 
 
 def matches(path: Path) -> bool:
-    """Whether it is called so or says so."""
+    """Return True for the suffix or root element of an MVNX file."""
     return path.suffix.lower() == ".mvnx" or "<mvnx" in head_of(path, 1024)
 
 
 def read(path: Path, options: SensorOptions) -> Sensors:
-    """One stream per segment; a placement chooses those that are wanted."""
+    """Return one stream per segment; a placement selects some of them."""
     root = _tree(path)
     frames = [f for f in root.iter() if _tag(f) == "frame" and f.get("type") == "normal"]
     if len(frames) < 2:
@@ -80,11 +80,11 @@ def _orientations(path: Path, frame: Any, segments: int) -> np.ndarray:
 
 
 def _times(path: Path, frames: list[Any], rate: float | None) -> np.ndarray:
-    """Milliseconds in the attribute `time`; where they are missing the frame's number over the rate."""
+    """Return the times of the attribute `time` (milliseconds); if missing, the frame number over the rate."""
     if all(frame.get("time") is not None for frame in frames):
         times = np.array([_number(path, frame, "time") for frame in frames]) / 1000.0
         if (np.diff(times) > 0).all():
             return times
     if not rate:
-        raise InertialError(f"{path} says neither times nor a frame rate; give --rate in frames a second")
+        raise InertialError(f"{path} has neither times nor a frame rate; give --rate in frames a second")
     return np.array([_number(path, f, "index") if f.get("index") else i for i, f in enumerate(frames)]) / rate

@@ -1,6 +1,6 @@
 """OpenSim storage files of orientations: `DataType=Quaternion` before `endheader`.
 
-Cells are parted by tabs and hold `w,x,y,z`; columns are called after the limb (`femur_r_imu`).
+Cells are separated by tabs and hold `w,x,y,z`; columns have names of limbs (`femur_r_imu`).
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from toolkit.io.errors import InertialError
 
 
 def matches(path: Path) -> bool:
-    """Whether it is called so or its header says so."""
+    """Return True for the suffix or header of an orientation storage file."""
     return path.suffix.lower() == ".sto" or "DataType=Quaternion" in head_of(path)
 
 
 def read(path: Path, options: SensorOptions) -> Sensors:
-    """One stream per column."""
+    """Return one stream per column."""
     lines = read_text(path).splitlines()
     end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
     if end is None:
         raise InertialError(f"{path} has no line endheader; is it an OpenSim storage file?")
     if not any(line.replace(" ", "").lower() == "datatype=quaternion" for line in lines[:end]):
-        raise InertialError(f"{path} does not say DataType=Quaternion; export orientations, not coordinates")
+        raise InertialError(f"{path} has no DataType=Quaternion; export orientations, not coordinates")
     rows = [line.split("\t") for line in lines[end + 1 :] if line.strip()]
     if len(rows) < 3 or rows[0][0].strip() != "time":
         raise InertialError(f"{path} has no table with the column time and at least two rows below its header")
@@ -45,6 +45,6 @@ def read(path: Path, options: SensorOptions) -> Sensors:
             try:
                 cells[i, k] = [float(part) for part in parts]
             except ValueError:
-                continue  # a cell that is no number is left unknown
+                continue  # a cell without numbers stays NaN
     streams = [checked_stream(name, times, rotations=cells[:, k]) for k, name in enumerate(names)]
     return Sensors(tuple(streams))

@@ -1,8 +1,8 @@
-"""CSV tables: the canonical twin, and any other whose columns and units are declared.
+"""CSV tables: the canonical one, and any other with declared columns and units.
 
-`columns` names the table's own columns for ours, as in `time_s=t,qw=Q0,qx=Q1,qy=Q2,qz=Q3`; ours are those of
-`stream.CSV_COLUMNS`. Without `sensor` all rows are one sensor's; without `time_s` the option `rate` must say it. Units
-are rad/s, m/s2 and s unless `units` says deg/s, g, ms or us. Orientations are right-handed, sensor to world.
+`columns` maps the canonical names to the table's, as in `time_s=t,qw=Q0,qx=Q1,qy=Q2,qz=Q3`; see `stream.CSV_COLUMNS`.
+Without `sensor` all rows belong to one sensor; without `time_s` the option `rate` is required. Units are rad/s, m/s2
+and s unless `units` gives deg/s, g, ms or us. Orientations are right-handed, sensor to world.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ QUATERNION, GYRO, ACCELERATION = CSV_COLUMNS[2:6], CSV_COLUMNS[6:9], CSV_COLUMNS
 
 
 def matches(path: Path) -> bool:
-    """Whether it is a CSV file by its name; readers of particular ones are asked before."""
+    """Return True for the suffix of a CSV file; more specific readers are tested first."""
     return path.suffix.lower() == ".csv"
 
 
 def pairs_of(text: str | None, option: str) -> dict[str, str]:
-    """`a=b,c=d` as a table.
+    """Return `a=b,c=d` as a dictionary.
 
     Raises
     ------
     UsageError
-        It reads otherwise.
+        The text has another form.
     """
     if not text:
         return {}
@@ -46,7 +46,7 @@ def pairs_of(text: str | None, option: str) -> dict[str, str]:
 
 
 def factors_of(text: str | None) -> dict[str, float]:
-    """Factor to our units per quantity."""
+    """Return the factor to the canonical unit for each quantity."""
     chosen = pairs_of(text, "--units")
     for key, unit in chosen.items():
         if key not in UNITS or unit not in UNITS[key]:
@@ -56,7 +56,7 @@ def factors_of(text: str | None) -> dict[str, float]:
 
 
 def read(path: Path, options: SensorOptions) -> Sensors:
-    """All sensors of a table, in order of appearance."""
+    """Return all sensors of a table, in order of appearance."""
     lines = list(csv.reader(read_text(path).splitlines()))
     if not lines:
         raise InertialError(f"{path} is empty; export the recording again")

@@ -1,8 +1,8 @@
-"""Text that Xsens MT Manager exports, as OpenSense reads it too: one tab-separated file per sensor.
+"""Text files of Xsens MT Manager, one tab-separated file per sensor (OpenSense's example data).
 
-Comment lines (`// Update Rate: 100.0Hz`), then a header from `PacketCounter` on. Time is the packet counter over the
-rate: time columns are often empty, the counter wraps at 16 bits, and packets get lost. The matrix stands column by
-column (`Mat[1][1] Mat[2][1] Mat[3][1] Mat[1][2] ...`) and turns the sensor into the world, z up.
+Comment lines (`// Update Rate: 100.0Hz`) are followed by a header from `PacketCounter` on. Time is the packet counter
+over the rate, because time columns are often empty; the counter wraps at 16 bits, and packets get lost. The matrix is
+stored by columns (`Mat[1][1] Mat[2][1] Mat[3][1] Mat[1][2] ...`) and rotates the sensor into the world, z up.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ UPRIGHT = ("ENU", "NWU")
 
 
 def matches(path: Path) -> bool:
-    """Whether comment lines or the header begin the file, parted by tabs."""
+    """Return True if comment lines or the tab-separated header begin the file."""
     lines = [line for line in head_of(path).splitlines() if line.strip() and not line.startswith("//")]
     return bool(lines) and lines[0].startswith("PacketCounter\t")
 
 
 def read(path: Path, options: SensorOptions) -> Sensors:
-    """The sensor of one file; its id is the last part of the file's name."""
+    """Return the sensor of one file; its id is the last part of the file's name."""
     text = read_text(path)
     lines = [line for line in text.splitlines() if line.strip()]
     comments = "\n".join(line for line in lines if line.startswith("//"))

@@ -1,1 +1,4 @@
-"""Compiled loops of what is learnt from poses."""
+"""Compiled kernels of learned models: farthest-first selection, Gaussian mixtures, regression forests.
+
+Owns loops over arrays only. May import other kernels.
+"""

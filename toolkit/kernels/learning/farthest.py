@@ -1,7 +1,7 @@
-"""Farthest-first selection with exact pruning, compiled.
+"""Compiled farthest-first selection with exact pruning.
 
-Distances are float32 and summed in one fixed order, the one of `numpy.sum((a - b) ** 2, axis=1)` on rows of 60 (eight
-running sums, added pairwise, then the remainder), so that a plain NumPy loop selects the same rows in the same order.
+Distances are float32 and summed in the order of `numpy.sum((a - b) ** 2, axis=1)` on rows of 60 (eight running sums,
+added pairwise, then the remainder), so that a plain NumPy loop selects the same rows in the same order.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ TINY = 1e-35
 
 
 def _squared_distance(_: Any, a: Any, i: Any, b: Any, j: Any) -> Any:
-    """Typing and LLVM code of `squared_distance`: 6 ns; Numba alone does not vectorise eight running sums (50 ns)."""
+    """Return typing and LLVM code of `squared_distance`: 6 ns; Numba alone does not vectorise the sums (50 ns)."""
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         scalar = ir.FloatType()
@@ -62,7 +62,8 @@ def _squared_distance(_: Any, a: Any, i: Any, b: Any, j: Any) -> Any:
 
 
 squared_distance: Any = intrinsic(_squared_distance)
-"""`squared_distance(a, i, b, j)`, compiled code only: that of float32 rows `a[i]` and `b[j]`, rounded as by NumPy."""
+"""`squared_distance(a, i, b, j)`, compiled code only: squared distance of float32 rows `a[i]` and `b[j]`, rounded as by
+NumPy."""
 
 
 @njit(cache=True)
@@ -76,7 +77,7 @@ def _open(slot: int, lists: Any) -> None:
 
 @njit(cache=True)
 def _hang(point: int, distance: np.float32, slot: int, lists: Any) -> None:
-    """Put a point into the list of a slot."""
+    """Add a point to the list of a slot."""
     nearest, following, first, widest, farthest = lists
     nearest[point] = distance
     following[point] = first[slot]
@@ -90,7 +91,7 @@ def _hang(point: int, distance: np.float32, slot: int, lists: Any) -> None:
 def _share(
     slot: int, new: int, apart: float, stop: np.float32, points: np.ndarray, owners: np.ndarray, lists: Any
 ) -> None:
-    """Move the points of `slot` that are nearer to the owner of slot `new` over to it; drop those within `stop` of it.
+    """Move the points of `slot` that are nearer to the owner of slot `new`; drop those within `stop` of it.
 
     `apart` is a lower bound of the squared distance of the two owners.
     """
@@ -114,7 +115,7 @@ def _share(
 
 @njit(cache=True)
 def _compact(active: int, owners: np.ndarray, lists: Any) -> tuple[int, int]:
-    """Close empty lists; return how many are left and the slot with the farthest point of all, lowest index first."""
+    """Remove empty lists; return their number and the slot with the farthest point, lowest index first."""
     _, _, first, widest, farthest = lists
     best = 0
     slot = 0
@@ -136,13 +137,12 @@ def _compact(active: int, owners: np.ndarray, lists: Any) -> tuple[int, int]:
 def farthest_first(points: np.ndarray, stop: np.float32, limit: int) -> np.ndarray:
     """Select rows of float32 `points` (N, 60), N at least 1: int64 indices in the order of selection.
 
-    Starts with row 0 and always adds the row farthest from all selected ones, the lowest index of equals, until no
-    squared distance is above `stop` or `limit` rows are selected.
+    The selection starts with row 0. It adds the row farthest from all selected ones, the lowest index of equals, until
+    no squared distance is above `stop` or `limit` rows are selected.
 
-    Every row that can still be selected hangs in the list of its nearest selected row, the list's owner. By the
-    triangle inequality a new row c is nearer to a row p of owner a only if d(a, c) < 2 d(p, a), so a whole list is
-    passed over where c is at least twice its radius away. A relative margin keeps that exact under rounding. Rows
-    within `stop` leave the lists for good.
+    Every candidate row is in the list of its nearest selected row, the list's owner. By the triangle inequality a new
+    row c is nearer to a row p of owner a only if d(a, c) < 2 d(p, a), so a whole list is skipped if c is at least twice
+    its radius away. A relative margin keeps this exact under rounding. Rows within `stop` are removed from the lists.
     """
     count = points.shape[0]
     limit = min(limit, count)

@@ -1,4 +1,4 @@
-"""Gaussian mixtures with some known variables: distribution of the unknown ones, compiled.
+"""Compiled conditional distributions of Gaussian mixtures with some known variables.
 
 Sums run in a fixed order, so that the result does not depend on a linear algebra library.
 """
@@ -21,16 +21,16 @@ def condition(
     gains: np.ndarray,
     remaining: np.ndarray,
 ) -> None:
-    """Quantities that depend on the set of known variables but not on their values, for K Gaussians of D variables.
+    """Compute the parts of K conditional Gaussians of D variables that do not depend on the known values.
 
     Parameters
     ----------
     covariances : (K, D, D)
-    known, unknown : int64 (A,) and (B,), variables whose values are, and are not, given
-    noise : standard deviation of the given values about the true ones
+    known, unknown : int64 (A,) and (B,), known and unknown variables
+    noise : standard deviation of the error of the known values
     factors : (K, A, A), filled with the Cholesky factors of the known variables' covariances, noise included
-    gains : (K, B, A), filled with what unknown variables change by per unit of each known one
-    remaining : (K, B, B), filled with the covariances of the unknown ones once the others are known
+    gains : (K, B, A), filled with the change of the unknown variables per unit of each known one
+    remaining : (K, B, B), filled with the conditional covariances of the unknown variables
     """
     a, b = known.shape[0], unknown.shape[0]
     for k in range(covariances.shape[0]):
@@ -57,9 +57,10 @@ def responsibilities(
     values: np.ndarray, log_weights: np.ndarray, means: np.ndarray, known: np.ndarray, factors: np.ndarray,
     out: np.ndarray,
 ) -> float:  # fmt: skip
-    """Probability of each of K Gaussians given the known variables: fills `out` (K,); returns their log density.
+    """Compute the probability of each of K Gaussians given the known variables; return their log density.
 
-    `values` (A,) belong to the variables `known` (A,); `means` (K, D); `factors` as `condition` fills them.
+    Fills `out` (K,). `values` (A,) belong to the variables `known` (A,); `means` (K, D); `factors` as filled by
+    `condition`.
     """
     a, count = known.shape[0], means.shape[0]
     rest, solved = np.empty(a), np.empty(a)
@@ -88,7 +89,7 @@ def expect(
     values: np.ndarray, shares: np.ndarray, means: np.ndarray, known: np.ndarray, unknown: np.ndarray,
     gains: np.ndarray, remaining: np.ndarray, mean: np.ndarray, covariance: np.ndarray,
 ) -> None:  # fmt: skip
-    """Mean (B,) and covariance (B, B) of the unknown variables under the mixture: fills both.
+    """Compute mean (B,) and covariance (B, B) of the unknown variables under the mixture; fills both.
 
     `shares` (K,) are the responsibilities; the rest is as in `condition` and `responsibilities`.
     """

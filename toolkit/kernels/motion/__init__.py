@@ -1,1 +1,4 @@
-"""Compiled loops over motions."""
+"""Compiled kernels of motion retrieval and inertial sensors: warping, keyframe search, relations, correlation.
+
+Owns loops over arrays only. May import other kernels.
+"""

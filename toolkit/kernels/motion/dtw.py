@@ -1,4 +1,4 @@
-"""Dynamic time warping, compiled: whole sequences for motion templates, subsequences of a document for annotation."""
+"""Compiled dynamic time warping: whole sequences for motion templates, subsequences of a document for annotation."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ import numpy as np
 from numba import njit
 
 GAP: int = 2
-"""Number of columns of the longest step of an alignment; as many empty columns separate documents and pieces that are
-compared in one call."""
+"""Longest step of an alignment in columns, and number of excluded columns before a document and between its pieces."""
 
 
 @njit(cache=True)
 def align(
     reference: np.ndarray, reference_weights: np.ndarray, warped: np.ndarray, warped_weights: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Find the cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
+    """Cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
 
     A cell costs the mean absolute difference of its columns times the mean of their weights.
 
@@ -71,9 +70,9 @@ def align(
 
 @njit(cache=True)
 def warp(path: np.ndarray, warped: np.ndarray, weights: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Warp a sequence (F, M) with weights (M,) to the time axis of a reference of `length` columns.
+    """Resample a sequence (F, M) with weights (M,) to the time axis of a reference of `length` columns.
 
-    A reference column receives the weighted mean of the columns matched with it and the sum of their weights; where one
+    A reference column receives the weighted mean of the columns matched with it and the sum of their weights. If one
     column was matched with r reference columns, the weights of these are divided by r.
 
     Returns
@@ -117,14 +116,14 @@ def distance_function(
 
     Parameters
     ----------
-    bits, mask : uint64 (N,), the template's columns as bit words: ones, and rows that are no wildcard
+    bits, mask : uint64 (N,), the template's columns as bit words: ones, and rows other than wildcards
     scale : float64 (N,), factor from the number of mismatching rows of a column to its cost
     document : uint64 (L,), the document's columns
 
     Returns
     -------
-    cost : float64 (L,), cheapest alignment that ends in each frame, infinite where none does
-    start : int64 (L,), first frame of that alignment, -1 where there is none
+    cost : float64 (L,), cheapest alignment that ends in each frame, infinite if none does
+    start : int64 (L,), first frame of that alignment, -1 if there is none
     """
     return _distances(bits, mask, scale, document, np.empty(0, np.int64))
 
@@ -133,9 +132,9 @@ def distance_function(
 def _distances(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, closed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute `distance_function` of a document with columns (C,) that no alignment touches."""
+    """Return `distance_function` of a document with excluded columns (C,)."""
     n, length = bits.shape[0], document.shape[0]
-    costs = np.full((3, GAP + length), np.inf)  # columns before the document, in which nothing ends
+    costs = np.full((3, GAP + length), np.inf)  # padding columns before the document
     starts = np.full((3, GAP + length), -1, dtype=np.int64)
     for j in range(length):
         costs[0, GAP + j] = scale[0] * ones((document[j] ^ bits[0]) & mask[0])
@@ -150,7 +149,7 @@ def _distances(
             starts[before, 1:],
             starts[earlier, 1:],
         )
-        for j in range(length):  # without a branch, so that several columns are computed together
+        for j in range(length):  # without branches, for vectorisation
             cell = scale[i] * ones((document[j] ^ bits[i]) & mask[i])
             origin_far, origin_near, origin_over = from_far[j], from_near[j], from_over[j]
             best = far[j] if far[j] < near[j] else near[j]
@@ -164,7 +163,7 @@ def _distances(
 
 @njit(cache=True)
 def _close(cost: np.ndarray, start: np.ndarray, closed: np.ndarray) -> None:
-    """Mark document columns (C,) as untouched by alignments."""
+    """Exclude document columns (C,) from all alignments."""
     for j in closed:
         cost[GAP + j], start[GAP + j] = np.inf, -1
 
@@ -174,7 +173,7 @@ def push_column(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, word: np.uint64, column: int,
     costs: np.ndarray, starts: np.ndarray,
 ) -> None:  # fmt: skip
-    """Process one more column of a document: result of `distance_function` from the two columns before.
+    """Compute `distance_function` for one more column of a document from the two columns before.
 
     Parameters
     ----------
@@ -204,7 +203,7 @@ def push_columns(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, bounds: np.ndarray, word: np.uint64, column: int,
     costs: np.ndarray, starts: np.ndarray,
 ) -> None:  # fmt: skip
-    """`push_column` for M templates whose K columns lie one after the other, from `bounds` (M + 1,) to the next."""
+    """Call `push_column` for M templates whose K columns are consecutive, split at `bounds` (M + 1,)."""
     for t in range(bounds.shape[0] - 1):
         a, b = bounds[t], bounds[t + 1]
         push_column(bits[a:b], mask[a:b], scale[a:b], word, column, costs[:, a:b], starts[:, a:b])
@@ -214,22 +213,22 @@ def push_columns(
 def trace(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, unknown: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """The cheapest alignment of a quantised template that ends in the last column of a document, column by column.
+    """Return the cheapest alignment of a quantised template that ends in the last column of a document.
 
-    Steps and weights are those of `distance_function`. Rows that are unknown in a document column are left out of its
-    cells, and the others count for them.
+    Steps and weights are those of `distance_function`. Unknown rows of a document column are ignored, and its other
+    rows get their weight.
 
     Parameters
     ----------
     bits, mask, scale : as for `distance_function`
     document : uint64 (L,), the document's columns
-    unknown : uint64 (L,), rows of each column that nothing is known of
+    unknown : uint64 (L,), unknown rows of each column
 
     Returns
     -------
-    cost : of the alignment, infinite where there is none
-    columns : int64 (L,), template column of each document column, -1 outside the alignment. A column that the
-        alignment skips goes with the one before it
+    cost : cost of the alignment, infinite if there is none
+    columns : int64 (L,), template column of each document column, -1 outside the alignment. A skipped column has the
+        template column of the step over it
     """
     n, length = bits.shape[0], document.shape[0]
     costs = np.full((n, length), np.inf)
@@ -266,7 +265,7 @@ def trace(
 
 @njit(cache=True)
 def minima_below(values: np.ndarray, threshold: float) -> np.ndarray:
-    """Last frames of the plateaus (of one frame or more) that lie below `threshold` and what is beside them: int64."""
+    """Last frames of the plateaus (of at least one frame) below `threshold` and below their neighbours: int64."""
     found = np.empty(values.shape[0], dtype=np.int64)
     count, falling = 0, True
     for j in range(values.shape[0]):
@@ -280,16 +279,16 @@ def minima_below(values: np.ndarray, threshold: float) -> np.ndarray:
 
 @njit(cache=True)
 def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float, overlap: float) -> np.ndarray:
-    """Modified distance function (thesis 5.2): each hit's cost over all frames of its alignment.
+    """Return the modified distance function (thesis 5.2): each hit's cost over all frames of its alignment.
 
-    Hits end in local minima below the threshold, at a plateau's last frame, and are taken from the cheapest up (the
-    earlier on ties). Each writes its cost over those of its frames that are still unset.
+    Hits end in local minima below the threshold, at a plateau's last frame, and are processed in order of cost (the
+    earlier on ties). Each sets its cost in the unset frames of its alignment.
 
     Parameters
     ----------
     cost, start : float64 and int64 (L,), from `distance_function`
     threshold : costs at or above it are no hits
-    overlap : a hit of which a greater share is set already is left out; the thesis leaves out none, which is 1
+    overlap : largest fraction of a hit that may already be set; the thesis has 1
 
     Returns
     -------
@@ -320,9 +319,9 @@ def search_pieces(
     overlap: float,
     modified: np.ndarray,
 ) -> None:
-    """Lower `modified` (L,) to the modified distance function of a template, computed on pieces of a document only.
+    """Lower `modified` (L,) to the modified distance function of a template on pieces of a document.
 
-    The pieces are put one behind the other, since one long sequence takes half the time of many short ones.
+    The pieces are concatenated, because one long sequence takes half the time of many short ones.
 
     Parameters
     ----------
@@ -348,17 +347,17 @@ def search_pieces(
 
 @njit(cache=True)
 def widen_runs(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.ndarray:
-    """Widen each run of a class as long as its modified distance does not rise away from the run (thesis 5.2).
+    """Widen each run of a class while its modified distance does not rise away from the run (thesis 5.2).
 
     Parameters
     ----------
     decided : int64 (L,), class per frame, -1 for none
     distances : float64 (P, L), modified distance functions
-    visible : smallest share of a widened run that has to be decided for its class; others are left out
+    visible : smallest fraction of a widened run that is decided for its class; other runs are dropped
 
     Returns
     -------
-    bool (P, L): the labels of each frame, several where widened runs overlap
+    bool (P, L): labels of each frame, several if widened runs overlap
     """
     classes, length = distances.shape
     frames = np.zeros((classes, length), dtype=np.bool_)

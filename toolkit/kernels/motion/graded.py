@@ -1,4 +1,4 @@
-"""Search by example in graded features, compiled: subsequence DTW over whole documents, and the hits in its result."""
+"""Compiled search by example in graded features: subsequence DTW over whole documents, and its hits."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 TILE: int = 1024
-"""Document columns that are compared at a time, so that all rows of a tile stay near the processor."""
+"""Number of document columns that are compared at a time, so that a tile stays in the processor's cache."""
 
 
 @njit(cache=True)
@@ -16,9 +16,9 @@ def graded_distances(
     """Subsequence DTW of an example with each of many documents (thesis 5.2, Eq. 5.3, on graded features).
 
     A cell costs the weighted sum of absolute differences. Steps, template by document: (1,1) and (1,2) with weight 1,
-    (2,1) with weight 2 on the cell that it arrives at. No step stays in a row, so a whole row is computed at once, in
-    tiles of all documents; an alignment that ends in a tile starts at most 2 (N - 1) columns before it, and the tile is
-    computed from there. Steps that came from the document before are taken back.
+    (2,1) with weight 2 on its last cell. No step stays in a row, so a whole row is computed at once, in tiles of all
+    documents. An alignment that ends in a tile starts at most 2 (N - 1) columns before it, and the tile is computed
+    from there. Steps from the previous document are reset.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def graded_distances(
 
     Returns
     -------
-    cost : float32 (M,), cheapest alignment that ends in each column, infinite where none does
+    cost : float32 (M,), cheapest alignment that ends in each column, infinite if none does
     start : int32 (M,), first column of that alignment, counted within the document
     """
     n, features = template.shape
@@ -86,7 +86,7 @@ def graded_distances(
 
 @njit(cache=True)
 def _cells(column: np.ndarray, weights: np.ndarray, columns: np.ndarray, width: int, cell: np.ndarray) -> None:
-    """Cost of one template column (F,) with each of `width` weighted document columns (F, W)."""
+    """Compute the cost of one template column (F,) with each of `width` weighted document columns (F, W)."""
     for j in range(width):
         cell[j] = 0.0
     for f in range(0, column.shape[0], 4):
@@ -101,7 +101,7 @@ def _cells(column: np.ndarray, weights: np.ndarray, columns: np.ndarray, width: 
 def _step(
     row: np.ndarray, row_starts: np.ndarray, before: np.ndarray, before_starts: np.ndarray, cell: np.ndarray, width: int
 ) -> None:
-    """A row of DTW by the steps (1,1) and (1,2)."""
+    """Compute a row of DTW with the steps (1,1) and (1,2)."""
     row[0], row_starts[0] = np.inf, -1
     if width > 1:
         row[1], row_starts[1] = before[0] + cell[1], before_starts[0]
@@ -115,7 +115,7 @@ def _step(
 def _skip(
     row: np.ndarray, row_starts: np.ndarray, before: np.ndarray, before_starts: np.ndarray, cell: np.ndarray, width: int
 ) -> None:
-    """Improve a row of DTW by the step (2,1) from the row `before` the last one."""
+    """Improve a row of DTW by the step (2,1) from the second row before."""
     for j in range(1, width):
         other = before[j - 1] + cell[j] + cell[j]
         better = other < row[j]
@@ -127,15 +127,16 @@ def _skip(
 def distinct_hits(
     cost: np.ndarray, start: np.ndarray, document_starts: np.ndarray, threshold: float, most: int
 ) -> np.ndarray:
-    """The cheapest hits of a distance function over many documents: document, first and last column, int64 (H, 3).
+    """Return the cheapest hits of a distance function over many documents: document, first and last column, int64 (H,
+    3).
 
-    Hits end in local minima of the cost; from the cheapest up (the earlier on ties), one of which more than half is
-    covered by hits taken before is the same motion again.
+    Hits end in local minima of the cost. They are processed in order of cost (the earlier on ties); a hit of which more
+    than half is covered by earlier hits is dropped.
 
     Parameters
     ----------
-    cost, start, document_starts : from and for `graded_distances`
-    threshold : hits have to cost less
+    cost, start, document_starts : as in `graded_distances`
+    threshold : cost of the cheapest rejected hit
     most : largest number of hits
     """
     ends, owners = local_minima(cost, document_starts, threshold)
@@ -160,7 +161,7 @@ def distinct_hits(
 
 @njit(cache=True)
 def local_minima(cost: np.ndarray, document_starts: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
-    """Columns int64 (K,) below the threshold and what is beside them in their documents, and their documents."""
+    """Return the columns int64 (K,) of local minima below the threshold, and their documents."""
     ends = np.empty(cost.shape[0], np.int64)
     owners = np.empty(cost.shape[0], np.int64)
     count = 0
@@ -182,21 +183,21 @@ def nearest_example(
     columns: np.ndarray,
     document_starts: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The smallest of several examples' distances, in each column of many documents.
+    """Return the smallest distance of several examples in each column of many documents.
 
     Parameters
     ----------
     examples : float32 (S, F), columns of all examples, one after the other
     example_starts : int64 (E + 1,), first column of each example, ending with S
     weights : float32 (E, F)
-    chosen : int64 (C,), the examples to compare, the first of equals wins
+    chosen : int64 (C,), examples to compare; the first of equals is returned
     columns, document_starts : as for `graded_distances`
 
     Returns
     -------
     cost : float32 (M,)
     start : int32 (M,), first column of the alignment, counted within the document
-    example : int32 (M,), the example it belongs to
+    example : int32 (M,), example of the alignment
     """
     cost = np.full(columns.shape[0], np.inf, np.float32)
     start = np.full(columns.shape[0], -1, np.int32)
@@ -215,7 +216,7 @@ def nearest_example(
 def differences(
     examples: np.ndarray, example_starts: np.ndarray, weights: np.ndarray, columns: np.ndarray, hits: np.ndarray
 ) -> np.ndarray:
-    """Compute the differences between an example and its hits by feature along the best alignment: float32 (H, F).
+    """Return the differences of an example and its match by feature along the best alignment: float32 (H, F).
 
     Steps as in `graded_distances`; means over the example's columns of the absolute differences.
 
@@ -223,7 +224,7 @@ def differences(
     ----------
     examples, example_starts, weights : as for `nearest_example`
     columns : int8 (M, F), all documents
-    hits : int64 (H, 3), example, first and last column of where it was found
+    hits : int64 (H, 3), example, first and last column of its match
     """
     features = examples.shape[1]
     found = np.zeros((hits.shape[0], features), np.float32)
@@ -257,8 +258,7 @@ def differences(
 
 @njit(cache=True)
 def _reached(total: np.ndarray, cells: np.ndarray, i: int, j: int) -> tuple[float, int, int]:
-    """Return the cost of the best path to a cell from its predecessors, in rows and columns back; none back from row
-    0."""
+    """Return the cheapest step to a cell: cost, rows and columns back; 0 from row 0."""
     if i == 0 or j == 0:
         return (cells[i, j] if i == 0 else np.inf), 0, 0
     cost, back, aside = total[i - 1, j - 1] + cells[i, j], 1, 1

@@ -1,4 +1,4 @@
-"""Compiled loops over sensor data: orientation from raw measurements, correlation over lags."""
+"""Compiled loops over sensor data: integration of angular velocity, correlation over lags."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numba import njit
 
 @njit(cache=True)
 def integrate(times: np.ndarray, gyro: np.ndarray, out: np.ndarray) -> None:
-    """Orientations (N, 4) of a turning sensor in the frame of its first row; fills `out`.
+    """Integrate orientations (N, 4) of a sensor in the frame of its first row; fills `out`.
 
     Parameters
     ----------
-    times : float64 (N,), seconds, rising
-    gyro : float64 (N, 3), rad/s, sensor frame; between two rows their mean is held
+    times : float64 (N,), seconds, increasing
+    gyro : float64 (N, 3), rad/s, sensor frame; between two rows their mean is used
     """
     w, x, y, z = 1.0, 0.0, 0.0, 0.0
     for i in range(times.shape[0]):
@@ -47,11 +47,11 @@ def correlation_over_lags(
 
     Parameters
     ----------
-    first, second : float64 (N,) and (M,), on one grid of times
+    first, second : float64 (N,) and (M,), on a common time grid
     first_known, second_known : bool (N,) and (M,)
     lags : int64 (L,), in rows
     least : a lag with fewer common rows is unknown
-    out : float64 (L,), -1 to 1; NaN where a lag is unknown or a signal does not change
+    out : float64 (L,), filled, -1 to 1; NaN if a lag is unknown or a signal is constant
     """
     for k in range(lags.shape[0]):
         lag = lags[k]

@@ -1,6 +1,7 @@
-"""Inverted keyframe lists and the keyframe-based search, compiled (thesis, Sections 3.3 to 3.5).
- A feature vector is an unsigned integer, bit i being feature i of its set. A keyframe is a pair (mask, value): it holds
-every vector v with `v & mask == value`. Frames are counted from 0 through all documents; a segment [start, end]
+"""Compiled inverted keyframe lists and keyframe-based search (thesis, Sections 3.3 to 3.5).
+
+A feature vector is an unsigned integer, bit i being feature i of its set. A keyframe is a pair (mask, value); it
+matches every vector v with `v & mask == value`. Frames are counted from 0 through all documents; a segment [start, end]
 includes its end.
 """
 
@@ -10,14 +11,14 @@ import numpy as np
 from numba import njit
 
 UNBOUNDED: int = 1 << 40
-"""Largest admissible distance of two keyframes that have no upper bound, in frames."""
+"""Largest admissible distance in frames of two keyframes without an upper bound."""
 STRIDE: int = 16
-"""Runs passed in one step on the way to the next window."""
+"""Number of runs that are skipped in one step towards the next window."""
 
 
 @njit(cache=True)
 def runs_of(vectors: np.ndarray, document_starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split `vectors` (N,) into runs of equal values that stay inside one document.
+    """Split `vectors` (N,) into runs of equal values inside one document.
 
     `document_starts` (D + 1,) ends with N. Returns the runs' first frames (R + 1,), the last entry being N, their
     vectors (R,) and the first run of each document (D + 1,), the last entry being R.
@@ -48,12 +49,12 @@ def keyframe_list(
     mask: int,
     value: int,
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Inverted keyframe list of one keyframe, Eq. 3.4 and 3.5: maximal segments of frames whose vector matches.
+    """Return the inverted keyframe list of one keyframe, Eq. 3.4 and 3.5: maximal segments of matching frames.
 
     The inverted lists of the matching vectors `codes` (U,) are `list_runs[list_offsets[u] : list_offsets[u + 1]]`.
-    Their runs are ticked off and read back in order, neighbours joined within a document; this takes time linear in the
-    runs listed, plus one look at every eighth of a tick. Returns first and last frames (L,) of the segments and the
-    number of runs listed.
+    Their runs are marked and read back in order; neighbours are merged within a document. The time is linear in the
+    listed runs, plus one read per eight marks. Returns first and last frames (L,) of the segments and the number of
+    listed runs.
     """
     ticks = np.zeros((run_starts.size + 7) // 8 * 8, np.uint8)
     processed = 0
@@ -98,9 +99,9 @@ def listed_runs(codes: np.ndarray, list_offsets: np.ndarray, mask: int, value: i
 def windows_around(
     starts: np.ndarray, ends: np.ndarray, least: int, greatest: int, document_starts: np.ndarray
 ) -> tuple[np.ndarray, int]:
-    """Frames at a distance of `least` to `greatest` from segments in order, inside each one's document.
+    """Return the frames at a distance of `least` to `greatest` from ordered segments, inside each one's document.
 
-    Returns first and last frames of disjoint windows in order, int64 (W, 2), and the number of frames in them.
+    Returns first and last frames of disjoint ordered windows, int64 (W, 2), and their number of frames.
     """
     windows = np.empty((starts.size, 2), np.int64)
     count = 0
@@ -128,10 +129,10 @@ def windows_around(
 def keyframe_list_near(
     windows: np.ndarray, run_vectors: np.ndarray, run_starts: np.ndarray, mask: int, value: int, capacity: int
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """The parts of the segments of `keyframe_list` that lie in disjoint `windows` in order, read from the runs there.
+    """Return the parts of the segments of `keyframe_list` in disjoint ordered `windows`, read from their runs.
 
     No window crosses a document's end. `capacity` is the number of frames in the windows. Returns first and last frames
-    of the parts and the number of runs looked at.
+    of the parts and the number of runs read.
     """
     starts = np.empty(capacity, np.int64)
     ends = np.empty(capacity, np.int64)
@@ -161,8 +162,7 @@ def keyframe_list_near(
 
 @njit(cache=True)
 def _first_frame(low: np.ndarray, high: np.ndarray, minimum: np.ndarray, maximum: np.ndarray) -> int:
-    """Smallest frame of the first keyframe among the hits of the present match: backtrack from the last
-    intersection."""
+    """Return the smallest frame of the first keyframe among the hits of the present match, by backtracking."""
     start = low[-1]
     end = high[-1]
     for k in range(low.size - 2, -1, -1):
@@ -180,17 +180,17 @@ def keyframe_search(
     maximum: np.ndarray,
     document_starts: np.ndarray,
 ) -> np.ndarray:
-    """Algorithm 1: the union of the hit relevant ranges of all matches, int64 (H, 2), first and last frame, in order.
+    """Return the union of the hit-relevant ranges of all matches (Algorithm 1), int64 (H, 2), first and last frame.
 
     The inverted keyframe list of keyframe k is `starts[offsets[k] : offsets[k + 1]]` with the same part of `ends`;
     `minimum` and `maximum` (K - 1,) are the admissible distances of neighbouring keyframes in frames. Ranges that share
-    a frame are one. The recursion of the thesis is a loop over `level` with one admissible range [first, last] per
+    a frame are merged. The recursion of the thesis is a loop over `level` with one admissible range [first, last] per
     level.
 
-    The pointers only move forwards, so some matches are never visited. They are irrelevant: such a match leaves out an
-    earlier path through segments that lie nowhere later. The componentwise minimum of two hits is a hit again, because
-    the conditions on distances are differences, hence the earlier path starts no later and ends no earlier. For the
-    same reason ranges are found in order of their starts, and joining with the last one suffices.
+    The pointers only move forwards, so some matches are not visited. They are irrelevant: for each there is an earlier
+    path through segments that are nowhere later. The componentwise minimum of two hits is a hit, because the conditions
+    on distances are differences, so the earlier path starts no later and ends no earlier. For the same reason ranges
+    are found in order of their starts, and merging with the last one suffices.
     """
     keyframes = offsets.size - 1
     pointers = offsets[:-1].copy()
@@ -241,7 +241,7 @@ def keyframe_search(
 
 @njit(cache=True)
 def _join(ranges: np.ndarray, count: int, start: int, end: int) -> int:
-    """Add [start, end] to the `count` ranges found so far, as part of the last one if they share a frame."""
+    """Add [start, end] to the `count` ranges found so far, merged with the last one if they share a frame."""
     if count > 0 and start <= ranges[count - 1, 1]:
         ranges[count - 1, 1] = max(ranges[count - 1, 1], end)
         return count

@@ -1,7 +1,7 @@
-"""Relational quantities of a motion or of one frame, compiled (thesis 2.2).
+"""Compiled relational quantities of a motion or of one of its frames (thesis 2.2).
 
-A program says what each quantity is: one row per quantity with an operation, up to five points, a window of velocities
-and a sign. `toolkit.retrieval.features.relational` writes it.
+A program has one row per quantity: an operation, up to five points, a window of velocities and a sign.
+`toolkit.retrieval.features.relational` builds it.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from toolkit.kernels.kinematics import forward_kinematics, skin
 PLANE, NPLANE, VPLANE, VNPLANE, SPEED, SLOWER, ANGLE, INCLINE, HEIGHT, TALL, WIDE, YAW = range(12)
 """Operations: d - e along the normal of the plane through a, b, c or along the direction from a to b, and the same of
 their velocities; the speed of a, or the lower one of a and b; the angle of a to b with c to d, or with the vertical;
-the height of a over the lowest point; extents upwards and in the ground plane; the rate of the root's turn."""
+the height of a over the lowest point; extents upwards and in the ground plane; the yaw rate of the root."""
 BELOW, AT_MOST, ABOVE, AT_LEAST, WITHIN = range(5)
-"""Comparisons with a threshold; `WITHIN` is that distance from 90 degrees, ends included."""
+"""Comparisons with a threshold; `WITHIN` is that distance from 90 degrees, inclusive."""
 
 
 @njit(cache=True)
@@ -55,15 +55,15 @@ def named_joints(
 def quantities(
     joints: np.ndarray, axes: np.ndarray, frame: int, rate: float, program: np.ndarray, out: np.ndarray
 ) -> None:
-    """Compute all quantities of a program in one frame of a motion.
+    """Compute every quantity of a program in one frame of a motion.
 
     Parameters
     ----------
-    joints, axes : float64 (T, N, 3) and (T, 3), the points and the root's x axis in the frames around; y is up
-    frame : which of them
+    joints, axes : float64 (T, N, 3) and (T, 3), points and the root's x axis in neighbouring frames; y is up
+    frame : number of the frame
     rate : frames per second
-    program : int64 (Q, 8): operation, points a to e, window of the velocity in frames, and a factor of 1 or -1, or 0 if
-        the size alone counts. For `HEIGHT` b holds the points that are left out as bits, for `WIDE` a those meant
+    program : int64 (Q, 8): operation, points a to e, window of the velocity in frames, and a factor of 1 or -1, or 0
+        for the absolute value. For `HEIGHT` b has the excluded points as bits, for `WIDE` a the included ones
     out : float64 (Q,), filled
     """
     here = joints[frame]
@@ -108,14 +108,14 @@ def quantities(
 
 @njit(cache=True)
 def quantities_of_all(joints: np.ndarray, axes: np.ndarray, rate: float, program: np.ndarray, out: np.ndarray) -> None:
-    """Compute all quantities of a program in all frames of a motion: `out` is float64 (T, Q), see `quantities`."""
+    """Every quantity of a program in all frames of a motion: `out` is float64 (T, Q), see `quantities`."""
     for frame in range(joints.shape[0]):
         quantities(joints, axes, frame, rate, program, out[frame])
 
 
 @njit(cache=True)
 def push_tests(values: np.ndarray, tests: np.ndarray, loose: np.ndarray, strict: np.ndarray, on: np.ndarray) -> None:
-    """Update all features by one frame with hysteresis: on after the strict test, until the loose test fails.
+    """One more frame of every feature: on from a strict test on, for as long as the loose one holds.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def _holds(test: int, value: float, threshold: float) -> bool:
 
 @njit(cache=True)
 def _velocity(joints: np.ndarray, frame: int, joint: int, window: int, rate: float, out: np.ndarray) -> None:
-    """Forward differences averaged over a window around a frame, mirrored at both ends; the last one repeats."""
+    """Average forward differences over a window around a frame, mirrored at both ends; the last one is repeated."""
     count = joints.shape[0]
     out[:] = 0.0
     if count == 1:
@@ -177,7 +177,7 @@ def _direction(here: np.ndarray, a: int, b: int, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def _normalise(vector: np.ndarray) -> None:
-    """Normalise to length 1; a zero vector stays zero."""
+    """Scale a vector to length 1; a zero vector stays zero."""
     length = _length(vector)
     if length > 0.0:
         for c in range(3):
@@ -201,7 +201,7 @@ def _degrees(cosine: float) -> float:
 
 @njit(cache=True)
 def _extreme(here: np.ndarray, without: int, sign: float) -> float:
-    """Return the highest (`sign` 1) or lowest (-1) y of the points, without those in the bits of `without`."""
+    """Return the highest (`sign` 1) or lowest (-1) y of the points outside the bits of `without`."""
     best = -np.inf
     for n in range(here.shape[0]):
         if not (without >> n) & 1:
@@ -211,7 +211,7 @@ def _extreme(here: np.ndarray, without: int, sign: float) -> float:
 
 @njit(cache=True)
 def _ground_extent(here: np.ndarray, meant: int) -> float:
-    """Return the largest distance in the ground plane between two points in the bits of `meant`."""
+    """Return the largest distance in the ground plane between two of the points in the bits of `meant`."""
     best = 0.0
     for a in range(here.shape[0]):
         for b in range(a):

@@ -1,4 +1,4 @@
-"""An annotation as files: segments as CSV and JSON, a picture as in the thesis's Fig. 5.2, and a page for people."""
+"""Files of an annotation: segments as CSV and JSON, a plot as in the thesis's Fig. 5.2, and a page."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ REPORT_FILES = SEGMENTS_CSV, SEGMENTS_JSON, PICTURE, PAGE = (
 )
 
 _SCORE_WORDS = {
-    "cost": "The score is the share of body features that agree with the class's motion template along the segment;",
+    "cost": "The score is the fraction of features that agree with the class's motion template along the segment;",
     "doubt": "The score is the probability that the segment is such a motion;",
 }
 
@@ -50,9 +50,9 @@ def write_report(
 
     Parameters
     ----------
-    annotation : what was found
-    folder : made where it is missing
-    truth : true segments, if they are known
+    annotation : annotation to write
+    folder : output folder, made if missing
+    truth : true segments, if known
 
     Returns
     -------
@@ -61,7 +61,7 @@ def write_report(
     Raises
     ------
     RetrievalError
-        True segments that overlap, are empty, or bear an unknown label.
+        True segments overlap, are empty, or have an unknown label.
     """
     folder = Path(folder)
     scores = {} if truth is None else score(annotation, truth)
@@ -75,12 +75,12 @@ def write_report(
 
 
 def _missed_segments(truth: Sequence[Segment], found: Sequence[Segment]) -> list[Segment]:
-    """True segments that no found one of their label overlaps."""
+    """Return the true segments without an overlapping found one of their label."""
     return [segment for segment in truth if not segment_scores([segment], found).right_true]
 
 
 def score(annotation: Annotation, truth: Sequence[Segment]) -> dict[str, Scores]:
-    """Scores over "frames" and over "segments" against true segments (thesis 5.4)."""
+    """Return the scores over "frames" and over "segments" against true segments (thesis 5.4)."""
     check_truth(truth, annotation.name)
     true = label_frames(truth, annotation.labels, annotation.frames.shape[1], annotation.frame_rate)
     return {
@@ -90,7 +90,7 @@ def score(annotation: Annotation, truth: Sequence[Segment]) -> dict[str, Scores]
 
 
 def read_segments(path: str | Path) -> list[Segment]:
-    """True segments from a CSV file with the columns start, end (seconds) and label.
+    """Return the segments of a CSV file with the columns start, end (seconds) and label.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def read_segments(path: str | Path) -> list[Segment]:
         try:
             segment = Segment(float(row["start"]), float(row["end"]), row["label"].strip())
             if not (np.isfinite([segment.start, segment.end]).all()):
-                raise ValueError("a segment has to begin and to end")
+                raise ValueError("start and end must be finite")
             segments.append(segment)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RetrievalError(
@@ -114,8 +114,7 @@ def read_segments(path: str | Path) -> list[Segment]:
 
 
 def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> Figure:
-    """The picture of Fig. 5.2: modified distance functions in colour, below them found and true segments; true ones
-    that were missed have their own colour."""
+    """Plot modified distance functions, and below them found, true and missed segments (Fig. 5.2)."""
     from matplotlib.figure import Figure
 
     classes, length = annotation.distances.shape
@@ -129,7 +128,7 @@ def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> 
         extent=(0.0, seconds, classes - 0.5, -0.5),
     )  # fmt: skip
     above.set_title(
-        f"{shown(annotation.name, 'plot')}: {annotation.measure} of each class (white: nothing like it)", fontsize=10
+        f"{shown(annotation.name, 'plot')}: {annotation.measure} of each class (white: no hit)", fontsize=10
     )
     figure.colorbar(image, ax=above, label=annotation.measure)
     truths = " and true (black; orange: missed)" if truth is not None else ""
@@ -170,7 +169,7 @@ def _as_json(annotation: Annotation, scores: dict[str, Scores]) -> dict[str, Any
 
 
 def _page(annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], drawn: bytes) -> str:
-    """The page: what was found in words, the picture, the segments, and how to read them."""
+    """Return the page: summary, plot and segments."""
     seconds = annotation.frames.shape[1] / annotation.frame_rate
     labelled = 100.0 * annotation.frames.any(axis=0).mean()
     parts = [

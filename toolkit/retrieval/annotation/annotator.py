@@ -1,10 +1,11 @@
-"""Annotation: which frames of an unknown motion belong to which motion class (thesis, Chapter 5).
+"""Annotation of the frames of an unknown motion with motion classes (thesis, Chapter 5).
 
-Every class is a quantised motion template. Subsequence DTW gives a distance function per class, its hits a modified
-distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
+Every class is a quantised motion template. Subsequence DTW gives a distance function per class, and its hits give a
+modified distance function. The class with the lowest cost is selected in each frame, and the resulting runs are
+extended to whole motions.
 
 Two rules go beyond the thesis, which counts every local minimum as a hit and keeps every run: one motion is one hit,
-and a run of which other classes explain most is no motion (`DecisionSettings`).
+and a run that is mostly explained by other classes is dropped (`DecisionSettings`).
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.templates import QuantisedTemplate
 
-THRESHOLD = 0.13
-"""Largest cost of a hit, `tau` (thesis 5.4): mean share of mismatching features along the alignment."""
+HIT_THRESHOLD = 0.13
+"""Largest cost of a hit, `tau` (thesis 5.4): mean fraction of mismatching features along the alignment."""
 
 Intervals = Mapping[str, Sequence[tuple[int, int]]]
-"""Class label -> frames that may hold it, as (first, one after the last); from a keyframe search."""
+"""Class label -> frames to search, as (first, one after the last); from a keyframe search."""
 
 
 @dataclass(frozen=True)
 class DecisionSettings:
-    """What counts as a motion, among hits that overlap.
+    """Acceptance of overlapping hits.
 
     Attributes
     ----------
-    overlap : largest share of a hit that cheaper hits of its class may cover, in [0, 1]. Neighbouring local minima of a
-        distance function are the same motion with more or less of what is before and behind it
-    visible : smallest share of an extended run that has to be decided for its class, in [0, 1]. What is left of a hit
-        beside a cheaper one of another class is no motion of its own
+    overlap : largest fraction of a hit that cheaper hits of its class may cover, in [0, 1]. Neighbouring local minima
+        of a distance function are the same motion with different boundaries
+    visible : smallest fraction of an extended run that is decided for its class, in [0, 1]. The remainder of a hit
+        beside a cheaper one of another class is no separate motion
     """
 
     overlap: float = 0.1
@@ -47,53 +48,53 @@ class DecisionSettings:
     def __post_init__(self) -> None:
         for name in ("overlap", "visible"):
             if not 0.0 <= getattr(self, name) <= 1.0:
-                raise SettingsError(f"{name} {getattr(self, name)} is no share; give a value in [0, 1]")
+                raise SettingsError(f"{name} {getattr(self, name)} is no fraction; give a value in [0, 1]")
 
 
 AS_PUBLISHED = DecisionSettings(overlap=1.0, visible=0.0)
-"""The thesis's rules (5.2): every local minimum is a hit, every run is kept."""
+"""Rules of the thesis (5.2): every local minimum is a hit, every run is kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class MotionClass:
-    """A motion class as annotation uses it.
+    """Motion class for annotation.
 
     Attributes
     ----------
-    label : its name in segments
-    template : what its clips have in common
+    label : name in segments
+    template : quantised template of its clips
     threshold : costs at or above it are no hits
-    motion : how it moves along the columns of its template; None where that is not known
+    motion : mean motion along the columns of the template; None if unknown
     """
 
     label: str
     template: QuantisedTemplate
-    threshold: float = THRESHOLD
+    threshold: float = HIT_THRESHOLD
     motion: ClassMotion | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.threshold <= 1.0:
             raise RetrievalError(
-                f"threshold {self.threshold} of class {self.label!r} is not in (0, 1]; try {THRESHOLD}"
+                f"threshold {self.threshold} of class {self.label!r} is not in (0, 1]; try {HIT_THRESHOLD}"
             )
 
 
 @dataclass(frozen=True, eq=False)
 class Annotation:
-    """What was found in a document of L frames with P classes.
+    """Annotation of a document of L frames with P classes.
 
     Attributes
     ----------
-    name : the document
-    labels : the P classes
+    name : name of the document
+    labels : labels of the P classes
     frame_rate : frames per second
     distances : float64 (P, L), modified distance functions, infinite outside all hits (Fig. 5.2a)
     decided : int64 (L,), cheapest class of each frame, -1 for none (Equation 5.6)
-    frames : bool (P, L), labels after the segments' extension (Fig. 5.2c); a frame may bear several
+    frames : bool (P, L), labels after the segments' extension (Fig. 5.2c); a frame may have several
     segments : the same as runs, sorted by start
-    too_long : classes whose templates are too long for the document, so that they could not be found
+    too_long : classes with templates that are longer than the document and were not searched
     thresholds : per class, distances at or above it are no hits
-    measure : what the distances are: "cost" (share of features that differ) or "doubt" (1 minus probability)
+    measure : type of the distances: "cost" (fraction of differing features) or "doubt" (1 minus probability)
     """
 
     name: str
@@ -109,15 +110,15 @@ class Annotation:
 
 
 class Annotator:
-    """Annotates documents with fixed classes."""
+    """Annotator of documents with fixed classes."""
 
     def __init__(self, classes: Sequence[MotionClass], settings: DecisionSettings | None = None) -> None:
-        """Take the classes.
+        """Set the classes.
 
         Raises
         ------
         RetrievalError
-            No classes, or a label twice.
+            There are no classes, or a label is repeated.
         """
         labels = [motion_class.label for motion_class in classes]
         if not labels or len(set(labels)) < len(labels):
@@ -128,7 +129,7 @@ class Annotator:
 
     @property
     def shortest(self) -> int:
-        """Fewest frames that a document needs for any class."""
+        """Smallest number of frames of a document for any class."""
         return min(motion_class.template.shortest for motion_class in self.classes)
 
     def annotate(self, features: FeatureMatrix, intervals: Intervals | None = None) -> Annotation:
@@ -136,14 +137,14 @@ class Annotator:
 
         Parameters
         ----------
-        features : the document at 30 Hz
-        intervals : per class the frames to search, others are left out (thesis 5.3); a class without an entry is not
-            searched at all; None searches everything
+        features : features of the document at 30 Hz
+        intervals : frames to search for each class (thesis 5.3); a class without an entry is not searched; None
+            searches everything
 
         Raises
         ------
         RetrievalError
-            The document is shorter than any template allows, or intervals name an unknown class.
+            The document is shorter than every template allows, or intervals name an unknown class.
         """
         unknown = sorted(set(intervals or ()) - set(self.labels))
         if unknown:
@@ -164,7 +165,7 @@ class Annotator:
         )  # fmt: skip
 
     def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:
-        """Modified distance functions (P, L), each on the intervals of its class only."""
+        """Return modified distance functions (P, L), each on the intervals of its class."""
         words = features.words
         whole = [(0, len(words))]
         distances = np.full((len(self.classes), len(words)), np.inf)
@@ -178,12 +179,12 @@ class Annotator:
 
 
 def decide(distances: np.ndarray) -> np.ndarray:
-    """Class of smallest modified distance per frame: int64 (L,), -1 where all are infinite (Equation 5.6)."""
+    """Class with the smallest modified distance per frame: int64 (L,), -1 if all are infinite (Equation 5.6)."""
     return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
 
 
 def _segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
-    """Runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance within."""
+    """Return runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance."""
     found = []
     for row, label in enumerate(labels):
         found += [

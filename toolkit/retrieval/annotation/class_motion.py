@@ -1,7 +1,7 @@
-"""How a motion class moves: mean joint angles, spread, covariance and memory for each column of its template.
+"""Mean motion of a class: joint angles, spread, covariance and correlation time along its template.
 
-The thesis's priors of Chapter 6 are logical ones and poses of other stretches. Here a class also keeps the motion
-itself, learnt from the clips that its template was learnt from, so that a hidden limb can be told by the class.
+The priors of the thesis's Chapter 6 are logical ones and poses of other segments. Here a class also stores its mean
+motion, learnt from the clips of its template, which predicts occluded limbs.
 """
 
 from __future__ import annotations
@@ -19,24 +19,37 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.templates import MotionTemplate, expand
 
 ANGLES = slice(6, skeleton.POSE_SIZE)
-"""Where the A = 37 joint angles stand in a pose."""
+"""Entries of the A = 37 joint angles in a pose."""
 ANGLE_COUNT = skeleton.POSE_SIZE - 6
-POOLED = 4.0
-"""Clips that the spread over the whole motion counts for, beside that of one column."""
-LEAST_SPREAD = 0.03
-"""Radians: what no class knows an angle better than."""
-LAG = 5
-"""Columns between which the memory is measured: neighbours differ by the noise of capture."""
-MEMORY = (0.1, 2.0)
-"""Seconds: shortest and longest memory that a few clips can tell."""
-ROUNDS = 3
-"""How often clips are aligned with their mean motion, the first time by the features alone."""
-ANGLE_SHARE = 2.0
-"""Radians of mean difference of the angles that count as much as all features being different."""
+
+
+@dataclass(frozen=True)
+class ClassMotionSettings:
+    """Settings of the learning of a class motion.
+
+    Attributes
+    ----------
+    pooled_clips : number of clips that the spread over the whole motion counts for, besides that of one column
+    least_spread : radians, smallest standard deviation of an angle
+    lag : columns between the samples of the correlation time, because the difference of neighbours is noise
+    memory_range : seconds, smallest and largest correlation time that a few clips determine
+    rounds : number of alignments of clips, the first by the features alone
+    angle_scale : radians of mean angle difference with the weight of a difference in all features
+    """
+
+    pooled_clips: float = 4.0
+    least_spread: float = 0.03
+    lag: int = 5
+    memory_range: tuple[float, float] = (0.1, 2.0)
+    rounds: int = 3
+    angle_scale: float = 2.0
+
+
+SETTINGS = ClassMotionSettings()
 
 
 class Example(NamedTuple):
-    """A clip of a class: its features, and the poses (T, P) of the same columns."""
+    """Clip of a class: its features, and the poses (T, P) of the same columns."""
 
     features: FeatureMatrix
     poses: np.ndarray
@@ -44,13 +57,13 @@ class Example(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClassMotion:
-    """How a class moves, by the N columns of its template (of weight about 1, as `expand` gives them).
+    """Mean motion of a class along the N expanded columns of its template.
 
     Attributes
     ----------
     mean, spread : float64 (N, A), radians: joint angles and their standard deviation
     covariance : float64 (A, A), of the deviations from the mean, pooled over the columns
-    memory : seconds after which deviations are forgotten
+    memory : seconds, correlation time of the deviations
     """
 
     mean: np.ndarray
@@ -69,15 +82,15 @@ class ClassMotion:
 
 
 def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> ClassMotion:
-    """The motion of a class from the clips that its template was fitted to.
+    """Return the mean motion of a class from the clips of its template.
 
-    Clips are aligned with the template, then again with it and the mean motion, for features alone leave the way
-    between two of their changes open.
+    Clips are aligned with the template, then again with it and the mean motion, because features alone do not determine
+    the alignment between two of their changes.
 
     Raises
     ------
     RetrievalError
-        No clips, or a clip with another number of poses than columns.
+        There are no clips, or the number of poses of a clip differs from its columns.
     """
     if not examples:
         raise RetrievalError("a class without clips has no motion; give at least one training clip")
@@ -88,7 +101,7 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
             )
     values, _ = expand(template.values, template.weights)
     warped = [_warped(values, example) for example in examples]
-    for _ in range(ROUNDS - 1):
+    for _ in range(SETTINGS.rounds - 1):
         mean = np.mean(warped, axis=0)
         warped = [_warped(values, example, mean) for example in examples]
     stack = np.stack(warped)
@@ -97,18 +110,20 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
     freedom = max(len(stack) - 1, 1) / max(len(stack), 1)
     variance, pooled = (away**2).mean(axis=0) / freedom, (away**2).mean(axis=(0, 1)) / freedom
     count = len(stack)
-    spread = np.sqrt((count * variance + POOLED * pooled) / (count + POOLED) + LEAST_SPREAD**2)
+    spread = np.sqrt(
+        (count * variance + SETTINGS.pooled_clips * pooled) / (count + SETTINGS.pooled_clips) + SETTINGS.least_spread**2
+    )
     flat = away.reshape(-1, ANGLE_COUNT)
     return ClassMotion(mean, spread, flat.T @ flat / (len(flat) * freedom), _memory(away))
 
 
 def _warped(values: np.ndarray, example: Example, mean: np.ndarray | None = None) -> np.ndarray:
-    """Angles (N, A) of a clip on the columns of a template; `mean` (N, A) helps to align."""
+    """Return the angles (N, A) of a clip on the columns of a template; `mean` (N, A) refines the alignment."""
     own = example.features.values.astype(np.float64)
     angles = example.poses[:, ANGLES]
     if mean is not None:
-        # The kernel averages over rows: angles get as many rows' weight as they are to count.
-        factor = len(own) / (ANGLE_SHARE * ANGLE_COUNT)
+        # The kernel averages over rows: the factor gives the angles their share of the weight.
+        factor = len(own) / (SETTINGS.angle_scale * ANGLE_COUNT)
         values = np.concatenate([values, factor * mean.T])
         own = np.concatenate([own, factor * angles.T])
     _, path = dtw.align(
@@ -118,12 +133,12 @@ def _warped(values: np.ndarray, example: Example, mean: np.ndarray | None = None
 
 
 def _memory(away: np.ndarray) -> float:
-    """Seconds in which the correlation of deviations (clips, N, A) falls to 1/e."""
-    if away.shape[1] <= LAG:
-        return MEMORY[0]
+    """Return the seconds in which the correlation of deviations (clips, N, A) falls to 1/e."""
+    if away.shape[1] <= SETTINGS.lag:
+        return SETTINGS.memory_range[0]
     total = float((away**2).mean())
     if total <= 0.0:
-        return MEMORY[1]
-    kept = float((away[:, LAG:] * away[:, :-LAG]).mean()) / total
-    seconds = LAG / FEATURE_RATE / -np.log(min(max(kept, 1e-6), 1.0 - 1e-6))
-    return float(np.clip(seconds, *MEMORY))
+        return SETTINGS.memory_range[1]
+    kept = float((away[:, SETTINGS.lag :] * away[:, : -SETTINGS.lag]).mean()) / total
+    seconds = SETTINGS.lag / FEATURE_RATE / -np.log(min(max(kept, 1e-6), 1.0 - 1e-6))
+    return float(np.clip(seconds, *SETTINGS.memory_range))

@@ -1,4 +1,4 @@
-"""Motion classes learned from labelled clips, and the file that keeps them."""
+"""Motion classes learned from labelled clips, and their file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.io.archives import Column, check_columns
 from toolkit.io.errors import RetrievalError
-from toolkit.retrieval.annotation.annotator import THRESHOLD, MotionClass
+from toolkit.retrieval.annotation.annotator import HIT_THRESHOLD, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ClassMotion, Example, learn_motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
 from toolkit.retrieval.stored_arrays import StoredKind
@@ -35,20 +35,20 @@ def learn_classes(
     clips: Mapping[str, Sequence[FeatureMatrix]],
     *,
     poses: Mapping[str, Sequence[np.ndarray]] | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float = HIT_THRESHOLD,
 ) -> list[MotionClass]:
-    """One motion class per label from cut clips (thesis 2.3), sorted by label.
+    """Return one motion class per label from cut clips (thesis 2.3), sorted by label.
 
     Parameters
     ----------
     clips : label -> feature matrices of its clips
-    poses : label -> poses (T, P) of the same clips, one for each column; a label that has them knows how it moves
+    poses : label -> poses (T, P) of the same clips, one for each column, for the mean motion of the class
     threshold : `tau`, costs at or above it are no hits
 
     Raises
     ------
     RetrievalError
-        No labels, or a label without clips.
+        There are no labels, or a label has no clips.
     """
     if not clips:
         raise RetrievalError("there are no labelled clips to learn classes from; give at least one")
@@ -67,7 +67,7 @@ def learn_classes(
 
 @dataclass(frozen=True)
 class _Entry:
-    """One class as a file's header says it."""
+    """Header entry of one class."""
 
     label: str
     threshold: float
@@ -75,14 +75,14 @@ class _Entry:
 
 @dataclass(frozen=True)
 class _Header:
-    """What a file says of itself."""
+    """Header of a class file."""
 
     body: str
     classes: tuple[_Entry, ...]
 
 
 def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
-    """Write motion classes as one NPZ file, whole or not at all, with the fingerprint of the features."""
+    """Write motion classes as one NPZ file, atomically, with the fingerprint of the features."""
     arrays: dict[str, np.ndarray] = {}
     for number, motion_class in enumerate(classes):
         arrays |= {f"{name}_{number}": getattr(motion_class.template, name) for name in _TEMPLATE}
@@ -93,7 +93,7 @@ def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
 
 
 def load_classes(path: str | Path) -> list[MotionClass]:
-    """Read what `save_classes` wrote.
+    """Read a file of `save_classes`.
 
     Raises
     ------

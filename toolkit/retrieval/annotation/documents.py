@@ -1,4 +1,4 @@
-"""Documents for measuring annotation, put together from cut clips: blended joins, true segments, unlabelled filler."""
+"""Synthetic documents of cut clips for annotation: blended joins, true segments, unlabelled filler."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from toolkit.retrieval.features.relational import FeatureMatrix, relational_feat
 
 
 class TransitionSettings(NamedTuple):
-    """How parts are joined.
+    """Settings of the joins between parts.
 
     Attributes
     ----------
-    speed : metres per second of the joint that moves farthest
+    speed : metres per second of the fastest joint
     shortest, longest : seconds
     """
 
@@ -32,22 +32,22 @@ class TransitionSettings(NamedTuple):
 
 JOINS = TransitionSettings(1.5, 0.25, 1.5)
 FILLER_SECONDS = (2.0, 5.0)
-"""Least and greatest length of an excerpt of a filler."""
+"""Shortest and longest excerpt of a filler, seconds."""
 HARD_JOINS = TransitionSettings(6.0, 0.02, 0.1)
-"""Joins that no person could perform: what is left of the parts' ends is all there is to see of them."""
+"""Joins faster than any person, so that motions begin and end abruptly."""
 
 _LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
 
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """A motion of known truth, such as one that was put together.
+    """Motion of known truth.
 
     Attributes
     ----------
-    motion : the whole
+    motion : the whole motion
     segments : true segments, seconds
-    joins : (start, end) of the joins between parts, seconds; no person performed them, and they bear no label
+    joins : (start, end) of the joins between parts, seconds; they have no label
     """
 
     motion: Motion
@@ -56,27 +56,27 @@ class Document:
 
     @cached_property
     def features(self) -> FeatureMatrix:
-        """Its features."""
+        """Features of the motion."""
         return relational_features(self.motion)
 
 
 def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: TransitionSettings = JOINS) -> Document:
-    """Put motions one after the other as one actor would perform them.
+    """Concatenate motions as one person would perform them.
 
-    Each part is turned about y and shifted along the ground so that it begins where the last one ended, scaled to the
-    body length of the first part and set on its floor. Between two parts the joints move along an eased straight line,
-    for as long as the farthest one needs at the speed of `joining`.
+    Each part is rotated about y and shifted along the ground so that it starts at the end of the part before, scaled to
+    the body length of the first part and placed on its floor. Between two parts the joints move along an eased straight
+    line, for as long as the fastest one needs at the speed of `joining`.
 
     Parameters
     ----------
-    name : the document
-    parts : motions (metres, world y up) of one frame rate, with their label or None for filler; joins bear no label
+    name : name of the document
+    parts : motions (metres, world y up) of one frame rate, with their label or None for filler; joins have no label
     joining : speed and length of the joins
 
     Raises
     ------
     RetrievalError
-        No parts, or parts of different frame rates.
+        There are no parts, or their frame rates differ.
     """
     rates = sorted({motion.frame_rate for motion, _ in parts})
     if len(rates) != 1:
@@ -102,7 +102,7 @@ def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Tra
 
 
 def excerpt(motions: Sequence[Motion], seconds: tuple[float, float], rng: np.random.Generator) -> Motion:
-    """A random piece of a random one of the motions, of a random length between two bounds."""
+    """Return a random excerpt of one of the motions, of a random length between two bounds."""
     motion = motions[int(rng.integers(len(motions)))]
     length = min(len(motion), int(rng.uniform(*seconds) * motion.frame_rate))
     start = int(rng.integers(len(motion) - length + 1))
@@ -114,7 +114,7 @@ def shuffled_parts(
     fillers: Sequence[Motion],
     rng: np.random.Generator,
 ) -> list[tuple[Motion, str | None]]:
-    """Clips in random order; before every second one, on average, a random excerpt of a filler."""
+    """Return the clips in random order, with a random filler excerpt before about every second one."""
     parts: list[tuple[Motion, str | None]] = []
     for index in rng.permutation(len(clips)):
         if fillers and rng.random() < 0.5 and parts:
@@ -124,7 +124,7 @@ def shuffled_parts(
 
 
 def _placed(motion: Motion, size: float, before: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
-    """Joints (T, 24, 3) and root axes (T, 3) of a part, scaled, on the floor, and continuing the part before it."""
+    """Return joints (T, 24, 3) and root axes (T, 3) of a part, scaled, on the floor, in line with the part before."""
     scale = size / BodyLengths.of(motion).body
     joints = motion.joints * scale
     joints = joints - np.array([0.0, joints[..., 1].min(), 0.0])
@@ -153,7 +153,7 @@ def _join(
     rate: float,
     joining: TransitionSettings,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Frames strictly between the last one of a part and the first one of the next."""
+    """Return the frames strictly between the last one of a part and the first one of the next."""
     farthest = float(np.linalg.norm(after[0][0] - before[0][-1], axis=-1).max())
     count = int(round(np.clip(farthest / joining.speed, joining.shortest, joining.longest) * rate))
     place = np.arange(1, count + 1) / (count + 1.0)

@@ -1,4 +1,4 @@
-"""Labelled example clips as what a document is searched for: where each class may be, and how it differs there."""
+"""Labelled example clips, and their matches in documents: possible places of a class with their differences."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FeatureMatrix
 
 LARGEST_COST = 0.3
-"""What costs more is not looked at: motions of a class by other people cost 0.05 to 0.2, chance 0.2 to 0.3."""
+"""Largest cost of a place: motions of a class by other people cost 0.05 to 0.2, random ones 0.2 to 0.3."""
 SHORTEST_CLIP = BLOCK + 1
-"""Frames of the shortest example: two coarse columns."""
+"""Frames of the shortest example, two coarse columns."""
 
 
 class Proposals(NamedTuple):
-    """Where a class may be in some documents, H places; columns are coarse (`features.grades.BLOCK` frames).
+    """Possible places of a class in some documents, H places; columns are coarse (`features.grades.BLOCK` frames).
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Proposals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ExampleSet:
-    """Clips with labels.
+    """Labelled clips.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class ExampleSet:
     names : of each clip
     columns : int8 (S, 40), coarse graded features of all clips, one after the other
     starts : int64 (E + 1,), first column of each clip; the last entry is S
-    weights : float64 (E, 40), how much each feature of a clip counts
+    weights : float64 (E, 40), weight of each feature of a clip
     """
 
     labels: tuple[str, ...]
@@ -60,12 +60,12 @@ class ExampleSet:
 
     @classmethod
     def of(cls, clips: Sequence[tuple[FeatureMatrix, str]]) -> ExampleSet:
-        """Clips with their labels.
+        """Return the set of clips with their labels.
 
         Raises
         ------
         RetrievalError
-            No clips, or one that is too short.
+            There are no clips, or one is too short.
         """
         if not clips:
             raise RetrievalError("there are no labelled clips to learn from; give at least one")
@@ -89,30 +89,30 @@ class ExampleSet:
 
     @property
     def classes(self) -> tuple[str, ...]:
-        """The labels that occur, sorted."""
+        """Labels of the clips, sorted."""
         return tuple(sorted(set(self.labels)))
 
     def of_class(self, label: str) -> np.ndarray:
-        """Numbers of a class's clips, int64 (C,)."""
+        """Return the numbers of a class's clips, int64 (C,)."""
         return np.flatnonzero(np.array(self.labels) == label)
 
     @property
     def shortest(self) -> int:
-        """Fewest frames at 30 Hz of a document in which something can be found: every step may skip one column."""
+        """Smallest number of frames at 30 Hz of a document; every step may skip one column."""
         return int(BLOCK * (np.diff(self.starts).min() // 2) + 1)
 
     @cached_property
     def _floats(self) -> tuple[np.ndarray, np.ndarray]:
-        """Columns and weights as the kernels take them; a path then costs the mean over a clip's columns."""
+        """Columns and weights for the kernels; the cost of a path is the mean over a clip's columns."""
         lengths = np.diff(self.starts)[:, None]
         return self.columns.astype(np.float32), (self.weights / (2.0 * FULL * lengths)).astype(np.float32)
 
     def propose(self, label: str, documents: Sequence[FeatureMatrix]) -> Proposals:
-        """Where a class may be: hits of the nearest example in each column, each place once."""
+        """Return the possible places of a class: distinct hits of the nearest example in each column."""
         return self.propose_in(label, *_joined(documents))
 
     def propose_in(self, label: str, columns: np.ndarray, edges: np.ndarray) -> Proposals:
-        """The same in documents whose coarse columns, int8 (M, 40), begin at `edges`, int64 (D + 1,), ending with M."""
+        """Return the places in coarse columns, int8 (M, 40), of documents that start at `edges`, int64 (D + 1,)."""
         examples, weights = self._floats
         costs, starts, nearest = nearest_example(examples, self.starts, weights, self.of_class(label), columns, edges)
         owners, firsts, lasts = distinct_hits(costs, starts, edges, LARGEST_COST, len(costs)).T
@@ -125,13 +125,13 @@ class ExampleSet:
         return Proposals(owners, firsts, lasts, costs[ends].astype(np.float64), described.astype(np.float64))
 
     def cheapest(self, label: str, documents: Sequence[FeatureMatrix], without: str = "") -> np.ndarray:
-        """Cost of the class's best alignment anywhere in each document, float64 (D,), infinite where none fits.
+        """Return the cost of the class's best alignment in each document, float64 (D,), infinite for none.
 
         Parameters
         ----------
-        label : the class
-        documents : what is searched
-        without : name of a clip that does not take part
+        label : class
+        documents : documents to search
+        without : name of an excluded clip
         """
         chosen = np.array([e for e in self.of_class(label) if self.names[e] != without], dtype=np.int64)
         columns, edges = _joined(documents)
@@ -141,6 +141,6 @@ class ExampleSet:
 
 
 def _joined(documents: Sequence[FeatureMatrix]) -> tuple[np.ndarray, np.ndarray]:
-    """Coarse columns of all documents, int8 (M, 40), and the first of each, int64 (D + 1,), ending with M."""
+    """Return the coarse columns of all documents, int8 (M, 40), and their starts, int64 (D + 1,), ending with M."""
     pieces = [np.ascontiguousarray(coarse(document.grades).T) for document in documents]
     return np.concatenate(pieces), np.cumsum([0, *map(len, pieces)])

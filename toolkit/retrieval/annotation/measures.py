@@ -12,13 +12,13 @@ from toolkit.io.errors import RetrievalError
 
 @dataclass(frozen=True)
 class Segment:
-    """A labelled stretch of a document.
+    """Labelled segment of a document.
 
     Attributes
     ----------
     start, end : seconds; the end is exclusive
     label : motion class
-    score : 1 minus the cost of the best alignment within it (share of agreeing features); 1 for a true segment
+    score : 1 minus the cost of the best alignment in it (fraction of agreeing features); 1 for a true segment
     """
 
     start: float
@@ -37,7 +37,7 @@ class Scores:
 
     Attributes
     ----------
-    right_found, found : retrieved items that are right, and all retrieved items
+    right_found, found : correct retrieved items, and all retrieved items
     right_true, true : relevant items that were retrieved, and all relevant items
     """
 
@@ -48,12 +48,12 @@ class Scores:
 
     @property
     def precision(self) -> float:
-        """Share of the retrieved items that are right; 1 where nothing was to be found and nothing was."""
+        """Fraction of the retrieved items that are correct; 1 for no retrieved and no relevant items."""
         return self.right_found / self.found if self.found else float(not self.true)
 
     @property
     def recall(self) -> float:
-        """Share of the relevant items that were retrieved; 1 where there are none."""
+        """Fraction of the relevant items that were retrieved; 1 for no relevant items."""
         return self.right_true / self.true if self.true else 1.0
 
     @property
@@ -63,7 +63,7 @@ class Scores:
         return 2.0 * self.precision * self.recall / total if total else 0.0
 
     def __add__(self, other: Scores) -> Scores:
-        """Scores over both, as if their documents were one."""
+        """Return the scores of both document sets together."""
         return Scores(
             self.right_found + other.right_found, self.found + other.found,
             self.right_true + other.right_true, self.true + other.true,
@@ -71,12 +71,12 @@ class Scores:
 
 
 def label_frames(segments: Sequence[Segment], labels: Sequence[str], length: int, frame_rate: float) -> np.ndarray:
-    """Bool (len(labels), length): which frames bear which label.
+    """Bool (len(labels), length) mask of the frames with each label.
 
     Raises
     ------
     RetrievalError
-        A segment has a label that is not among `labels`.
+        A segment has a label outside `labels`.
     """
     frames = np.zeros((len(labels), length), dtype=bool)
     for segment in segments:
@@ -89,13 +89,13 @@ def label_frames(segments: Sequence[Segment], labels: Sequence[str], length: int
 
 
 def frame_scores(true: np.ndarray, found: np.ndarray) -> Scores:
-    """P1, R1 and F1 of bool (classes, frames) labels: an item is a frame with one label (Equations 5.8 to 5.12)."""
+    """P1, R1 and F1 of bool (classes, frames) labels; an item is a frame with one label (Equations 5.8 to 5.12)."""
     both = int((true & found).sum())
     return Scores(both, int(found.sum()), both, int(true.sum()))
 
 
 def segment_scores(true: Sequence[Segment], found: Sequence[Segment]) -> Scores:
-    """P2, R2 and F2: a segment is right where one of the other side with the same label overlaps it."""
+    """P2, R2 and F2; a segment is correct if a segment of the other set with the same label overlaps it."""
 
     def overlaps(segment: Segment, others: Sequence[Segment]) -> bool:
         return any(o.label == segment.label and o.start < segment.end and segment.start < o.end for o in others)
@@ -106,7 +106,7 @@ def segment_scores(true: Sequence[Segment], found: Sequence[Segment]) -> Scores:
 
 
 def check_truth(segments: Sequence[Segment], name: str) -> None:
-    """Refuse true segments that cannot be scored.
+    """Raise RetrievalError for true segments that cannot be scored.
 
     Raises
     ------

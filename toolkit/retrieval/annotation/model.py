@@ -1,4 +1,4 @@
-"""Annotation by example clips and judges: what is found in a document, and the file that keeps what was learned."""
+"""Motion model: annotation by example clips and place classifiers, and its file."""
 
 from __future__ import annotations
 
@@ -11,16 +11,29 @@ from toolkit.io.archives import Column
 from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.examples import ExampleSet
-from toolkit.retrieval.annotation.judge import MEASURES, Judge
 from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.annotation.place_classifier import MEASURES, PlaceClassifier
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
 from toolkit.retrieval.stored_arrays import StoredKind
 
-LEAST_PROBABILITY = 0.5
-"""What is less likely than this is not reported."""
-SHARED = 0.3
-"""Largest share of a motion's frames that likelier ones may hold already; the likelier motion is the true one."""
+
+@dataclass(frozen=True)
+class ReportSettings:
+    """Acceptance of the motions of a model.
+
+    Attributes
+    ----------
+    least_probability : smallest probability of a reported motion
+    shared : largest fraction of a motion's frames that more probable motions may cover
+    """
+
+    least_probability: float = 0.5
+    shared: float = 0.3
+
+
+SETTINGS = ReportSettings()
+
 RELEARN = "learn it again with `depthmocap learn`"
 KIND = StoredKind("a motion model", 1, RELEARN, {
     "columns": Column("i", ("S", len(FEATURES)), -128, 127),
@@ -35,7 +48,7 @@ KIND = StoredKind("a motion model", 1, RELEARN, {
 
 @dataclass(frozen=True)
 class _Header:
-    """What a file says of itself."""
+    """Header of a model file."""
 
     labels: tuple[str, ...]
     names: tuple[str, ...]
@@ -43,24 +56,24 @@ class _Header:
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
-    """Motion classes as example clips, and a judge for each.
+    """Motion classes as example clips, with a classifier for each.
 
     Attributes
     ----------
-    examples : the clips
-    judges : per class, in the order of `examples.classes`
+    examples : example clips
+    classifiers : classifiers in the order of `examples.classes`
     """
 
     examples: ExampleSet
-    judges: tuple[Judge, ...]
+    classifiers: tuple[PlaceClassifier, ...]
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """The classes, sorted."""
+        """Labels of the classes, sorted."""
         return self.examples.classes
 
-    def annotate(self, features: FeatureMatrix, least: float = LEAST_PROBABILITY) -> Annotation:
-        """Label a document's frames: the likeliest motions first, each where no likelier one is.
+    def annotate(self, features: FeatureMatrix, least: float = SETTINGS.least_probability) -> Annotation:
+        """Label a document's frames, the most probable motions first, without overlap.
 
         Parameters
         ----------
@@ -80,9 +93,9 @@ class MotionModel:
         length = len(features)
         doubts = np.full((len(self.labels), length), np.inf)
         found: list[tuple[float, int, int, int]] = []
-        for row, (label, judge) in enumerate(zip(self.labels, self.judges, strict=True)):
+        for row, (label, classifier) in enumerate(zip(self.labels, self.classifiers, strict=True)):
             places = self.examples.propose(label, [features])
-            doubt = 1.0 - judge.probability(places.described)
+            doubt = 1.0 - classifier.probability(places.described)
             for k in np.argsort(doubt, kind="stable"):
                 first, stop = BLOCK * int(places.firsts[k]), min(BLOCK * (int(places.lasts[k]) + 1), length)
                 np.minimum(doubts[row, first:stop], doubt[k], out=doubts[row, first:stop])
@@ -93,7 +106,7 @@ class MotionModel:
         segments: list[Segment] = []
         rate = features.frame_rate
         for doubt_of_hit, row, first, stop in sorted(found):
-            if np.count_nonzero(decided[first:stop] >= 0) <= SHARED * (stop - first):
+            if np.count_nonzero(decided[first:stop] >= 0) <= SETTINGS.shared * (stop - first):
                 frames[row, first:stop] = True
                 decided[first:stop] = np.where(decided[first:stop] < 0, row, decided[first:stop])
                 segments.append(Segment(first / rate, stop / rate, self.labels[row], 1.0 - doubt_of_hit))
@@ -104,19 +117,19 @@ class MotionModel:
         )  # fmt: skip
 
     def save(self, path: str | Path) -> None:
-        """Write the model as one NPZ file, whole or not at all."""
+        """Write the model as one NPZ file, atomically."""
         arrays = {
             "columns": self.examples.columns, "starts": self.examples.starts,
-            "weights": self.examples.weights, "mean": np.array([judge.mean for judge in self.judges]),
-            "scale": np.array([judge.scale for judge in self.judges]),
-            "judges": np.array([judge.weights for judge in self.judges]),
-            "offsets": np.array([judge.offset for judge in self.judges]),
+            "weights": self.examples.weights, "mean": np.array([classifier.mean for classifier in self.classifiers]),
+            "scale": np.array([classifier.scale for classifier in self.classifiers]),
+            "judges": np.array([classifier.weights for classifier in self.classifiers]),
+            "offsets": np.array([classifier.offset for classifier in self.classifiers]),
         }  # fmt: skip
         KIND.save(path, {"labels": self.examples.labels, "names": self.examples.names}, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> MotionModel:
-        """Read what `save` wrote.
+        """Read a file of `save`.
 
         Raises
         ------
@@ -136,9 +149,9 @@ class MotionModel:
         if not fits:
             raise RetrievalError(f"the clips of {path} do not fit each other; {RELEARN}")
         examples = ExampleSet(labels, names, arrays["columns"].astype(np.int8), starts, arrays["weights"])
-        return cls(examples, _judges(arrays))
+        return cls(examples, _classifiers(arrays))
 
 
-def _judges(arrays: dict[str, np.ndarray]) -> tuple[Judge, ...]:
+def _classifiers(arrays: dict[str, np.ndarray]) -> tuple[PlaceClassifier, ...]:
     rows = zip(*(arrays[name] for name in ("mean", "scale", "judges", "offsets")), strict=True)
-    return tuple(Judge(mean, scale, weights, float(offset)) for mean, scale, weights, offset in rows)
+    return tuple(PlaceClassifier(mean, scale, weights, float(offset)) for mean, scale, weights, offset in rows)

@@ -1,8 +1,8 @@
-"""Annotation while a motion goes on: each pose is looked at once, and an event says that a motion has ended.
+"""Online annotation: each pose is processed once, and an event reports the end of a motion.
 
-The costs of subsequence DTW are causal: a column needs the two before it. Features need a short look ahead, for their
-velocities are smoothed. A minimum is confirmed after a few columns without a lower one, and the classes compete as in
-`annotator`: the cheapest hit of a stretch wins, and what it leaves of another is no motion.
+The costs of subsequence DTW are causal: a column needs the two before it. Features need a short look-ahead, because
+their velocities are smoothed. A minimum is confirmed after a few columns without a lower one. Overlapping hits are
+decided as in `annotator`: the hit with the lowest cost is kept, and the remainder of another one is dropped.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.search.find import find
 
-SMOOTHING = 0.25
-"""Seconds of the longest window of a feature; half of it, and the next frame, lie in the future."""
+LONGEST_WINDOW = 0.25
+"""Longest smoothing window of a feature, seconds; half of it and the next frame are look-ahead."""
 RULES = DecisionSettings()
-"""What counts as a motion among hits that overlap."""
+"""Acceptance of overlapping hits."""
 HOLD = 3
 """Columns of 1/30 s without a lower cost that confirm a minimum."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A motion that has ended.
+    """Motion that has ended.
 
     Attributes
     ----------
     label : motion class
     start, end : seconds of the recording
-    time : seconds of the recording at which this was known
-    delay : seconds between the two
-    cost : mean share of features that differ
+    time : seconds of the recording at the report
+    delay : seconds from the end to the report
+    cost : mean fraction of differing features
     """
 
     label: str
@@ -52,14 +52,14 @@ class Event:
     cost: float
 
     def to_json(self) -> str:
-        """One line."""
+        """Return the event as one line of JSON."""
         rounded = {k: round(v, 4) if isinstance(v, float) else v for k, v in asdict(self).items()}
         return json.dumps(rounded)
 
 
 @dataclass(frozen=True)
 class _Hit:
-    """A class's cheapest alignment so far: its cost, and first and last column."""
+    """Cheapest alignment of a class so far: its cost, and first and last column."""
 
     cost: float
     start: int
@@ -67,14 +67,14 @@ class _Hit:
 
 
 class OnlineAnnotator:
-    """Labels a motion pose by pose.
+    """Annotator of a motion, pose by pose.
 
     Parameters
     ----------
-    classes : what to look for
-    body : whose poses will come; its bones are the units of length
-    frame_rate : poses a second, about
-    queries : learned keyframe queries; a hit of a class that has some counts only if one is met within it
+    classes : motion classes
+    body : body of the poses; its bones are the units of length
+    frame_rate : approximate poses a second
+    queries : learned keyframe queries; a hit of a class with queries needs a match of one of them
     """
 
     def __init__(
@@ -96,14 +96,14 @@ class OnlineAnnotator:
         self._times: list[float] = []
 
     def push(self, pose: np.ndarray, time: float) -> list[Event]:
-        """Take in the next pose (P,), any frame with y up, at `time` seconds; returns what is known now."""
+        """Add the next pose (P,), any frame with y up, at `time` seconds; return the new events."""
         events = []
         for values, column_time in self._features.push(pose, time):
             events += self._push_column(values, column_time, time)
         return events
 
     def finish(self) -> list[Event]:
-        """What is known when no more poses come: every minimum that was waiting."""
+        """Return the remaining events at the end of the motion."""
         events = []
         now = self._features.now
         for values, column_time in self._features.finish():
@@ -123,7 +123,7 @@ class OnlineAnnotator:
         return self._confirmed(now)
 
     def _confirmed(self, now: float, *, everything: bool = False) -> list[Event]:
-        """Hits that no lower cost has replaced for long enough, the cheapest first."""
+        """Return events of the confirmed hits, the cheapest first."""
         column = len(self.columns) - 1
         waiting = sorted((hit.cost, row) for row, hit in enumerate(self._pending) if hit is not None)
         if not waiting:
@@ -132,7 +132,7 @@ class OnlineAnnotator:
         open_hits: list[_Hit] = []
         for _, row in waiting:
             hit = self._pending[row]
-            assert hit is not None  # only those that wait were sorted
+            assert hit is not None  # `waiting` has no None
             rival = any(other.start <= hit.end and hit.start <= other.end for other in open_hits)
             if not everything and (column - hit.end < HOLD or rival):
                 open_hits.append(hit)
@@ -145,7 +145,7 @@ class OnlineAnnotator:
         return sorted(events, key=lambda event: (event.end, event.label))
 
     def _explained(self, row: int, hit: _Hit) -> bool:
-        """Whether what was told already leaves too little of a hit: as the decision rules say."""
+        """Return True if earlier events explain the hit, by the decision rules."""
         frames = np.zeros(hit.end - hit.start + 1, dtype=bool)
         own = frames.copy()
         for told_row, told in self._told:
@@ -169,11 +169,11 @@ class OnlineAnnotator:
 
 
 class FeatureStream:
-    """Feature columns at 30 Hz from poses at any rate, as `relational_features` gives them for the whole."""
+    """Feature columns at 30 Hz from poses at any rate, equal to `relational_features` of the whole motion."""
 
     def __init__(self, body: Body, frame_rate: float) -> None:
         self._features, self._rate = FrameFeatures(body, frame_rate), frame_rate
-        window = max(1, int(np.ceil(SMOOTHING * frame_rate - 1e-9)))
+        window = max(1, int(np.ceil(LONGEST_WINDOW * frame_rate - 1e-9)))
         self._ahead, self._behind = window // 2 + 1, (window - 1) // 2 + 1
         self._frames: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=self._ahead + self._behind + 1)
         self._count = 0
@@ -186,7 +186,7 @@ class FeatureStream:
         return self._frames[-1][2] if self._frames else 0.0
 
     def push(self, pose: np.ndarray, time: float) -> list[tuple[np.ndarray, float]]:
-        """Columns bool (40,) and their times that are known after one more pose."""
+        """Add a pose; return the columns bool (40,) that are now complete, and their times."""
         joints, axis = self._features.joints(pose)
         if not self._count:
             self._features.measure(joints)
@@ -197,12 +197,12 @@ class FeatureStream:
         return self._columns(self._count - 1 - self._ahead, 1)
 
     def finish(self) -> list[tuple[np.ndarray, float]]:
-        """The columns that were waiting for what does not come any more."""
+        """Return the columns whose look-ahead is incomplete at the end."""
         waiting = min(self._ahead, self._count)
         return self._columns(self._count - waiting, waiting) if waiting else []
 
     def _columns(self, frame: int, count: int) -> list[tuple[np.ndarray, float]]:
-        """Columns that fall on some frames; hysteresis needs every frame, at whatever rate."""
+        """Return the columns of some frames; hysteresis processes every frame."""
         joints, axes, times = (np.array(part) for part in zip(*self._frames, strict=True))
         first = self._count - len(self._frames)
         found = []
@@ -215,18 +215,18 @@ class FeatureStream:
 
 
 class CausalAlignments:
-    """What `QuantisedTemplate.distance` says of the columns so far, of every template and every beginning of one.
+    """Costs of `QuantisedTemplate.distance` up to the present column, for every template and its prefixes.
 
     Parameters
     ----------
-    classes : whose templates are aligned
+    classes : classes with the templates
 
     Attributes
     ----------
     lengths : int64 (P,), columns of the template of each of P classes
     column : number of the last column of the document, -1 before the first one
-    costs, starts : float64 and int64 (K,), cheapest alignment of each beginning that ends in the last column, infinite
-        where there is none, and its first column
+    costs, starts : float64 and int64 (K,), cheapest alignment of each prefix that ends in the last column, infinite for
+        none, and its first column
     """
 
     def __init__(self, classes: Sequence[MotionClass]) -> None:
@@ -239,7 +239,7 @@ class CausalAlignments:
         self.column = -1
 
     def push(self, word: np.uint64) -> None:
-        """One more column of the document, as a bit word."""
+        """Add one column of the document, as a bit word."""
         self.column += 1
         dtw.push_columns(
             self._bits, self._mask, self._scale, self._bounds, word, self.column, self._costs, self._starts
@@ -256,6 +256,6 @@ class CausalAlignments:
         return self._starts[self.column % 3]
 
     def whole(self) -> tuple[np.ndarray, np.ndarray]:
-        """Per class the cost of its whole template and its start: float64 and int64 (P,)."""
+        """Return the cost of each class's whole template and its start: float64 and int64 (P,)."""
         ends = self._bounds[1:] - 1
         return self.costs[ends], self.starts[ends]

@@ -1,4 +1,4 @@
-"""Keyframe-based preselection: the frames of a collection in which each class can occur at all (thesis 5.3)."""
+"""Preselection by keyframes: frames of a collection in which each class can occur (thesis 5.3)."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.search.find import HitRanges, find, pieces
 
 EXTENSION = 1.5
-"""How far hits are widened for annotation: this many times the query's frames before its first and behind its last
-keyframe. The authors' 2 leaves a sixth more to search and finds the same."""
+"""Factor by which hits are extended: this many times the query's frames before its first and after its last keyframe.
+The thesis's factor 2 leaves a sixth more frames to search and finds the same motions."""
 
 
 def preselect(
     index: KeyframeIndex, queries: Sequence[KeyframeQuery], labels: Sequence[str]
 ) -> list[dict[str, list[tuple[int, int]]]]:
-    """Frames to search per document and class, as `Annotator.annotate` takes them.
+    """Return the frames to search per document and class, for `Annotator.annotate`.
 
     Parameters
     ----------
-    index : of the documents
+    index : index of the documents
     queries : learned keyframe queries, labelled; several of one label are alternatives
     labels : all classes; one without a query is searched everywhere
 
@@ -53,5 +53,5 @@ def preselect(
 def preselect_in(
     documents: Sequence[FeatureMatrix], queries: Sequence[KeyframeQuery], labels: Sequence[str]
 ) -> list[dict[str, list[tuple[int, int]]]]:
-    """`preselect` on documents that are not indexed yet."""
+    """Return `preselect` for documents without an index."""
     return preselect(KeyframeIndex.build(documents), queries, labels)

@@ -1,9 +1,9 @@
-"""Learning a motion model as it will be used: on documents of people whose clips are not among the examples.
+"""Training of a motion model on documents of people whose clips are not among the examples.
 
-Each person's clips in turn are put together into documents, easy ones and hard ones: joined smoothly or abruptly, with
-excerpts of motions of no class, and with the mirror images of one-sided motions, which are none of their class. What
-the other people's clips find there, right and wrong, and what they find in the motions of no class, mirrored, faster
-and slower ones too, is what the judges learn from. With one person alone, clips take turns in halves.
+The clips of each person in turn are combined to documents, easy and hard ones: joined smoothly or abruptly, with
+excerpts of motions of no class, and with the mirror images of one-sided motions, which are not of their class. The
+classifiers learn from the places that the other people's clips find there and in motions of no class (also mirrored,
+faster and slower). With a single person, halves of the clips take turns.
 """
 
 from __future__ import annotations
@@ -18,33 +18,46 @@ from toolkit.io.errors import RetrievalError
 from toolkit.io.progress import Progress, silent
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Document, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
-from toolkit.retrieval.annotation.judge import Turn, joined, learn_judges
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.annotation.place_classifier import Fold, joined, learn_classifiers
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 
-ROUNDS = 2
-"""How often every person's clips become documents, easy and hard ones each time."""
-CLIPS_PER_DOCUMENT = 12
-SPEEDS = (0.7, 1.0, 1.4)
-"""Speeds at which motions of no class are counterexamples."""
-ONE_SIDED = 1.5
-"""A class is one-sided if its mirror images cost more than this many times what its clips cost one another."""
-ALIKE = 1.25
-"""Two classes are alike if clips of one cost, by examples of the other, less than this many times their own."""
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Settings of the training documents.
+
+    Attributes
+    ----------
+    rounds : number of document sets of each person, easy and hard ones each time
+    clips : clips per document
+    speeds : speed factors of the motions of no class
+    one_sided : cost of mirror images, relative to the cost between a class's clips, from which a class is one-sided
+    alike : cost by examples of another class, relative to the class's own, below which two classes are similar
+    """
+
+    rounds: int = 2
+    clips: int = 12
+    speeds: tuple[float, ...] = (0.7, 1.0, 1.4)
+    one_sided: float = 1.5
+    alike: float = 1.25
+
+
+SETTINGS = TrainingSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class CutClip:
-    """A cut clip.
+    """Cut clip of one motion.
 
     Attributes
     ----------
-    motion : the clip, and nothing but the motion
-    label : its class
-    person : who performs it, "" if unknown
+    motion : the motion
+    label : class of the motion
+    person : name of the performer, "" if unknown
     """
 
     motion: Motion
@@ -53,7 +66,7 @@ class CutClip:
 
     @cached_property
     def features(self) -> FeatureMatrix:
-        """Its features."""
+        """Features of the clip."""
         return relational_features(self.motion)
 
     @cached_property
@@ -63,12 +76,12 @@ class CutClip:
 
 
 @dataclass(frozen=True, eq=False)
-class LeftOut:
-    """How a model of the other people did on one person's documents.
+class HeldOutScores:
+    """Scores of a model of the other people on one person's documents.
 
     Attributes
     ----------
-    person : who was left out
+    person : held-out person
     frames, segments : per label the scores over frames and over segments
     """
 
@@ -83,34 +96,34 @@ def train(
     rng: np.random.Generator,
     progress: Progress = silent,
 ) -> MotionModel:
-    """Learn a model: all clips are its examples, its judges come from what some clips find in documents of others.
+    """Learn a model: all clips are examples, and the classifiers learn from documents of held-out clips.
 
     Parameters
     ----------
-    clips : of at least one class
-    others : motions that hold none of the classes: counterexamples
+    clips : clips of at least one class
+    others : motions of no class: counterexamples
     rng : source of all randomness
-    progress : told after each part
+    progress : callback for the number of parts done
 
     Raises
     ------
     RetrievalError
-        No clips, or a class with a single clip and nothing to tell it from.
+        There are no clips, or a single class without counterexamples.
     """
     if not clips:
         raise RetrievalError("there are no labelled clips to learn from; give at least one")
     labels = sorted({clip.label for clip in clips})
     if len(labels) == 1 and not others:
         raise RetrievalError(
-            f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
+            f"all clips have the label {labels[0]!r}, so there are no counterexamples; give clips of other "
             "classes, or motions of none"
         )
-    several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
+    several = len({clip.person for clip in clips}) > 1  # halves of one person do not represent other people
     found = _what_clips_find(clips, others, rng, progress)
-    turns = {label: {turn: joined(parts) for turn, parts in found[label].items()} for label in labels}
-    judges = learn_judges(turns, cautious=several)
+    folds = {label: {fold: joined(parts) for fold, parts in found[label].items()} for label in labels}
+    classifiers = learn_classifiers(folds, cautious=several)
     return MotionModel(
-        ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges[label] for label in labels)
+        ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(classifiers[label] for label in labels)
     )
 
 
@@ -119,33 +132,36 @@ def _what_clips_find(
     others: Sequence[Motion],
     rng: np.random.Generator,
     progress: Progress,
-) -> dict[str, dict[int, list[Turn]]]:
-    """Per label and turn: what places in documents of known truth measure, and whether they are right."""
+) -> dict[str, dict[int, list[Fold]]]:
+    """Return per label and fold the measures of places in documents of known truth, and their correctness."""
     symmetric, labels = two_sided(clips), {clip.label for clip in clips}
     empty = [
-        Document(side.at_speed(speed)) for motion in others for side in (motion, motion.mirrored()) for speed in SPEEDS
+        Document(side.at_speed(speed))
+        for motion in others
+        for side in (motion, motion.mirrored())
+        for speed in SETTINGS.speeds
     ]
-    rows: dict[str, dict[int, list[Turn]]] = {label: {} for label in labels}
+    rows: dict[str, dict[int, list[Fold]]] = {label: {} for label in labels}
     steps = [
-        (turn, parts, hard)
-        for _ in range(ROUNDS)
-        for turn, parts in enumerate(turns_of(clips, rng))
+        (fold, parts, hard)
+        for _ in range(SETTINGS.rounds)
+        for fold, parts in enumerate(folds_of(clips, rng))
         for hard in (False, True)
     ]
-    for number, (turn, (seen, unseen), hard) in enumerate(steps, start=1):
+    for number, (fold, (seen, unseen), hard) in enumerate(steps, start=1):
         documents = documents_of(unseen, others, rng, hard=hard, symmetric=symmetric) + (empty if hard else [])
         examples = ExampleSet.of([(clip.features, clip.label) for clip in seen])
         for label in examples.classes:
             places = examples.propose(label, [document.features for document in documents])
-            rows[label].setdefault(turn, []).append((places.described, rightness(places, label, documents)))
+            rows[label].setdefault(fold, []).append((places.described, correctness(places, label, documents)))
         progress("learning", number, len(steps))
     return rows
 
 
-def turns_of(clips: Sequence[CutClip], rng: np.random.Generator) -> list[tuple[list[CutClip], list[CutClip]]]:
-    """(Examples, clips for documents): each person against all others, or two random halves of every class of one.
+def folds_of(clips: Sequence[CutClip], rng: np.random.Generator) -> list[tuple[list[CutClip], list[CutClip]]]:
+    """Return folds (examples, clips for documents): each person against all others, or two random halves.
 
-    There are none where every class has a single clip: a clip that is sought with itself teaches nothing.
+    There are none if every class has a single clip.
     """
     people = sorted({clip.person for clip in clips})
     if len(people) > 1:
@@ -170,14 +186,14 @@ def documents_of(
     hard: bool,
     symmetric: frozenset[str] = frozenset(),
 ) -> list[Document]:
-    """Documents that hold every clip once, with excerpts of `others` between.
+    """Return documents that contain every clip once, with excerpts of `others` in between.
 
     Parameters
     ----------
-    clips : of one person, say
+    clips : clips, for instance of one person
     others : motions of no class
     rng : source of all randomness
-    hard : join abruptly, and put in the mirror images of all clips of one-sided classes, without a label
+    hard : join abruptly, and add the mirror images of all clips of one-sided classes, without a label
     symmetric : classes that are not one-sided
     """
     rate = max(motion.frame_rate for motion in (*(clip.motion for clip in clips), *others))
@@ -186,12 +202,12 @@ def documents_of(
         one_sided = [clip for clip in clips if clip.label not in symmetric]
         parts += [(clip.motion.mirrored().at_rate(rate), None) for clip in one_sided]
     mixed = shuffled_parts(parts, [motion.at_rate(rate) for motion in others], rng)
-    groups = [mixed[k : k + CLIPS_PER_DOCUMENT] for k in range(0, len(mixed), CLIPS_PER_DOCUMENT)]
+    groups = [mixed[k : k + SETTINGS.clips] for k in range(0, len(mixed), SETTINGS.clips)]
     return [assemble(f"document {i}", group, HARD_JOINS if hard else JOINS) for i, group in enumerate(groups)]
 
 
-def rightness(places: Proposals, label: str, documents: Sequence[Document]) -> np.ndarray:
-    """Bool (H,): a place is right if it and a true segment share half of the longer of the two."""
+def correctness(places: Proposals, label: str, documents: Sequence[Document]) -> np.ndarray:
+    """Bool (H,): a place is correct if it and a true segment share half of the longer of the two."""
     right = np.zeros(len(places.documents), dtype=bool)
     for k, (owner, first, last) in enumerate(zip(places.documents, places.firsts, places.lasts, strict=True)):
         document = documents[owner]
@@ -206,7 +222,7 @@ def rightness(places: Proposals, label: str, documents: Sequence[Document]) -> n
 
 
 def two_sided(clips: Sequence[CutClip]) -> frozenset[str]:
-    """Classes whose mirror images are of the class too: they cost about what its clips cost one another."""
+    """Return the classes whose mirror images cost about as much as their clips cost one another."""
     examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
     found = set()
     for label in examples.classes:
@@ -217,14 +233,16 @@ def two_sided(clips: Sequence[CutClip]) -> frozenset[str]:
             [examples.cheapest(label, [clip.features, clip.mirror_features], clip.motion.name) for clip in own]
         )
         straight, mirrored = np.median(costs, axis=0)
-        if mirrored <= ONE_SIDED * straight:
+        if mirrored <= SETTINGS.one_sided * straight:
             found.add(label)
     return frozenset(found)
 
 
 def alike(clips: Sequence[CutClip]) -> list[tuple[str, str, float]]:
-    """Pairs of classes that are hard to tell apart: (class, the other, its clips' median cost by examples of the other
-    as a multiple of that by its own), the most alike first."""
+    """Return pairs of similar classes with their relative cost, the most similar first.
+
+    An entry is (class, other class, median cost of its clips by examples of the other, as a multiple of its own).
+    """
     examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
     found = []
     for label in examples.classes:
@@ -235,21 +253,21 @@ def alike(clips: Sequence[CutClip]) -> list[tuple[str, str, float]]:
         for other in examples.classes:
             if other != label:
                 between = float(np.median(examples.cheapest(other, [clip.features for clip in own])))
-                if between < ALIKE * within:
+                if between < SETTINGS.alike * within:
                     found.append((label, other, between / within))
     return sorted(found, key=lambda pair: pair[2])
 
 
 def leave_one_out(
     clips: Sequence[CutClip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress = silent
-) -> list[LeftOut]:
-    """How well each person is annotated by a model of all others: what to expect for a new person.
+) -> list[HeldOutScores]:
+    """Return the scores of each person with a model of all others, the expected scores of a new person.
 
-    With one person alone, halves of the clips take turns; that is what to expect for the same person again.
+    With a single person, halves of the clips take turns; their scores are those of the same person.
     """
     results = []
     symmetric = two_sided(clips)
-    for number, (seen, unseen) in enumerate(turns := turns_of(clips, rng), start=1):
+    for number, (seen, unseen) in enumerate(folds := folds_of(clips, rng), start=1):
         people = {clip.person for clip in unseen}
         name = people.pop() if len({clip.person for clip in clips}) > 1 else f"half {number}"
         model = train(seen, others, rng)
@@ -258,13 +276,13 @@ def leave_one_out(
             for hard in (False, True)
             for document in documents_of(unseen, others, rng, hard=hard, symmetric=symmetric)
         ]
-        results.append(replace(judged(model, documents), person=name))
-        progress("leaving one person out", number, len(turns))
+        results.append(replace(scores_on(model, documents), person=name))
+        progress("leaving one person out", number, len(folds))
     return results
 
 
-def judged(model: MotionModel, documents: Sequence[Document]) -> LeftOut:
-    """Scores per label of a model on documents; labels that it does not know count as missed."""
+def scores_on(model: MotionModel, documents: Sequence[Document]) -> HeldOutScores:
+    """Return the scores per label of a model on documents; labels outside the model count as missed."""
     nothing = Scores(0, 0, 0, 0)
     known = {segment.label for document in documents for segment in document.segments}
     labels = sorted(known | set(model.labels))
@@ -280,4 +298,4 @@ def judged(model: MotionModel, documents: Sequence[Document]) -> LeftOut:
             segments[label] += segment_scores(
                 [s for s in document.segments if s.label == label], [s for s in found if s.label == label]
             )
-    return LeftOut("", frames, segments)
+    return HeldOutScores("", frames, segments)

@@ -1,4 +1,4 @@
-"""Relational features frame by frame, as `relational` has them for whole motions."""
+"""Relational features of single frames, equal to those of whole motions (`relational`)."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ _TESTS = {"<": r.BELOW, "<=": r.AT_MOST, ">": r.ABOVE, ">=": r.AT_LEAST, "within
 
 
 class FrameFeatures:
-    """The features of single frames of one body, as `relational_features` has them for the whole.
+    """Features of single frames of one body.
 
     Parameters
     ----------
-    body : whose poses will come
-    frame_rate : of the frames
+    body : body of the poses
+    frame_rate : frames a second
 
     Attributes
     ----------
-    loose, strict : float64 (40,), thresholds in metres, metres per second or degrees; those of `lengths`
+    loose, strict : float64 (40,), thresholds in metres, metres per second or degrees, in the units of `lengths`
     """
 
     def __init__(self, body: Body, frame_rate: float) -> None:
@@ -34,14 +34,14 @@ class FrameFeatures:
         self.loose, self.strict = np.empty(len(FEATURES)), np.empty(len(FEATURES))
 
     def measure(self, joints: np.ndarray) -> None:
-        """Take the units of length from named joints (24, 3)."""
+        """Set the units of length from named joints (24, 3)."""
         lengths = BodyLengths.of(Motion("now", joints[None], self._rate))
         units = np.array([lengths.unit(feature.unit) for feature in FEATURES])
         self.loose[:] = [feature.loose for feature in FEATURES] * units
         self.strict[:] = [feature.strict for feature in FEATURES] * units
 
     def joints(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Named joints (24, 3), metres, and the root's x axis (3,) of a pose (P,), in its own frame."""
+        """Return named joints (24, 3), metres, and the root's x axis (3,) of a pose (P,), in its frame."""
         joints, axis = np.empty((len(NAMED_JOINTS), 3)), np.empty(3)
         r.named_joints(
             skeleton.check_pose(pose), skeleton.PARENTS, self._body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS,
@@ -52,12 +52,12 @@ class FrameFeatures:
     def quantities(
         self, joints: np.ndarray, axes: np.ndarray, frame: int, rows: np.ndarray | slice = slice(None)
     ) -> np.ndarray:
-        """What features compare with their thresholds, float64 (40,), in a frame of joints (T, 24, 3), or some."""
+        """Return the quantities of features, float64 (40,) or some, in one frame of joints (T, 24, 3)."""
         wanted = self._program[rows]
         values = np.empty(len(wanted))
         r.quantities(joints, axes, frame, self._rate, wanted, values)
         return values
 
     def push(self, joints: np.ndarray, axes: np.ndarray, frame: int, on: np.ndarray) -> None:
-        """Bring the features (40,) of the frame before to this one, with their hysteresis."""
+        """Update the features (40,) of the previous frame to this one, with their hysteresis."""
         r.push_tests(self.quantities(joints, axes, frame), self._tests, self.loose, self.strict, on)

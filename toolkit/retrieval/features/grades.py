@@ -1,8 +1,8 @@
-"""Graded features: how far each relational feature is on its way to 1, instead of whether it is there.
+"""Graded features: signed distance of each feature's quantity from its threshold, in place of a Boolean.
 
-Two people who do the same thing cross a feature's threshold at different times, or one of them just does not cross it.
-A boolean then differs all along, a grade only a little. A grade is `127 tanh(m / s)`, m being how far the quantity
-lies beyond the middle of the feature's two thresholds, s the feature's usual range. This goes beyond the thesis.
+Two people who perform the same motion cross a feature's threshold at different times, or one of them does not reach it.
+A Boolean then differs all the time, a grade only a little. A grade is `127 tanh(m / s)` with the margin m of the
+quantity over the middle of the feature's two thresholds, and the feature's usual range s. Not part of the thesis.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 FULL = 127
-"""Grade of a feature far beyond its threshold; `-FULL` is far before it."""
+"""Largest grade; `-FULL` is the smallest."""
 BLOCK = 4
-"""Columns of graded features (30 Hz) whose mean is one coarse column (7.5 Hz)."""
-IDLE_WEIGHT = 0.3
-"""Weight of a feature that an example holds still, against 1 for one that it moves as much as is usual."""
+"""Number of columns of graded features (30 Hz) whose mean is one coarse column (7.5 Hz)."""
+IDLE_FEATURE_WEIGHT = 0.3
+"""Weight of a feature that an example does not change, relative to 1 for the usual change."""
 
 SCALES: np.ndarray = np.array(
     [
@@ -23,8 +23,9 @@ SCALES: np.ndarray = np.array(
         35, 35, 43, 43, 0.31, 23, 1.7, 1.7, 0.21, 0.21, 0.25, 0.61, 2.1, 26,
     ]
 )  # fmt: skip
-"""float64 (40,): range of each feature's quantity, in the feature's unit: half of what lies between its 16th and 84th
-percentile in mocap of everyday motion and sport (HDM05 actors bd and bk, CMU subjects 2 to 8), left and right alike."""
+"""float64 (40,): range of each feature's quantity, in the feature's unit: half of the difference between its 16th and
+84th percentile in mocap of everyday motion and sport (HDM05 actors bd and bk, CMU subjects 2 to 8), equal for left
+and right."""
 
 SPREADS: np.ndarray = np.array(
     [
@@ -46,20 +47,20 @@ def grade(margins: np.ndarray) -> np.ndarray:
 def importance(grades: np.ndarray) -> np.ndarray:
     """Weight of each feature in a comparison with an example's grades (40, T): float64 (40,), sum 1.
 
-    What the example does with a feature, its standard deviation against the usual one, says what the motion is about: a
-    kick is what the leg does, whatever the arms do meanwhile.
+    The weight grows with the standard deviation of the example's grades relative to the usual one: features that the
+    example changes characterise its motion.
     """
-    weights = IDLE_WEIGHT + grades.std(axis=1) / SPREADS
+    weights = IDLE_FEATURE_WEIGHT + grades.std(axis=1) / SPREADS
     return weights / weights.sum()
 
 
 def coarse(grades: np.ndarray) -> np.ndarray:
-    """Means of `BLOCK` columns each of grades (40, T), the last block perhaps shorter: int8 (40, ceil(T / BLOCK))."""
+    """Means of `BLOCK` columns each of grades (40, T), the last block possibly shorter: int8 (40, ceil(T / BLOCK))."""
     return np.ascontiguousarray(coarse_rows(grades.T, np.array([0, grades.shape[1]]))[0].T)
 
 
 def coarse_rows(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same of many documents, one after the other.
+    """Means of `BLOCK` columns of many consecutive documents.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def coarse_rows(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.nd
 
     Returns
     -------
-    means : int8 (M, 40), no block reaches into the next document
+    means : int8 (M, 40); no block contains columns of two documents
     coarse_starts : int64 (D + 1,), first block of each document, ending with M
     """
     counts = -(-np.diff(starts) // BLOCK)

@@ -1,4 +1,4 @@
-"""The actor's own units of length, in which relational features measure (thesis 2.2)."""
+"""Body-relative units of length of the relational features (thesis 2.2)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 @dataclass(frozen=True)
 class BodyLengths:
-    """The actor's own units of length, in the unit of the motion's positions; all measured in one frame."""
+    """Body-relative units of length, in the unit of the motion's positions, measured in one frame."""
 
     humerus_right: float
     humerus_left: float
@@ -22,7 +22,7 @@ class BodyLengths:
 
     @classmethod
     def of(cls, motion: Motion) -> BodyLengths:
-        """Measure the first frame; the body's length is that of right leg and spine, without the drop to the hips."""
+        """Measure the first frame; the body length is right leg plus spine, without the drop from root to hips."""
         point = dict(zip(NAMED_JOINTS, motion.joints[0], strict=True))
 
         def length(*chain: str) -> float:

@@ -1,7 +1,7 @@
-"""Motions as the relational features see them: 24 named joints over time, from a clip, from poses or from joints.
+"""Motions of 24 named joints, the input of relational features, from clips, poses or joints.
 
-World frame: y up, right-handed; the features ignore position, heading and size, so any such frame and any unit of
-length do.
+World frame: y up, right-handed. The features ignore position, heading and size, so any such frame and any unit of
+length are valid.
 """
 
 from __future__ import annotations
@@ -51,16 +51,15 @@ class Motion:
 
     Attributes
     ----------
-    name : what reports call it
+    name : name in reports
     joints : float64 (T, 24, 3), positions of `NAMED_JOINTS`, any unit of length, world frame (y up, right-handed)
     frame_rate : frames per second, > 0
-    root_axis : float64 (T, 3) or None, the root's own x axis in the world; None where the source has no root
-        orientation
+    root_axis : float64 (T, 3) or None, the root's x axis in the world; None for a source without root orientation
 
     Raises
     ------
     MocapError
-        No frames, an impossible frame rate, or joints that are not finite.
+        There are no frames, the frame rate is not positive, or a joint is not finite.
     """
 
     name: str
@@ -89,12 +88,12 @@ class Motion:
         return len(self) / self.frame_rate
 
     def sliced(self, start: int, stop: int) -> Motion:
-        """Frames start to stop - 1 as a motion of their own."""
+        """Return frames start to stop - 1 as a motion."""
         axis = None if self.root_axis is None else self.root_axis[start:stop]
         return replace(self, joints=self.joints[start:stop], root_axis=axis)
 
     def at_speed(self, factor: float) -> Motion:
-        """The motion `factor` times as fast at the same frame rate, positions linear between frames.
+        """Return the motion `factor` times as fast at the same frame rate, positions linear between frames.
 
         Raises
         ------
@@ -117,16 +116,16 @@ class Motion:
         )
 
     def at_rate(self, frame_rate: float) -> Motion:
-        """The motion with other frames per second, positions linear between frames; equally fast."""
+        """Return the motion with another frame rate and the same speed, positions linear between frames."""
         if frame_rate == self.frame_rate:
             return self
         slower = self.at_speed(self.frame_rate / frame_rate)
         return replace(slower, name=self.name, frame_rate=frame_rate)
 
     def mirrored(self) -> Motion:
-        """The motion seen in a mirror: x changes sign, left and right change names.
+        """Return the mirrored motion: x changes sign, left and right exchange names.
 
-        The root's x axis stays its left-to-right axis, so its reflection is turned round.
+        The root's x axis remains its left-to-right axis, so its reflection is reversed.
         """
         flip = np.array([-1.0, 1.0, 1.0])
         axis = None if self.root_axis is None else -self.root_axis * flip
@@ -135,7 +134,7 @@ class Motion:
 
 @lru_cache(maxsize=1)
 def joint_maps() -> dict[str, dict[str, dict[str, float]]]:
-    """The shipped maps, `rig -> named joint -> {source point: weight}` (`configs/retrieval/joints.yaml`)."""
+    """Return the shipped maps, `rig -> named joint -> {source point: weight}` (`configs/retrieval/joints.yaml`)."""
     raw = yaml.safe_load(shipped("retrieval", "joints.yaml").read_text(encoding="utf-8"))
     return {
         rig: {joint: {value: 1.0} if isinstance(value, str) else dict(value) for joint, value in table.items()}
@@ -144,15 +143,14 @@ def joint_maps() -> dict[str, dict[str, dict[str, float]]]:
 
 
 def from_clip(clip: Clip) -> Motion:
-    """The named joints of a motion capture clip (world frame, metres).
+    """Return the named joints of a motion capture clip (world frame, metres).
 
-    They are taken by the first joint map whose joints the clip has. A skeleton that none of these fits, but that can be
-    retargeted, is retargeted to the neutral body.
+    The first joint map that fits the clip is used. A skeleton without such a map is retargeted to the neutral body.
 
     Raises
     ------
     RigError
-        Neither is possible; the message lists what the nearest map misses.
+        Neither is possible; the message lists the missing joints of the nearest map.
     """
     positions, rotations = clip.world()
     try:
@@ -163,7 +161,7 @@ def from_clip(clip: Clip) -> Motion:
 
 
 def _retargeted(clip: Clip, missing: RigError) -> Motion:
-    """A clip on the neutral body, as long as the clip: frames that retargeting drops hold the first pose."""
+    """Return a clip on the neutral body; frames that retargeting drops have the first pose."""
     try:
         rig = load_rig(clip)
     except RigError:
@@ -175,7 +173,7 @@ def _retargeted(clip: Clip, missing: RigError) -> Motion:
 
 
 def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:
-    """The named joints from the 20 reported joints (T, 20, 3) in a frame with y up; tips are continued along bones."""
+    """Return the named joints of the 20 reported joints (T, 20, 3) in a frame with y up; tips are extrapolated."""
     joints = np.asarray(joints, dtype=np.float64)
     if joints.ndim != 3 or joints.shape[1:] != (len(skeleton.REPORTED), 3):
         raise RigError(f"joints of {name!r} have shape {joints.shape}; give (frames, {len(skeleton.REPORTED)}, 3)")
@@ -189,10 +187,10 @@ def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:
 
 
 def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> Motion:
-    """The named joints from a body's poses (T, P) in any frame with y up.
+    """Return the named joints of a body's poses (T, P) in any frame with y up.
 
-    The 20 reported joints do not suffice: points of the trunk, the finger tips, the toes and the top of the head come
-    from the chain and from the end-effector vertices.
+    Points of the trunk, finger tips, toes and the top of the head come from the kinematic chain and the end-effector
+    vertices, because the 20 reported joints do not contain them.
     """
     poses = np.ascontiguousarray(np.atleast_2d(skeleton.check_pose(poses)))
     carried = _carried(body)
@@ -210,7 +208,7 @@ def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> M
 
 
 class _Carried(NamedTuple):
-    """Points of a body beside the joint centres: their names, rest positions (V, 3), skin joints and weights (V, S)."""
+    """Points of a body besides the joint centres: names, rest positions (V, 3), skin joints and weights (V, S)."""
 
     names: tuple[str, ...]
     points: np.ndarray
@@ -219,7 +217,7 @@ class _Carried(NamedTuple):
 
 
 def _carried(body: Body) -> _Carried:
-    """The tips of the end effectors, and points of trunk and head."""
+    """Return the tips of the end effectors, and points of trunk and head."""
     extras = _carried_points(body)
     joints = np.zeros((len(extras), body.skin_joints.shape[1]), dtype=np.int64)
     joints[:, 0] = [joint for joint, _ in extras.values()]
@@ -235,7 +233,7 @@ def _carried(body: Body) -> _Carried:
 
 
 def points_of_body(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What `relations.named_joints` needs of a body: points, their skin joints and weights, and those of the means."""
+    """Return the inputs of `relations.named_joints`: points, their skin joints and weights, and mean weights."""
     carried = _carried(body)
     sources = (*skeleton.JOINT_NAMES, *carried.names)
     gather = np.zeros((len(NAMED_JOINTS), len(sources)))
@@ -246,7 +244,7 @@ def points_of_body(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.n
 
 
 def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:
-    """Points beside the joint centres: name -> the joint that carries it and its rest position (3,), metres."""
+    """Return points besides the joint centres: name -> joint that moves it and rest position (3,), metres."""
     joints = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     shoulders = 0.5 * (joints["left_shoulder"] + joints["right_shoulder"])
     trunk = float(np.linalg.norm(shoulders - joints["root"]))
@@ -258,14 +256,14 @@ def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:
 
 
 def from_track(track: Track, body: Body, name: str) -> Motion:
-    """The named joints of a track through its poses (level frame), at the median rate of its time stamps.
+    """Return the named joints of a track's poses (level frame), at the median rate of its timestamps.
 
-    Where the person was lost or not there, or frames are missing, joints go straight on to where they are known again:
-    the pose that a track holds meanwhile, and the jump that ends it, are no person's motion.
+    Frames without a tracked person and missing frames are interpolated linearly, because the held pose and the
+    following jump are not motion of the person.
     """
     motion = from_poses(track.pose, body, frame_rate_of(track.timestamps), name)
     low, high, share = even_frames(track)
-    assert motion.root_axis is not None  # poses have one
+    assert motion.root_axis is not None  # set for poses
     return replace(
         motion,
         joints=motion.joints[low] + share[:, None, None] * (motion.joints[high] - motion.joints[low]),
@@ -274,8 +272,12 @@ def from_track(track: Track, body: Body, name: str) -> Motion:
 
 
 def even_frames(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A track on an even clock: for each tick the followed frames before and behind it, int64 (T,) each, and how far it
-    lies on the way from one to the other, float64 (T,) in [0, 1]. A track without a gap gives its own frames.
+    """Resample a track to a uniform clock.
+
+    Returns
+    -------
+    low, high : int64 (T,), tracked frames before and after each tick; a track without gaps gives its own frames
+    share : float64 (T,), position of the tick between them, 0 to 1
     """
     places = (track.timestamps - track.timestamps[0]) * frame_rate_of(track.timestamps)
     known = np.flatnonzero(track.state == TRACKED)
@@ -290,13 +292,13 @@ def even_frames(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def frame_rate_of(timestamps: np.ndarray) -> float:
-    """Frames per second of `timestamps` (T,), seconds, by their median step; 30 where that says nothing."""
+    """Frames per second of `timestamps` (T,), seconds, from their median step; 30 if undefined."""
     steps = np.diff(timestamps)
     return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
 def _clip_points(clip: Clip, positions: np.ndarray, rotations: np.ndarray) -> dict[str, np.ndarray]:
-    """Every joint's origin under its name and every bone's far end under "NAME.end", float64 (T, 3) each."""
+    """Return every joint's origin under its name and every bone's far end under "NAME.end", float64 (T, 3)."""
     points: dict[str, np.ndarray] = {}
     for index, full_name in enumerate(clip.joint_names):
         name = full_name.rsplit(":", 1)[-1]
@@ -310,7 +312,7 @@ def _clip_points(clip: Clip, positions: np.ndarray, rotations: np.ndarray) -> di
 
 
 def _gather(points: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """Fill the named joints (T, 24, 3) by the first map whose source points are all there."""
+    """Return the named joints (T, 24, 3) by the first map whose source points all exist."""
     missing: dict[str, list[str]] = {}
     for rig, table in joint_maps().items():
         missing[rig] = sorted({source for parts in table.values() for source in parts} - set(points))

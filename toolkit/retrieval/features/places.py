@@ -1,7 +1,7 @@
-"""Places of the limbs as graded columns: what the relations leave open, such as how high an arm is carried in a sneak.
+"""Limb positions as graded columns, which the relational features do not contain.
 
-Elbows, wrists, knees and ankles, seen from the root, turned so that the hips lie along x, in body lengths. A search by
-example compares them beside the grades (`search.example`). This goes beyond the thesis.
+Positions of elbows, wrists, knees and ankles relative to the root, rotated so that the hips lie along x, in body
+lengths. A search by example compares them besides the grades (`search.example`). Not part of the thesis.
 """
 
 from __future__ import annotations
@@ -13,48 +13,48 @@ from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion
 
 PLACED: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in ("elbow", "wrist", "knee", "ankle"))
-"""The joints, three rows (x, y, z) each."""
+"""Joints with three rows (x, y, z) each."""
 ROWS = 3 * len(PLACED)
-STEPS = 200.0
-"""Steps of a place per body length: an outstretched arm, 0.6 of it, still fits into `FULL`."""
+STEPS_PER_BODY = 200.0
+"""Quantisation steps per body length; an outstretched arm, 0.6 body lengths, is below `FULL`."""
 SPREADS: np.ndarray = np.array([35, 50, 41, 58, 35, 50, 41, 58], dtype=np.float64)
-"""float64 (8,): root mean square of how far each limb's place is from its mean in the mocap of `grades.SPREADS`, left
-and right alike, in steps. `depthmocap bench by_example DATA --constants` prints them."""
-IDLE_WEIGHT = 0.01
-"""Weight of a limb that an example holds still, against 1 for one that it moves as much as is usual: next to nothing,
-for how a person holds an idle arm is their own."""
+"""float64 (8,): root mean square distance of each limb's position from its mean in the mocap of `grades.SPREADS`, equal
+for left and right, in steps. `depthmocap bench by_example DATA --constants` prints them."""
+IDLE_LIMB_WEIGHT = 0.01
+"""Weight of a limb that an example does not move, relative to 1 for the usual motion; close to 0, because the pose of
+an idle arm varies between people."""
 
 _CHOSEN = np.array([NAMED_JOINTS.index(name) for name in PLACED])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
 
 
 def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
-    """Places of the limbs in some frames (T,) of a motion, int8 (24, T), `STEPS` to a body length."""
+    """Return the limb positions in some frames (T,) of a motion, int8 (24, T), in steps."""
     joints = motion.joints[columns]
     across = joints[:, _LEFT] - joints[:, _RIGHT]
     yaw = np.arctan2(-across[:, 2], across[:, 0])
     cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     x, y, z = np.moveaxis(joints[:, _CHOSEN] - joints[:, [_ROOT]], -1, 0)
     size = BodyLengths.of(motion).body
-    turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (STEPS / (size or 1.0))
+    turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (STEPS_PER_BODY / (size or 1.0))
     return np.ascontiguousarray(np.clip(np.rint(turned), -FULL, FULL).astype(np.int8).reshape(len(columns), ROWS).T)
 
 
 def spread(places: np.ndarray) -> np.ndarray:
-    """Root mean square distance of each limb from its mean place, float64 (8,), in places (24, T)."""
+    """Root mean square distance of each limb from its mean position, float64 (8,), of positions (24, T)."""
     return np.asarray(np.sqrt(places.var(axis=1, dtype=np.float64).reshape(-1, 3).sum(axis=1)))
 
 
 def importance(places: np.ndarray) -> np.ndarray:
-    """Weight of each row in a comparison with an example's places (24, T): float64 (24,), sum 1.
+    """Weight of each row in a comparison with an example's positions (24, T): float64 (24,), sum 1.
 
-    As `grades.importance`, by limbs: which arm a person throws with counts, what the other one does meanwhile hardly.
+    As `grades.importance`, by limbs: limbs that the example moves count more than idle ones.
     """
-    weights = np.repeat(IDLE_WEIGHT + spread(places) / SPREADS, 3)
+    weights = np.repeat(IDLE_LIMB_WEIGHT + spread(places) / SPREADS, 3)
     return np.asarray(weights / weights.sum())
 
 
 def mirrored(places: np.ndarray) -> np.ndarray:
-    """Places (24, T) of the mirrored motion: left and right change, x changes sign."""
+    """Return the positions (24, T) of the mirrored motion: left and right are exchanged, x changes sign."""
     sides = places.reshape(len(SIDES), -1, 3, places.shape[1])[::-1]
     return np.ascontiguousarray((sides * np.array([-1, 1, 1], np.int8)[:, None]).reshape(places.shape))

@@ -1,9 +1,8 @@
-"""The 40 relational features: boolean relations between joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
+"""The 40 relational features: Boolean relations between joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
 
 `FEATURES` is the specification as a table. Every feature is a real-valued quantity, a comparison, and a loose and a
-strict threshold joined by hysteresis; lengths are in units of the actor's own body, measured in the first frame. World
-frame: y up, right-handed. Features are computed at the motion's own rate, and the columns nearest to a 30 Hz clock are
-kept.
+strict threshold with hysteresis; lengths are in body-relative units, measured in the first frame. World frame: y up,
+right-handed. Features are computed at the motion's own rate, then sampled at the columns nearest to a 30 Hz clock.
 """
 
 from __future__ import annotations
@@ -35,8 +34,8 @@ class FeatureMatrix:
     name : name of the motion
     values : bool (40, T), row i is feature F(i+1)
     frame_rate : columns per second
-    measured : int8 (40, T), grades of the features (`grades.grade`), None where only the booleans are known
-    placed : int8 (24, T), places of the limbs (`places.places_of`), None where they are not known
+    measured : int8 (40, T), grades of the features (`grades.grade`), None if only the Booleans are known
+    placed : int8 (24, T), limb positions (`places.places_of`), None if unknown
     """
 
     name: str
@@ -62,26 +61,26 @@ class FeatureMatrix:
 
     @cached_property
     def words(self) -> np.ndarray:
-        """The columns as bit words, uint64 (T,): what templates and the index are compared with, packed once."""
+        """Columns as bit words, uint64 (T,), for comparison with templates and the index; packed once."""
         return pack(self.values)
 
     @cached_property
     def grades(self) -> np.ndarray:
-        """Grades of the features, int8 (40, T); of those not measured the farthest from the threshold."""
+        """Grades of the features, int8 (40, T); extreme grades if they were not measured."""
         return np.where(self.values, FULL, -FULL).astype(np.int8) if self.measured is None else self.measured
 
     @property
     def places(self) -> np.ndarray:
-        """Places of the limbs, int8 (24, T); all 0 where they are not known."""
+        """Limb positions, int8 (24, T); 0 if unknown."""
         return np.zeros((ROWS, len(self)), dtype=np.int8) if self.placed is None else self.placed
 
     def sliced(self, start: int, stop: int) -> FeatureMatrix:
-        """Columns start to stop - 1."""
+        """Return columns start to stop - 1."""
         measured, placed = (None if a is None else a[:, start:stop] for a in (self.measured, self.placed))
         return replace(self, values=self.values[:, start:stop], measured=measured, placed=placed)
 
     def mirrored(self) -> FeatureMatrix:
-        """The matrix with right and left features exchanged."""
+        """Return the matrix with right and left features exchanged."""
         measured = None if self.measured is None else self.measured[MIRROR]
         placed = None if self.placed is None else mirrored(self.placed)
         return replace(self, values=self.values[MIRROR], measured=measured, placed=placed)
@@ -97,20 +96,20 @@ def pack(values: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Feature:
-    """One relational feature: 1 from the first strict frame on for as long as the loose test holds.
+    """Relational feature: 1 from the first strict frame on for as long as the loose test holds.
 
     Attributes
     ----------
     number : i of F(i), 1 to 40
-    meaning : what a 1 says
+    meaning : meaning of a 1
     test : "<", "<=", ">", ">=" against the threshold, or "within" that distance of 90 degrees, ends included
     loose, strict : thresholds in units
     unit : unit of the thresholds: a body length (per second for velocities) or "deg" (degrees, also per second)
-    operation : what is measured, see `kernels.motion.relations`
-    points : of which named joints, in the order of the operation; a plane goes through the first three (or stands at
-        the third, across the line between the first two), and the fourth is seen from the third or from a fifth
+    operation : measured quantity, see `kernels.motion.relations`
+    points : named joints in the order of the operation; a plane contains the first three (or the third, perpendicular
+        to the line of the first two), and the distance of the fourth is relative to the third or to a fifth
     window : milliseconds over which velocities are smoothed
-    sign : factor, 1 or -1; 0 if the size alone counts
+    sign : factor, 1 or -1; 0 for the absolute value
     """
 
     number: int
@@ -125,11 +124,11 @@ class Feature:
     sign: int = 1
 
     def holds(self, values: np.ndarray, threshold: float) -> np.ndarray:
-        """The test of values (T,) against a threshold in their unit: bool (T,)."""
+        """Test values (T,) against a threshold in their unit: bool (T,)."""
         return np.asarray(_TESTS[self.test](values, threshold))
 
     def margin(self, values: np.ndarray) -> np.ndarray:
-        """How far values (T,), in units, lie beyond the middle of the two thresholds: float64 (T,)."""
+        """Return the margin of values (T,), in units, over the middle of the two thresholds: float64 (T,)."""
         middle = 0.5 * (self.loose + self.strict)
         if self.test == "within":
             return middle - np.abs(values - 90.0)
@@ -149,7 +148,7 @@ def _pair(
     number: int, meaning: str, test: str, loose: float, strict: float, unit: str, operation: int,
     points: tuple[str, ...], window: float = 0.0,
 ) -> Iterator[Feature]:  # fmt: skip
-    """An odd feature of the right side and the even one of the left; `*` in a point stands for the side."""
+    """Yield an odd feature of the right side and the even one of the left; `*` in a point stands for the side."""
     for offset, side in enumerate(("right", "left")):
         own = tuple(point.replace("*", side) for point in points)
         yield Feature(number + offset, f"{side} {meaning}", test, loose, strict, unit, operation, own, window)
@@ -224,7 +223,7 @@ FEATURE_SETS: dict[str, np.ndarray] = {
     "lower": np.arange(14, 26),
     "mixed": np.arange(26, 40),
 }
-"""Rows of each feature set; stacked they are the numbering of Table 2.1."""
+"""Rows of each feature set; stacked they have the numbering of Table 2.1."""
 
 _PARTNER = {"left": "right", "right": "left"}
 
@@ -243,14 +242,13 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
 
     Parameters
     ----------
-    motion : at its native rate; velocities and hysteresis are evaluated there
-    lengths : the actor's units of length; measured in the first frame unless given
+    motion : motion at its native rate, at which velocities and hysteresis are evaluated
+    lengths : units of length; None measures the first frame
 
     Returns
     -------
     FeatureMatrix
-        bool (40, T30), their grades and the places of the limbs: the columns nearest to multiples of 1/30 s, every 4th
-        one of a 120 Hz motion.
+        bool (40, T30), their grades and the limb positions, in the columns nearest to multiples of 1/30 s.
     """
     native, margins = native_features(motion, lengths)
     columns = feature_columns(len(motion), motion.frame_rate)
@@ -259,7 +257,7 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
 
 
 def feature_columns(frames: int, frame_rate: float) -> np.ndarray:
-    """The frames of a motion that are columns of its feature matrix, those nearest to a 30 Hz clock: int64 (T30,)."""
+    """Frames of a motion nearest to a 30 Hz clock, the columns of its feature matrix: int64 (T30,)."""
     count = max(1, int(np.ceil(frames * FEATURE_RATE / frame_rate - 1e-9)))
     columns = np.rint(np.arange(count) * frame_rate / FEATURE_RATE).astype(np.int64)
     return np.minimum(columns, frames - 1)
@@ -267,7 +265,7 @@ def feature_columns(frames: int, frame_rate: float) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def program(frame_rate: float) -> np.ndarray:
-    """The quantities of all features at so many frames a second, for `kernels.motion.relations`: int64 (40, 8)."""
+    """Return the quantities of all features at a frame rate, for `kernels.motion.relations`: int64 (40, 8)."""
     found = np.zeros((len(FEATURES), 8), dtype=np.int64)
     for row, feature in enumerate(FEATURES):
         places = [NAMED_JOINTS.index(point) for point in feature.points]
@@ -283,9 +281,9 @@ def program(frame_rate: float) -> np.ndarray:
 
 
 _SETS = {r.HEIGHT: 1, r.WIDE: 0}
-"""Operations of which the points from that place on are a set."""
+"""Operations whose points from that index on are a set."""
 _PLANES = (r.PLANE, r.NPLANE, r.VPLANE, r.VNPLANE)
-"""Operations that see their fourth point from the third, unless there is a fifth."""
+"""Operations whose fourth point is relative to the third, unless there is a fifth."""
 
 
 def native_features(motion: Motion, lengths: BodyLengths | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -294,7 +292,7 @@ def native_features(motion: Motion, lengths: BodyLengths | None = None) -> tuple
     Returns
     -------
     values : bool (40, T)
-    margins : float32 (40, T), how far each lies beyond the middle of its two thresholds, in the feature's unit
+    margins : float32 (40, T), margin over the middle of the two thresholds, in the feature's unit
     """
     lengths = BodyLengths.of(motion) if lengths is None else lengths
     quantities = quantities_of(motion)
@@ -311,7 +309,7 @@ def native_features(motion: Motion, lengths: BodyLengths | None = None) -> tuple
 
 
 def quantities_of(motion: Motion) -> np.ndarray:
-    """What the features compare with their thresholds, float64 (40, T), in the motion's own unit of length."""
+    """Return the quantities of the features, float64 (40, T), in the motion's unit of length."""
     joints, axes = np.ascontiguousarray(motion.joints, dtype=np.float64), motion.root_axis
     if axes is None:
         axes = joints[:, NAMED_JOINTS.index("left_hip")] - joints[:, NAMED_JOINTS.index("right_hip")]
@@ -323,7 +321,7 @@ def quantities_of(motion: Motion) -> np.ndarray:
 
 
 def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
-    """Turn on at a strict frame and off at a frame that is not loose, else keep; off before the start.
+    """Switch on at a strict frame and off at a frame that is not loose, else keep; off before the start.
 
     Both tests are bool (..., T), and strict implies loose.
     """
@@ -335,6 +333,6 @@ def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def feature_fingerprint() -> str:
-    """Sixteen hexadecimal digits that name the feature definitions; stored with everything computed from features."""
+    """Return sixteen hexadecimal digits that identify the feature definitions, stored with derived data."""
     table = [(f.number, f.meaning, f.test, f.loose, f.strict, f.unit) for f in FEATURES]
     return hashlib.sha256(repr((table, FEATURE_RATE, NAMED_JOINTS, SCALES.tolist())).encode()).hexdigest()[:16]

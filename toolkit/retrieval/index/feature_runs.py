@@ -12,7 +12,7 @@ from toolkit.retrieval.keyframes.query import Keyframe
 
 @dataclass(frozen=True, eq=False)
 class RunLists:
-    """Runs of equal feature vectors of one feature set, and for each vector the inverted list of its runs.
+    """Runs of equal feature vectors of one feature set, and the inverted list of runs of each vector.
 
     Attributes
     ----------
@@ -34,7 +34,9 @@ class RunLists:
 
     @classmethod
     def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
-        """Runs and lists of the frames' feature vectors (N,), of documents from `document_starts` (D + 1,)."""
+        """Return runs and lists of the frames' feature vectors (N,), of documents that start at `document_starts` (D +
+        1,).
+        """
         run_starts, run_vectors, document_runs = runs_of(vectors, document_starts)
         order = np.argsort(run_vectors, kind="stable").astype(np.int32)
         vectors, first = np.unique(run_vectors[order], return_index=True)
@@ -42,19 +44,21 @@ class RunLists:
         return cls(run_starts, run_vectors, document_runs, vectors, offsets, order)
 
     def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray, int]:
-        """Maximal segments of frames whose vector v has `v & mask == value`: first and last frames, and runs listed."""
+        """Return first and last frames of the maximal segments with `v & mask == value`, and the number of listed
+        runs.
+        """
         return keyframe_list(
             self.vectors, self.list_offsets, self.list_runs, self.run_starts, self.document_runs,
             self.vectors.dtype.type(mask), self.vectors.dtype.type(value),
         )  # fmt: skip
 
     def count(self, keyframe: Keyframe) -> int:
-        """Number of runs in the inverted lists of a keyframe of this set."""
+        """Return the number of runs in the inverted lists of a keyframe."""
         kind = self.vectors.dtype.type
         return int(listed_runs(self.vectors, self.list_offsets, kind(keyframe.mask), kind(keyframe.value)))
 
     def segments_near(self, windows: np.ndarray, frames: int, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
-        """The parts of a keyframe's `segments` in disjoint windows [first, last], int64 (W, 2), and runs looked at."""
+        """Return a keyframe's `segments` within disjoint windows [first, last], int64 (W, 2), and runs read."""
         kind = self.vectors.dtype.type
         return keyframe_list_near(
             windows, self.run_vectors, self.run_starts, kind(keyframe.mask), kind(keyframe.value), frames

@@ -1,7 +1,7 @@
-"""Inverted file index over runs of equal feature vectors (thesis, Section 3.3), with the graded features beside them.
+"""Inverted file index over runs of equal feature vectors (thesis, Section 3.3), with graded features.
 
-An index is the feature columns of its documents, one after the other, and so is its file; whatever a search looks
-things up in follows from them when it is first asked for. So documents can be added and taken out without their files.
+An index and its file consist of the feature columns of its documents, in order. Search structures are derived from them
+at their first use, so that documents can be added and removed without their files.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ KIND = StoredKind("a keyframe index", 6, REBUILD, {
 
 @dataclass(frozen=True)
 class _Header:
-    """What a file says of itself."""
+    """Header of an index file."""
 
     names: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class KeyframeIndex:
-    """The features of D documents, N frames at 30 Hz in all.
+    """Features of D documents, N frames at 30 Hz in total.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class KeyframeIndex:
     document_starts : int64 (D + 1,), first frame of each document; the last entry is N
     words : uint64 (N,), features of each frame, bit i being feature F(i+1)
     grades : int8 (N, 40), graded features
-    places : int8 (N, 24), places of the limbs
+    places : int8 (N, 24), limb positions
     """
 
     names: tuple[str, ...]
@@ -59,12 +59,12 @@ class KeyframeIndex:
 
     @classmethod
     def build(cls, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
-        """Index documents in the order given.
+        """Index documents in their order.
 
         Raises
         ------
         RetrievalError
-            No document, an empty one, or two with the same name.
+            There is no document, one is empty, or two have the same name.
         """
         documents = list(documents)
         if not documents:
@@ -81,7 +81,7 @@ class KeyframeIndex:
         )
 
     def added(self, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
-        """A new index with further documents behind the present ones.
+        """Return an index with further documents.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class KeyframeIndex:
         )
 
     def without(self, names: Iterable[str]) -> KeyframeIndex:
-        """A new index without some documents.
+        """Return an index without some documents.
 
         Raises
         ------
@@ -148,24 +148,24 @@ class KeyframeIndex:
 
     @cached_property
     def coarse(self) -> tuple[np.ndarray, np.ndarray]:
-        """Grades at 7.5 Hz, int8 (M, 40), and first of these columns of each document, int64 (D + 1,), ending with M.
+        """Grades at 7.5 Hz, int8 (M, 40), and their starts per document, int64 (D + 1,), ending with M.
 
-        A search by example and one for classes begin here.
+        Searches by example and by class start with these.
         """
         return coarse_rows(self.grades, self.document_starts)
 
     def keyframe_list(self, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
-        """Inverted keyframe list, Eq. 3.5: first and last frames of its segments, and the number of runs listed."""
+        """Return the inverted keyframe list, Eq. 3.5: first and last frames of its segments, and listed runs."""
         return self.sets[keyframe.feature_set].segments(keyframe.mask, keyframe.value)
 
     def save(self, path: str | Path) -> None:
-        """Write the index as one NPZ file, whole or not at all, with the fingerprint of the features."""
+        """Write the index as one NPZ file, atomically, with the fingerprint of the features."""
         arrays = {name: getattr(self, name) for name in KIND.columns}
         KIND.save(path, {"names": self.names}, arrays, compressed=False)
 
     @classmethod
     def open(cls, path: str | Path) -> KeyframeIndex:
-        """Read what `save` wrote.
+        """Read a file of `save`.
 
         Raises
         ------

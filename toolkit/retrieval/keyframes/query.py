@@ -23,17 +23,17 @@ SET_OF: dict[str, str] = {feature: name for name, features in SET_FEATURES.items
 
 @dataclass(frozen=True)
 class Keyframe:
-    """A set of feature vectors of one feature set: those that agree with `values` on the features named there.
+    """Set of feature vectors of one feature set that agree with `values` on the named features.
 
     Attributes
     ----------
     feature_set : `upper`, `lower` or `mixed`
-    values : (feature name, 0 or 1) in the order of the set; every feature not named is a wildcard
+    values : (feature name, 0 or 1) in the order of the set; other features are wildcards
 
     Raises
     ------
     RetrievalError
-        Unknown set or feature, a feature of another set, a value other than 0 and 1, or no feature at all.
+        The set or a feature is unknown, a feature is of another set, a value is not 0 or 1, or there is no feature.
     """
 
     feature_set: str
@@ -50,7 +50,7 @@ class Keyframe:
             if name not in names:
                 raise RetrievalError(
                     f"feature {name} is not in the set {self.feature_set!r} ({names[0]} to {names[-1]}); "
-                    "put it into a keyframe of its own set at the same position"
+                    "use another keyframe of its set at the same position"
                 )
             if value not in (0, 1):
                 raise RetrievalError(
@@ -61,13 +61,13 @@ class Keyframe:
 
     @cached_property
     def mask(self) -> int:
-        """Bits of the features that are not wildcards."""
+        """Bits of the features other than wildcards."""
         names = SET_FEATURES[self.feature_set]
         return sum(1 << names.index(name) for name, _ in self.values)
 
     @cached_property
     def value(self) -> int:
-        """Bits of the features that have to be 1."""
+        """Bits of the features that are 1."""
         names = SET_FEATURES[self.feature_set]
         return sum(bit << names.index(name) for name, bit in self.values)
 
@@ -78,7 +78,7 @@ def _known(name: str) -> None:
 
 
 def keyframes_at_once(features: Mapping[str, int]) -> tuple[Keyframe, ...]:
-    """Split a condition on features of several sets into one keyframe per set, all meant for the same frame."""
+    """Split a condition on features of several sets into one keyframe per set, for the same frame."""
     for name in features:
         _known(name)
     groups = {s: tuple((n, v) for n, v in features.items() if SET_OF[n] == s) for s in SET_FEATURES}
@@ -86,7 +86,7 @@ def keyframes_at_once(features: Mapping[str, int]) -> tuple[Keyframe, ...]:
 
 
 def keyframes_of_column(column: np.ndarray) -> tuple[Keyframe, ...]:
-    """Keyframes of a template column, int8 (40,) of 0, 1 and `WILDCARD`: one per set that is not all wildcards."""
+    """Return the keyframes of a template column, int8 (40,): one per set with an entry other than `WILDCARD`."""
     return keyframes_at_once(
         {f"F{row + 1}": int(column[row]) for row in np.flatnonzero(np.asarray(column) != WILDCARD)}
     )
@@ -94,9 +94,9 @@ def keyframes_of_column(column: np.ndarray) -> tuple[Keyframe, ...]:
 
 @dataclass(frozen=True)
 class KeyframeQuery:
-    """Keyframes in their order, with the admissible distances between neighbours.
+    """Ordered keyframes with the admissible distances between neighbours.
 
-    Several keyframes at the same frame stand one after the other with the bounds (0, 0).
+    Several keyframes at the same frame are adjacent with the bounds (0, 0).
 
     Attributes
     ----------
@@ -105,12 +105,12 @@ class KeyframeQuery:
         distance of None is unbounded
     lead : frames of the searched motion before the first keyframe, >= 0
     tail : frames of the searched motion after the last keyframe, >= 0
-    label : motion class that the query stands for, "" if none
+    label : motion class of the query, "" if none
 
     Raises
     ------
     RetrievalError
-        No keyframe, or bounds that do not fit.
+        There is no keyframe, or the bounds do not fit.
     """
 
     keyframes: tuple[Keyframe, ...]
@@ -129,7 +129,7 @@ class KeyframeQuery:
         for least, greatest in self.bounds:
             if least < 0 or (greatest is not None and greatest < least):
                 raise RetrievalError(
-                    f"distances from {least} to {greatest} frames admit nothing; give 0 <= least <= greatest"
+                    f"distances from {least} to {greatest} frames are an empty range; give 0 <= least <= greatest"
                 )
         if self.lead < 0 or self.tail < 0:
             raise RetrievalError(f"lead {self.lead} and tail {self.tail} of a query are frames; give 0 or more")

@@ -1,4 +1,4 @@
-"""Keyframe queries as JSON: short enough to read, and to write by hand."""
+"""Keyframe query files in JSON, also for manual editing."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from toolkit.retrieval.features.relational import feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_at_once
 
 QUERY_VERSION: int = 1
-LONGEST = 10**6
-"""Frames at 30 Hz, nine hours: no motion lasts longer."""
+LONGEST_MOTION = 10**6
+"""Largest number of frames at 30 Hz, nine hours."""
 
 
 def save_queries(path: str | Path, queries: Sequence[KeyframeQuery]) -> None:
-    """Write queries with the fingerprint of the features that they are about.
+    """Write queries with the fingerprint of their features.
 
     A query is `{"label", "keyframes": [{"F20": 1, ...}, ...], "distances": [[least, greatest or null], ...], "lead",
     "tail"}`, distances, lead and tail in frames at 30 Hz.
@@ -37,13 +37,12 @@ def save_queries(path: str | Path, queries: Sequence[KeyframeQuery]) -> None:
 
 
 def load_queries(path: str | Path) -> list[KeyframeQuery]:
-    """Read queries; a keyframe may name features of several sets, and `features` may be missing in a file written by
-    hand.
+    """Read queries; a keyframe may name features of several sets, and `features` is optional.
 
     Raises
     ------
     RetrievalError
-        The file is missing, no query file, of another version, about other features, or names unknown features.
+        The file is missing, no query file, of another version or feature definition, or has unknown features.
     """
     path = Path(path)
     content = read_json(path, RetrievalError, "write queries with `depthmocap learn`")
@@ -65,11 +64,11 @@ def _query(entry: dict[str, Any], path: Path) -> KeyframeQuery:
     try:
         groups = [keyframes_at_once(dict(keyframe)) for keyframe in entry["keyframes"]]
         distances = [(int(a), None if b is None else int(b)) for a, b in entry.get("distances", [])]
-        if any(not 0 <= n <= LONGEST for pair in distances for n in pair if n is not None):
-            raise ValueError(f"a distance is not in 0 to {LONGEST} frames")
+        if any(not 0 <= n <= LONGEST_MOTION for pair in distances for n in pair if n is not None):
+            raise ValueError(f"a distance is not in 0 to {LONGEST_MOTION} frames")
         lead, tail, label = int(entry.get("lead", 0)), int(entry.get("tail", 0)), str(entry.get("label", ""))
-        if not (0 <= lead <= LONGEST and 0 <= tail <= LONGEST):
-            raise ValueError(f"lead or tail is not in 0 to {LONGEST} frames")
+        if not (0 <= lead <= LONGEST_MOTION and 0 <= tail <= LONGEST_MOTION):
+            raise ValueError(f"lead or tail is not in 0 to {LONGEST_MOTION} frames")
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise RetrievalError(
             f"a query in {path} is incomplete ({error!r}); give keyframes as feature: value and "
@@ -88,12 +87,12 @@ def _query(entry: dict[str, Any], path: Path) -> KeyframeQuery:
 
 
 def choose_labels(queries: Sequence[KeyframeQuery], labels: Sequence[str] | None) -> list[KeyframeQuery]:
-    """The queries of these labels, in their order; all where none is asked for.
+    """Return the queries with these labels, in their order; all without labels.
 
     Raises
     ------
     RetrievalError
-        A label that no query has.
+        No query has one of the labels.
     """
     if not labels:
         return list(queries)

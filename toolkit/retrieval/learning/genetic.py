@@ -1,4 +1,4 @@
-"""One run of the genetic algorithm that learns a keyframe query from examples (thesis, Sections 4.1 to 4.4)."""
+"""Genetic algorithm that learns a keyframe query from examples, one run (thesis, Sections 4.1 to 4.4)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,30 @@ from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
 from toolkit.retrieval.index.feature_runs import RunLists
 from toolkit.retrieval.templates import QuantisedTemplate
 
-FEWEST_KEYFRAMES: int = 2
-LONGEST_DISTANCE: int = 2
-"""Greatest admissible distance of two keyframes that mutation reaches, in units of the template's."""
-BETA = 2.0
-"""Weight of recall against precision in the fitness."""
-MEAN_KEYFRAMES, KEYFRAMES_DEVIATION = 3.0, 2.0
-"""Of the normal distribution that the first individuals' numbers of keyframes come from."""
-CACHED_LISTS: int = 1024
-"""Inverted keyframe lists that a training set keeps before it starts anew."""
+
+@dataclass(frozen=True)
+class BreedingSettings:
+    """Constants of the genetic operations.
+
+    Attributes
+    ----------
+    fewest_keyframes : smallest number of keyframes of a query
+    longest_distance : largest admissible distance of two keyframes after mutation, in units of the template's
+    beta : weight of recall relative to precision in the fitness
+    mean_keyframes : mean initial number of keyframes (normal distribution)
+    keyframes_deviation : standard deviation of the initial number of keyframes
+    cached_lists : largest number of cached inverted keyframe lists of a training set
+    """
+
+    fewest_keyframes: int = 2
+    longest_distance: int = 2
+    beta: float = 2.0
+    mean_keyframes: float = 3.0
+    keyframes_deviation: float = 2.0
+    cached_lists: int = 1024
+
+
+SETTINGS = BreedingSettings()
 
 
 @dataclass(frozen=True)
@@ -51,18 +66,18 @@ class GeneticSettings:
 
 
 PlacedKeyframe = tuple[int, int, int]
-"""(template column, mask, value): bits of the features that are not wildcards, and of those that have to be 1."""
+"""(template column, mask, value): bits of the features other than wildcards, and of those that are 1."""
 
 
 @dataclass(frozen=True)
 class Individual:
-    """A keyframe query in the learner's form (V, d'), Eq. 4.1 and 4.3; a keyframe spans all 40 features.
+    """Keyframe query in the learner's form (V, d'), Eq. 4.1 and 4.3; a keyframe spans all 40 features.
 
     Attributes
     ----------
-    positions : template column that each of the K keyframes came from, ascending, from 0
-    masks : per keyframe, bits of the features that are not wildcards, never 0
-    values : per keyframe, bits of the features that have to be 1
+    positions : template column of each of the K keyframes, ascending, from 0
+    masks : per keyframe, bits of the features other than wildcards, never 0
+    values : per keyframe, bits of the features that are 1
     minimum, maximum : admissible distances in frames of neighbouring keyframes, K - 1 each
     """
 
@@ -74,35 +89,34 @@ class Individual:
 
     @classmethod
     def of(cls, keyframes: Sequence[PlacedKeyframe], bounds: Sequence[tuple[int, ...]]) -> Individual:
-        """An individual of keyframes in order and (least, greatest) distances between them."""
+        """Return an individual of ordered keyframes and (least, greatest) distances between them."""
         positions, masks, values = zip(*keyframes, strict=True)
         minimum, maximum = zip(*bounds, strict=True)
         return cls(positions, masks, values, minimum, maximum)
 
     @property
     def generality(self) -> tuple[int, int]:
-        """How little is asked for: minus the entries other than wildcards, then the freedom in all distances."""
+        """Generality: minus the number of entries other than wildcards, then the freedom in all distances."""
         entries = sum(mask.bit_count() for mask in self.masks)
         return -entries, sum(self.maximum) - sum(self.minimum)
 
     @property
     def keyframes(self) -> tuple[PlacedKeyframe, ...]:
-        """The keyframes with their places."""
+        """Keyframes with their template columns."""
         return tuple(zip(self.positions, self.masks, self.values, strict=True))
 
 
 @dataclass(frozen=True)
 class Quality:
-    """Precision, recall and F-measure of a query over documents, Eq. 4.9 to 4.11; all 0 where nothing relevant is
-    found."""
+    """Precision, recall and F-measure of a query over documents, Eq. 4.9 to 4.11; 0 without relevant results."""
 
     precision: float
     recall: float
     fitness: float
 
     @classmethod
-    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = BETA) -> Quality:
-        """Compare two boolean arrays (D,)."""
+    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = SETTINGS.beta) -> Quality:
+        """Compare two Boolean arrays (D,)."""
         true = int(np.count_nonzero(retrieved & relevant))
         if true == 0:
             return cls(0.0, 0.0, 0.0)
@@ -111,9 +125,9 @@ class Quality:
 
 
 class TrainingSet:
-    """Documents with the class to learn marked; answers which of them an individual retrieves.
+    """Documents with the relevant ones marked; evaluates individuals.
 
-    Inverted keyframe lists are kept for a while, since offspring share most of their keyframes with their parents.
+    Inverted keyframe lists are cached, because offspring share most of their keyframes with their parents.
     """
 
     def __init__(self, documents: Sequence[FeatureMatrix], relevant: Sequence[bool]) -> None:
@@ -127,7 +141,7 @@ class TrainingSet:
         Raises
         ------
         RetrievalError
-            No positive or no negative example.
+            There is no positive or no negative example.
         """
         self.relevant = np.asarray(relevant, dtype=bool)
         if self.relevant.shape != (len(documents),):
@@ -160,13 +174,13 @@ class TrainingSet:
         found[np.searchsorted(self.document_starts, ranges[:, 0], side="right") - 1] = True
         return found
 
-    def quality(self, individual: Individual, beta: float = BETA) -> Quality:
+    def quality(self, individual: Individual, beta: float = SETTINGS.beta) -> Quality:
         """Precision, recall and fitness of an individual on these documents."""
         return Quality.of(self.retrieved(individual), self.relevant, beta)
 
     def _segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray]:
         if (mask, value) not in self._cache:
-            if len(self._cache) >= CACHED_LISTS:
+            if len(self._cache) >= SETTINGS.cached_lists:
                 self._cache.clear()
             starts, ends, _ = self._lists.segments(mask, value)
             self._cache[mask, value] = starts, ends
@@ -174,10 +188,10 @@ class TrainingSet:
 
 
 class Breeder:
-    """The operations that make individuals from a strict template, each with randomness from one generator."""
+    """Random operations that make individuals from a strict template."""
 
     def __init__(self, template: QuantisedTemplate, rng: np.random.Generator) -> None:
-        """Prepare the template's columns, of which at least two have an entry other than the wildcard."""
+        """Prepare the template's columns; at least two have an entry other than the wildcard."""
         self.rng = rng
         masks, ones = pack(~template.wildcards), pack(template.values == 1)
         self.columns = {n: (int(masks[n]), int(ones[n])) for n in range(len(template)) if masks[n]}
@@ -185,25 +199,27 @@ class Breeder:
 
     def individual(self) -> Individual:
         """Algorithm 2: K random columns of the template with random tolerances of their distances."""
-        wanted = round(self.rng.normal(MEAN_KEYFRAMES, KEYFRAMES_DEVIATION))
-        count = min(max(FEWEST_KEYFRAMES, wanted), len(self.positions))
+        wanted = round(self.rng.normal(SETTINGS.mean_keyframes, SETTINGS.keyframes_deviation))
+        count = min(max(SETTINGS.fewest_keyframes, wanted), len(self.positions))
         chosen = sorted(self.rng.choice(self.positions, count, replace=False).tolist())
         return self.assembled([(n, *self.columns[n]) for n in chosen])
 
     def assembled(self, keyframes: Sequence[PlacedKeyframe]) -> Individual:
-        """An individual of keyframes in order, with new admissible distances (Algorithm 2, line 7)."""
+        """Return an individual of ordered keyframes, with new admissible distances (Algorithm 2, line 7)."""
         return Individual.of(keyframes, [self.tolerance(b[0] - a[0]) for a, b in pairwise(keyframes)])
 
     def tolerance(self, distance: int) -> tuple[int, int]:
-        """Random admissible distances around one of the template (Algorithm 2, lines 8 to 10), rounded outwards."""
+        """Return random admissible distances around a template distance (Algorithm 2, lines 8 to 10), rounded
+        outwards.
+        """
         half = distance / 2
         down, up = 2.0 * self.rng.random(), 2.0 * self.rng.random()
         return max(0, floor(half - round(half * down))), ceil(half + round(half * up))
 
     def recombined(self, a: Individual, b: Individual) -> Individual:
-        """Some keyframes of each parent in the order of their columns; at equal columns the first parent's is taken."""
+        """Combine some keyframes of each parent by template column; at equal columns the first parent's is used."""
         merged = {keyframe[0]: keyframe for parent in (b, a) for keyframe in self._some(parent.keyframes)}
-        while len(merged) < FEWEST_KEYFRAMES:
+        while len(merged) < SETTINGS.fewest_keyframes:
             keyframe = a.keyframes[self.rng.integers(len(a.keyframes))]
             merged[keyframe[0]] = keyframe
         return self.assembled([merged[n] for n in sorted(merged)])
@@ -213,7 +229,7 @@ class Breeder:
         return [keyframes[i] for i in self.rng.permutation(len(keyframes))[:count]]
 
     def mutated(self, individual: Individual) -> Individual:
-        """One of the three mutations, chosen at random."""
+        """Apply one of the three mutations, chosen at random."""
         return (self.with_other_keyframes, self.with_other_entry, self.with_other_distances)[self.rng.integers(3)](
             individual
         )
@@ -222,12 +238,12 @@ class Breeder:
         """Add a random column of the template or remove a random keyframe."""
         count = len(individual.positions)
         free = [n for n in self.positions if n not in individual.positions]
-        if count > FEWEST_KEYFRAMES and (not free or self.rng.random() < 0.5):
+        if count > SETTINGS.fewest_keyframes and (not free or self.rng.random() < 0.5):
             return self.without(individual, int(self.rng.integers(count)))
         return self.extended(individual, free[self.rng.integers(len(free))]) if free else individual
 
     def without(self, individual: Individual, k: int) -> Individual:
-        """Remove keyframe k; where it stood between two others, their distances add up."""
+        """Remove keyframe k; the distances to its two neighbours are added."""
         keyframes = [*individual.keyframes[:k], *individual.keyframes[k + 1 :]]
         bounds = list(zip(individual.minimum, individual.maximum, strict=True))
         around = bounds[max(k - 1, 0) : k + 1]
@@ -262,16 +278,16 @@ class Breeder:
         )
 
     def with_other_distances(self, individual: Individual) -> Individual:
-        """Move every admissible distance by up to a quarter of the template's, at least one frame, up or down.
+        """Change every admissible distance by up to a quarter of the template's, at least one frame.
 
-        None grows beyond `LONGEST_DISTANCE` times the template's distance: cut clips end before it would cost anything,
-        long documents do not.
+        The maximum is `BreedingSettings.longest_distance` times the template's distance, because cut clips do not
+        penalise larger distances and long documents do.
         """
         gaps = np.diff(individual.positions)
         reach = np.maximum(1, np.rint(gaps / 4)).astype(np.int64)
         low, high = self.rng.integers(-reach, reach, size=(2, len(gaps)), endpoint=True)
-        minimum = np.clip(individual.minimum + low, 0, LONGEST_DISTANCE * gaps)
-        maximum = np.clip(individual.maximum + high, minimum, np.maximum(minimum, LONGEST_DISTANCE * gaps))
+        minimum = np.clip(individual.minimum + low, 0, SETTINGS.longest_distance * gaps)
+        maximum = np.clip(individual.maximum + high, minimum, np.maximum(minimum, SETTINGS.longest_distance * gaps))
         return replace(individual, minimum=tuple(minimum.tolist()), maximum=tuple(maximum.tolist()))
 
 
@@ -285,16 +301,15 @@ def sampled_universally(fitness: np.ndarray, count: int, rng: np.random.Generato
 
 
 Observer = Callable[[int, Sequence[Individual]], None]
-"""Called with the number of the generation, from 0, and its population, the best first."""
+"""Callback with the number of the generation, from 0, and its population, the best first."""
 
 
 @dataclass(frozen=True)
 class Scored:
-    """An individual and its fitness; the smaller in order, the better.
+    """Individual with its fitness; smaller is better in sort order.
 
-    Among equally fit individuals the more general one is better: training data soon cannot tell them apart, and what
-    one of them asks for beyond the other is no more than a chance to miss another actor. This order goes beyond the
-    thesis.
+    Among equally fit individuals the more general one is better, because training data cannot distinguish them and each
+    extra entry may exclude another person. Not part of the thesis.
     """
 
     individual: Individual

@@ -17,8 +17,8 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.learning.genetic import (
-    FEWEST_KEYFRAMES,
     Breeder,
+    BreedingSettings,
     GeneticSettings,
     Individual,
     PlacedKeyframe,
@@ -31,26 +31,36 @@ from toolkit.retrieval.learning.genetic import (
 )
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
-REACH = 2
-"""Keyframes at most this many template columns apart count as the same one."""
-MOST_KEYFRAMES = 3
-"""Largest number of keyframes extracted."""
-SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
-"""An entry is extracted if at least this share of the runs' keyframes around its column have it; the best share is
-kept."""
+
+@dataclass(frozen=True)
+class ExtractionSettings:
+    """Settings of the extraction of keyframes from genetic runs.
+
+    Attributes
+    ----------
+    reach : largest distance in template columns of keyframes that count as the same one
+    keyframes : largest number of extracted keyframes
+    shares : fractions of the runs' keyframes around a column from which an entry is extracted; the best one is kept
+    """
+
+    reach: int = 2
+    keyframes: int = 3
+    shares: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+
+
+SETTINGS = ExtractionSettings()
 
 
 @dataclass(frozen=True)
 class LearningSettings:
-    """How keyframes are learned.
+    """Settings of keyframe learning.
 
     Attributes
     ----------
     genetic : settings of one run
     runs : genetic runs per class; the thesis uses 100 to 500
-    proportions : every clip is learned from once more per factor, as if its actor's own lengths were longer by that
-    factor
-    speeds : every clip is learned from once more per factor, that many times as fast
+    proportions : factors of the body lengths; every clip is added once more for each
+    speeds : speed factors; every clip is added once more for each
     """
 
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
@@ -60,22 +70,22 @@ class LearningSettings:
 
     def __post_init__(self) -> None:
         if self.runs < 1:
-            raise SettingsError(f"{self.runs} runs learn nothing; give at least 1")
+            raise SettingsError(f"{self.runs} runs are too few; give at least 1")
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedQuery:
-    """What was learned about one class.
+    """Result of keyframe learning for one class.
 
     Attributes
     ----------
-    label : the class
-    ranked : what was extracted from all runs and what each run found, the best first
-    tight : the same with distances no greater than needed, the best first: they leave less of long documents, but their
-        hits hold the middle of a motion rather than most of it
-    training : quality of the best on the training set
-    template : the strict template that the runs began with
-    solutions : the best individual of each run
+    label : class
+    ranked : extracted individuals and the result of each run, the best first
+    tight : the same with the smallest sufficient distances, the best first: they leave less of long documents, but
+        their hits contain the middle of a motion rather than most of it
+    training : quality of the best one on the training set
+    template : strict template of the runs
+    solutions : best individual of each run
     """
 
     label: str
@@ -87,26 +97,26 @@ class LearnedQuery:
 
     @property
     def individual(self) -> Individual:
-        """The best in the learner's form."""
+        """Best individual."""
         return self.ranked[0]
 
     @property
     def query(self) -> KeyframeQuery:
-        """The best as a labelled keyframe query."""
+        """Best individual as a labelled keyframe query."""
         return query_of(self.individual, len(self.template), self.label)
 
     def alternatives(self, count: int, tight: bool = False) -> list[KeyframeQuery]:
-        """The best `count` as labelled queries; together they miss less and leave more data than the best alone."""
+        """Return the best `count` as labelled queries; together they have a higher recall and leave more data."""
         best = (self.tight if tight else self.ranked)[:count]
         return [query_of(individual, len(self.template), self.label) for individual in best]
 
 
 def variations(motion: Motion, proportions: Sequence[float], speeds: Sequence[float]) -> list[FeatureMatrix]:
-    """Features of a motion for each factor on the actor's own units of length, and for each factor on its speed.
+    """Return the features of a motion for each factor of the body lengths, and for each factor of the speed.
 
-    With the lengths all thresholds on lengths and speeds move by that factor, as they would for another actor or
-    another style; angles stay. A few clips of few actors show too little of this, and keyframes learned from them alone
-    ask for too much.
+    A factor of the lengths scales all thresholds on lengths and speeds, as for another actor or another style; angles
+    do not change. A few clips of few actors have too little variation, and keyframes learned from them alone are too
+    specific.
     """
     lengths = BodyLengths.of(motion)
     matrices = []
@@ -119,7 +129,7 @@ def variations(motion: Motion, proportions: Sequence[float], speeds: Sequence[fl
 def training_clips(
     motions: Mapping[str, Sequence[Motion]], settings: LearningSettings
 ) -> tuple[dict[str, list[FeatureMatrix]], dict[str, list[FeatureMatrix]]]:
-    """What `learn` learns from and what it checks on.
+    """Return the clips to learn from and the clips to compare candidates on.
 
     Parameters
     ----------
@@ -128,8 +138,8 @@ def training_clips(
 
     Returns
     -------
-    classes : per label every clip as it is and in the variations asked for
-    checks : per label every clip in variations twice as far away (the squares of the factors)
+    classes : per label every clip and its variations
+    checks : per label every clip in larger variations (the squares of the factors)
     """
     classes = {
         label: [
@@ -165,35 +175,35 @@ def learn(
     Parameters
     ----------
     classes : label -> cut clips of that class, at 30 Hz
-    settings : how
+    settings : settings of the runs
     rng : source of all randomness
     labels : classes to learn; all by default
     others : further counterexamples without a label
-    checks : label -> clips that the runs do not learn from; candidates are compared on them as well
+    checks : label -> held-out clips on which candidates are also compared
     workers : processes
-    progress : told after each genetic run
+    progress : callback for the number of genetic runs done
 
     Raises
     ------
     RetrievalError
-        An unknown label, a class without clips or whose clips have nothing in common, or nothing to tell it from.
+        A label is unknown, a class has no clips or no common features, or there are no counterexamples.
     """
     labels = list(classes) if labels is None else list(labels)
     _check(classes, labels, others)
     documents = [document for clips in classes.values() for document in clips] + list(others)
     owners = np.array([label for label, clips in classes.items() for _ in clips] + [""] * len(others), dtype=object)
     training = {label: TrainingSet(documents, owners == label) for label in labels}
-    judges = training
+    comparisons = training
     if checks:
         documents = [*documents, *(document for clips in checks.values() for document in clips)]
         owners = np.append(owners, np.array([label for label, clips in checks.items() for _ in clips], dtype=object))
-        judges = {label: TrainingSet(documents, owners == label) for label in labels}
+        comparisons = {label: TrainingSet(documents, owners == label) for label in labels}
     templates = {label: MotionTemplate.of(list(classes[label]), strict=True).quantised(delta=0.0) for label in labels}
     for label, template in templates.items():
-        if np.count_nonzero(~template.wildcards.all(axis=0)) < FEWEST_KEYFRAMES:
+        if np.count_nonzero(~template.wildcards.all(axis=0)) < BreedingSettings.fewest_keyframes:
             raise RetrievalError(
-                f"the clips of class {label!r} agree in fewer than {FEWEST_KEYFRAMES} columns of their template; give "
-                "clips of one kind of motion"
+                f"the clips of class {label!r} agree in fewer than {BreedingSettings.fewest_keyframes} columns of "
+                "their template; give clips of one kind of motion"
             )
     tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
     solutions: dict[str, list[Individual]] = {label: [] for label in labels}
@@ -202,7 +212,7 @@ def learn(
         solutions[label].append(individual)
         progress(label, done, len(tasks))
     return {
-        label: _learned(label, training[label], judges[label], templates[label], solutions[label], settings, rng)
+        label: _learned(label, training[label], comparisons[label], templates[label], solutions[label], settings, rng)
         for label in labels
     }
 
@@ -210,7 +220,7 @@ def learn(
 def _check(
     classes: Mapping[str, Sequence[FeatureMatrix]], labels: Sequence[str], others: Sequence[FeatureMatrix]
 ) -> None:
-    """Raise RetrievalError where nothing can be learned."""
+    """Raise RetrievalError if a class cannot be learned."""
     for label in labels:
         if label not in classes:
             raise RetrievalError(f"unknown label {label!r}; the clips have {', '.join(sorted(classes)) or 'none'}")
@@ -219,8 +229,8 @@ def _check(
         raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
     if len(classes) == 1 and not others:
         raise RetrievalError(
-            f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
-            "classes, or of none (a clip's label is its folder unless a pattern or a table says otherwise)"
+            f"all clips have the label {labels[0]!r}, so there are no counterexamples; give clips of other "
+            "classes, or of none (the default label of a clip is its folder's name)"
         )
 
 
@@ -241,7 +251,7 @@ _evolution: _Evolution
 
 
 def _prepare_worker(evolution: _Evolution, parent: int) -> None:
-    """Keep the training data in the worker process, so that it is sent once and not with every run."""
+    """Store the training data in the worker process, so that it is sent once."""
     end_with(parent)
     global _evolution
     _evolution = evolution
@@ -252,7 +262,7 @@ def _run_in_worker(task: tuple[str, int]) -> Individual:
 
 
 def _runs(tasks: Sequence[tuple[str, int]], evolution: _Evolution, workers: int) -> Iterator[Individual]:
-    """Results of all runs in the order of the tasks."""
+    """Yield the results of all runs in the order of the tasks."""
     if workers <= 1:
         yield from map(evolution, tasks)
         return
@@ -263,36 +273,36 @@ def _runs(tasks: Sequence[tuple[str, int]], evolution: _Evolution, workers: int)
 def _learned(
     label: str,
     training: TrainingSet,
-    judge: TrainingSet,
+    comparison: TrainingSet,
     template: QuantisedTemplate,
     solutions: Sequence[Individual],
     settings: LearningSettings,
     rng: np.random.Generator,
 ) -> LearnedQuery:
-    """Extract the most frequent keyframes of the runs in several ways; rank these and the runs' own by the judge."""
+    """Extract the most frequent keyframes of the runs in several ways, and rank them and the runs' results."""
     breeder = Breeder(template, rng)
     extracted = [
         with_best_distances(training, breeder, keyframes, settings.genetic).individual
         for keyframes in frequent_keyframes(solutions, len(template))
     ]
-    ranked = _ranked([*extracted, *solutions], judge)
-    tight = _ranked([tightened(judge, candidate) for candidate in ranked], judge)
+    ranked = _ranked([*extracted, *solutions], comparison)
+    tight = _ranked([tightened(comparison, candidate) for candidate in ranked], comparison)
     return LearnedQuery(label, ranked, tight, training.quality(ranked[0]), template, tuple(solutions))
 
 
-def _ranked(candidates: Sequence[Individual], judge: TrainingSet) -> tuple[Individual, ...]:
-    """Different candidates, the best first."""
+def _ranked(candidates: Sequence[Individual], comparison: TrainingSet) -> tuple[Individual, ...]:
+    """Return distinct candidates, the best first."""
     different = dict.fromkeys(candidates)
-    scored = sorted(Scored(candidate, judge.quality(candidate).fitness) for candidate in different)
+    scored = sorted(Scored(candidate, comparison.quality(candidate).fitness) for candidate in different)
     return tuple(member.individual for member in scored)
 
 
 def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, np.ndarray]:
-    """How often each entry and each column of the template occurs among the keyframes of the runs.
+    """Count the occurrences of each entry and each column of the template among the keyframes of the runs.
 
     Returns
     -------
-    votes : float64 (2, 40, N), number of keyframes from a column that ask for feature value 0 and 1
+    votes : float64 (2, 40, N), number of keyframes from a column with feature value 0 and 1
     counts : float64 (N,), number of keyframes from a column
     """
     votes, counts = np.zeros((2, len(FEATURES), length)), np.zeros(length)
@@ -306,21 +316,20 @@ def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, 
 
 
 def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator[list[PlacedKeyframe]]:
-    """The most frequent keyframes of the runs (Fig. 4.2b): candidates of two and more, each with several shares of
-    votes.
+    """Yield the most frequent keyframes of the runs (Fig. 4.2b) for several numbers and fractions of votes.
 
-    Keyframes are taken at the columns around which most runs have one, apart from each other; such a keyframe has the
-    entries that the given share of the runs' keyframes around it agree on.
+    Keyframes are at the columns with most runs, apart from each other. A keyframe has the entries on which the given
+    fraction of the runs' keyframes around its column agree.
     """
-    box = np.ones(2 * REACH + 1)
+    box = np.ones(2 * SETTINGS.reach + 1)
     votes, counts = votes_of(solutions, length)
     votes = np.apply_along_axis(np.convolve, -1, votes, box, "same")[..., :length]
     counts = np.convolve(counts, box, "same")[:length]
     tried = set()
-    for wanted in range(FEWEST_KEYFRAMES, MOST_KEYFRAMES + 1):
-        apart = max(REACH + 1, length // (3 * wanted))
+    for wanted in range(BreedingSettings.fewest_keyframes, SETTINGS.keyframes + 1):
+        apart = max(SETTINGS.reach + 1, length // (3 * wanted))
         positions = _peaks(counts, wanted, apart)
-        for share in SHARES:
+        for share in SETTINGS.shares:
             keyframes = []
             for n in positions:
                 column = np.where(votes[1, :, n] > votes[0, :, n], 1, 0)
@@ -328,13 +337,13 @@ def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator
                 mask, value = bits_of(column)
                 if mask:
                     keyframes.append((n, mask, value))
-            if len(keyframes) >= FEWEST_KEYFRAMES and tuple(keyframes) not in tried:
+            if len(keyframes) >= BreedingSettings.fewest_keyframes and tuple(keyframes) not in tried:
                 tried.add(tuple(keyframes))
                 yield keyframes
 
 
 def _peaks(counts: np.ndarray, wanted: int, apart: int) -> list[int]:
-    """Up to `wanted` columns of highest count, more than `apart` columns from each other, in order."""
+    """Return up to `wanted` columns of highest count, more than `apart` columns from each other, in order."""
     counts = counts.copy()
     positions: list[int] = []
     while len(positions) < wanted and counts.max() > 0:
@@ -345,25 +354,25 @@ def _peaks(counts: np.ndarray, wanted: int, apart: int) -> list[int]:
 
 
 def column_of(mask: int, value: int) -> np.ndarray:
-    """A keyframe's bits as a template column, int8 (40,)."""
+    """Return a keyframe's bits as a template column, int8 (40,)."""
     bits = np.arange(len(FEATURES))
     return np.where(mask >> bits & 1, value >> bits & 1, WILDCARD).astype(np.int8)
 
 
 def bits_of(column: np.ndarray) -> tuple[int, int]:
-    """Inverse of `column_of`: mask and value."""
+    """Return mask and value, the inverse of `column_of`."""
     mask = sum(1 << int(row) for row in np.flatnonzero(column != WILDCARD))
     return mask, sum(1 << int(row) for row in np.flatnonzero(column == 1))
 
 
 def query_of(individual: Individual, length: int, label: str) -> KeyframeQuery:
-    """An individual as a query of the index: each keyframe split into one per feature set, at distance 0.
+    """Return an individual as a query of the index, with one keyframe per feature set at distance 0.
 
     Parameters
     ----------
-    individual : learned from a template
-    length : number of the template's columns, which gives the frames before and behind the keyframes
-    label : the motion class
+    individual : learned individual
+    length : number of the template's columns, for the frames before and after the keyframes
+    label : motion class
     """
     keyframes: list[Keyframe] = []
     bounds: list[tuple[int, int | None]] = []

@@ -1,1 +1,5 @@
-"""Tracks stabilised by what retrieval finds in them (thesis, Chapter 6): above the tracker and above retrieval."""
+"""Motion priors for occluded limbs of a track (thesis Chapter 6).
+
+Owns gap detection, allocation to class templates, predicted angles, foot contact and candidate trajectories.
+May import the rest of `toolkit.retrieval` and the packages below it.
+"""

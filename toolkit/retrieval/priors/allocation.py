@@ -1,4 +1,4 @@
-"""Allocation: which column of which class's template a frame of a track belongs to (thesis 6.4.1)."""
+"""Allocation of frames to columns of class templates (thesis 6.4.1)."""
 
 from __future__ import annotations
 
@@ -11,23 +11,21 @@ from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.priors.gap_settings import DEFAULT
 from toolkit.retrieval.priors.limb_entries import ROWS_OF_LIMB
 from toolkit.retrieval.templates import QuantisedTemplate
-
-SLACK = 0.2
-"""Share of a segment at its end in which an alignment may end: labels are widened beyond the hit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """What each of T columns of a document was aligned with.
+    """Alignment of each of T columns of a document with a class template.
 
     Attributes
     ----------
     label : int64 (T,), row of the class, -1 for none
-    column : int64 (T,), of the class's template
-    cost : float64 (T,), of the alignment, infinite for none
-    stretch : int64 (T,), number of the alignment, -1 for none
+    column : int64 (T,), column of the class's template
+    cost : float64 (T,), cost of the alignment, infinite for none
+    stretch : int64 (T,), number of the aligned segment, -1 for none
     """
 
     label: np.ndarray
@@ -37,17 +35,17 @@ class Allocation:
 
     @classmethod
     def nothing(cls, length: int) -> Allocation:
-        """No column is aligned with anything."""
+        """Return an allocation in which no column is aligned."""
         none = np.full(length, -1, dtype=np.int64)
         return cls(none, none.copy(), np.full(length, np.inf), none.copy())
 
     def at(self, rows: np.ndarray) -> Allocation:
-        """The same for some columns (N,), also repeatedly."""
+        """Return the allocation of some columns (N,), which may repeat."""
         return Allocation(*(getattr(self, name)[rows] for name in ("label", "column", "cost", "stretch")))
 
 
 def unknown_rows(hidden: Mapping[str, np.ndarray], length: int) -> np.ndarray:
-    """Features that look at a limb while it is hidden, as bits: uint64 (length,); `hidden` are bool (length,)."""
+    """Return the features of occluded limbs as bits, uint64 (length,); `hidden` are bool (length,)."""
     words = np.zeros(length, dtype=np.uint64)
     for limb, flags in hidden.items():
         words[flags] |= np.uint64(ROWS_OF_LIMB[limb])
@@ -59,15 +57,19 @@ def allocate(
     segments: Sequence[Segment],
     classes: Sequence[MotionClass],
     unknown: np.ndarray | None = None,
+    end_share: float = DEFAULT.end_share,
 ) -> Allocation:
-    """Align each labelled stretch of a document with its class's template; where stretches overlap the cheaper counts.
+    """Align each labelled segment of a document with its class's template.
+
+    Where segments overlap, the alignment with the lower cost is kept.
 
     Parameters
     ----------
-    features : of the document, at 30 Hz
-    segments : labelled stretches
+    features : features of the document, 30 Hz
+    segments : labelled segments
     classes : all classes
     unknown : uint64 (L,), see `unknown_rows`
+    end_share : fraction of a segment at its end in which an alignment may end, because labels are wider than hits
 
     Raises
     ------
@@ -81,10 +83,10 @@ def allocate(
     for stretch, segment in enumerate(segments):
         if segment.label not in labels:
             known = ", ".join(labels)
-            raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it or learn it")
+            raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it")
         row = labels.index(segment.label)
         first, stop = (int(np.clip(end, 0, len(words))) for end in segment.frames(features.frame_rate))
-        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop])
+        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop], end_share)
         here = np.arange(first, first + len(columns))
         better = (columns >= 0) & (cost < found.cost[here])
         at = here[better]
@@ -93,9 +95,11 @@ def allocate(
     return found
 
 
-def _best_end(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
-    """The cheapest alignment that ends within the last part of a stretch: its cost and columns (L,)."""
-    least = max(1, len(words) - int(SLACK * len(words)))
+def _best_end(
+    template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray, end_share: float
+) -> tuple[float, np.ndarray]:
+    """Return the cost and the columns (L,) of the cheapest alignment that ends in the last part of a segment."""
+    least = max(1, len(words) - int(end_share * len(words)))
     best, columns = np.inf, np.full(len(words), -1, dtype=np.int64)
     for stop in range(least, len(words) + 1):
         cost, found = template.trace(words[:stop], unknown[:stop])

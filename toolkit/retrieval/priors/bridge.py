@@ -1,7 +1,7 @@
-"""Bridges: the angles of a hidden limb from the motion that is expected and from both ends of the gap.
+"""Angles of an occluded limb, interpolated between the expected motion and both ends of the gap.
 
-Deviations from the expected motion are taken as an Ornstein-Uhlenbeck process: they stay near those at the ends of the
-gap and are forgotten with the class's memory. Short gaps follow their ends, long ones the class.
+Deviations from the expected motion are an Ornstein-Uhlenbeck process. They equal the deviations at the ends of the gap
+and decay with the class's correlation time: short gaps follow their ends, long gaps follow the class.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 
 class End(NamedTuple):
-    """One end of a gap: how far the limb was off the expected motion, (A,) radians, and the variance of that, (A,)."""
+    """Deviation of the limb from the expected motion at one end of a gap, (A,) radians, and its variance (A,)."""
 
     offset: np.ndarray
     variance: np.ndarray
@@ -29,18 +29,18 @@ def bridge(
     expected: np.ndarray, spread: np.ndarray, memory: float, seconds: np.ndarray, length: float,
     start: End | None, end: End | None,
 ) -> Bridge:  # fmt: skip
-    """Angles of a limb in the frames of a gap.
+    """Return the angles of a limb in the frames of a gap.
 
     With both ends the mean is `mu + [sinh((D - u) / l) o_a + sinh(u / l) o_b] / sinh(D / l)` and the variance
     `2 s^2 sinh(u / l) sinh((D - u) / l) / sinh(D / l)`, plus that of the ends; an open end drops its term.
 
     Parameters
     ----------
-    expected, spread : (D, A), mean and standard deviation of the motion that is expected, radians
-    memory : `l`, seconds
+    expected, spread : (D, A), mean and standard deviation of the expected motion, radians
+    memory : `l`, correlation time, seconds
     seconds : (D,), `u`, from the last frame before the gap to each of its frames
     length : `D`, seconds from the last frame before the gap to the first one after it
-    start, end : what is known there; None for an open end
+    start, end : deviations there; None for an open end
     """
     u = np.asarray(seconds, dtype=np.float64)[:, None]
     if start is not None and end is not None:
@@ -59,7 +59,7 @@ def bridge(
 
 
 def _shares(u: np.ndarray, length: float, memory: float) -> tuple[np.ndarray, np.ndarray]:
-    """`sinh((D - u) / l) / sinh(D / l)` and `sinh(u / l) / sinh(D / l)`, also where the hyperbolic sines overflow."""
+    """Return `sinh((D - u) / l) / sinh(D / l)` and `sinh(u / l) / sinh(D / l)` without overflow."""
     total = -np.expm1(-2.0 * length / memory)
     near = np.exp(-u / memory) * -np.expm1(-2.0 * (length - u) / memory) / total
     far = np.exp(-(length - u) / memory) * -np.expm1(-2.0 * u / memory) / total

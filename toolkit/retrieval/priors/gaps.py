@@ -1,65 +1,84 @@
-"""Gaps: stretches of a track in which a limb is hidden, by the confidence of its joints."""
+"""Gaps of a track: runs of frames in which a limb is occluded, detected by the confidence of its joints."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.io.spans import spans
+from toolkit.retrieval.priors.gap_settings import DEFAULT, GapSettings
 from toolkit.retrieval.priors.limb_entries import LIMBS, OUTER
 
 
 class Gap(NamedTuple):
-    """Frames `start` to `stop` - 1, in which `limb` is hidden."""
+    """Frames `start` to `stop` - 1, in which `limb` is occluded."""
 
     limb: str
     start: int
     stop: int
 
 
-HIDDEN = 0.78
-"""Mean confidence of a limb's three outer joints below which it is hidden. On the tuning split of the sequences 0.78
-finds 72 % of the hidden frames and is right in 74 %."""
-ENDS = 0.8
-"""A gap goes on on both sides while the confidence is below this, for a limb is seen badly before it is hidden."""
-SMOOTHING = 5
-"""Frames over which the confidence is averaged."""
-JOINED = 3
-"""Gaps nearer than so many frames are one."""
-SHORTEST = 4
-"""Frames; shorter gaps are left alone."""
-
-
 def limb_support(confidence: np.ndarray, smoothing: int) -> dict[str, np.ndarray]:
-    """Mean confidence (T,) of each limb's outer joints, averaged over `smoothing` frames; `confidence` is (T, 20)."""
+    """Return the mean confidence (T,) of each limb's outer joints, averaged over `smoothing` frames.
+
+    `confidence` is (T, 20).
+    """
     kernel = np.ones(smoothing)
-    known = np.convolve(np.ones(len(confidence)), kernel, mode="same")
+    counts = np.convolve(np.ones(len(confidence)), kernel, mode="same")
     return {
-        limb: np.convolve(confidence[:, OUTER[limb]].mean(axis=1), kernel, mode="same")[: len(confidence)] / known
+        limb: np.convolve(confidence[:, OUTER[limb]].mean(axis=1), kernel, mode="same")[: len(confidence)] / counts
         for limb in LIMBS
     }
 
 
-def find_gaps(confidence: np.ndarray, present: np.ndarray) -> list[Gap]:
-    """Where which limb is hidden, sorted by limb and start.
+def find_gaps(confidence: np.ndarray, present: np.ndarray, settings: GapSettings = DEFAULT) -> list[Gap]:
+    """Return the gaps of a track, sorted by limb and start.
 
     Parameters
     ----------
-    confidence : (T, 20), as a track has it
-    present : bool (T,), frames in which a person is there; others end a gap
+    confidence : (T, 20), confidence of the track's joints, 0 to 1
+    present : bool (T,), frames in which the person is tracked; the others end a gap
+    settings : thresholds
     """
     found = []
-    if len(confidence) < SMOOTHING:
+    if len(confidence) < settings.smoothing_frames:
         return []
-    for limb, support in limb_support(confidence, SMOOTHING).items():
-        hidden, wide = (support < HIDDEN) & present, (support < ENDS) & present
-        chosen = [span for span in spans(wide) if hidden[span].any()]
+    for limb, support in limb_support(confidence, settings.smoothing_frames).items():
+        hidden = (support < settings.hidden_confidence) & present
+        wide = (support < settings.end_confidence) & present
         merged: list[tuple[int, int]] = []
-        for span in chosen:
-            if merged and span.start - merged[-1][1] < JOINED and present[merged[-1][1] : span.start].all():
+        for span in (span for span in spans(wide) if hidden[span].any()):
+            near = merged and span.start - merged[-1][1] < settings.joined_frames
+            if near and present[merged[-1][1] : span.start].all():
                 merged[-1] = merged[-1][0], span.stop
             else:
                 merged.append((span.start, span.stop))
-        found += [Gap(limb, a, b) for a, b in merged if b - a >= SHORTEST]
+        found += [Gap(limb, a, b) for a, b in merged if b - a >= settings.shortest_gap]
     return found
+
+
+def widened(gaps: Sequence[Gap], frames: int, settings: GapSettings = DEFAULT) -> list[Gap]:
+    """Return the gaps extended by `widened_frames` on both sides; gaps of a limb that meet are merged."""
+    found: list[Gap] = []
+    for gap in gaps:
+        start, stop = max(0, gap.start - settings.widened_frames), min(frames, gap.stop + settings.widened_frames)
+        if found and found[-1].limb == gap.limb and start - found[-1].stop < settings.joined_frames:
+            found[-1] = found[-1]._replace(stop=stop)
+        else:
+            found.append(Gap(gap.limb, start, stop))
+    return found
+
+
+def hidden_flags(gaps: Sequence[Gap], frames: int) -> dict[str, np.ndarray]:
+    """Return a bool (T,) mask for each limb: the frames within its gaps."""
+    flags = {limb: np.zeros(frames, dtype=np.bool_) for limb in LIMBS}
+    for gap in gaps:
+        flags[gap.limb][gap.start : gap.stop] = True
+    return flags
+
+
+def bad_frames(hidden: Mapping[str, np.ndarray], settings: GapSettings = DEFAULT) -> np.ndarray:
+    """Return a bool (T,) mask of the frames in which at least `bad_limbs` limbs are occluded."""
+    return np.sum([hidden[limb] for limb in LIMBS], axis=0) >= settings.bad_limbs

@@ -1,4 +1,4 @@
-"""The four limbs: where their angles stand in a pose, which joints tell whether they are seen, which features look."""
+"""Limbs of the body: their angles in a pose, their outer joints, their relational features."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ def _outer(limb: str) -> np.ndarray:
 
 
 ENTRIES: dict[str, np.ndarray] = {limb: _entries(limb) for limb in LIMBS}
-"""Where the angles of each limb stand in a pose, int64."""
+"""Indices of the angles of each limb in a pose, int64."""
 OUTER: dict[str, np.ndarray] = {limb: _outer(limb) for limb in LIMBS}
-"""The three outer joints of each limb, rows of `skeleton.REPORTED`."""
+"""Rows of the three outer joints of each limb in `skeleton.REPORTED`."""
 
 _LIMB_OF = {
     f"{limb.split('_')[0]}_{joint}": limb
     for limb in LIMBS
     for joint in (("elbow", "wrist", "fingers") if limb.endswith("arm") else ("knee", "ankle", "toes"))
 }
-"""Limb of each of the named joints of features that lie on one."""
+"""Limb of each named joint of the features on a limb."""
 
 
 def _limbs_of(feature: Feature) -> tuple[str, ...]:
-    """The limbs that a feature measures; none of the trunk's, nor of one that measures all four."""
+    """Return the limbs that a feature measures; none for the trunk and for features of all four limbs."""
     found = {_LIMB_OF[point] for point in feature.points if point in _LIMB_OF}
     return () if len(found) == len(LIMBS) else tuple(limb for limb in LIMBS if limb in found)
 
 
 LIMBS_OF_FEATURE: tuple[tuple[str, ...], ...] = tuple(map(_limbs_of, FEATURES))
-"""For each feature the limbs that it looks at; none for those of the trunk and of the whole body."""
+"""Limbs that each feature measures; none for those of the trunk and of the whole body."""
 
 ROWS_OF_LIMB: dict[str, int] = {
     limb: sum(1 << row for row, limbs in enumerate(LIMBS_OF_FEATURE) if limb in limbs) for limb in LIMBS
 }
-"""For each limb the features that look at it, as bits of a column word."""
+"""Features that measure each limb, as bits of a column word."""

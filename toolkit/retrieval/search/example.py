@@ -1,8 +1,7 @@
-"""Search by example: the stretches of all documents that are most like a stretch of a clip.
+"""Search by example: the segments of all documents with the lowest cost against a segment of a clip.
 
-Subsequence DTW in two steps: of graded features at 7.5 Hz, then of these and the places of the limbs around the best
-hits at 30 Hz. No keyframe decides what is looked at: automatic ones, the thesis's road, missed every second motion of
-another person.
+Subsequence DTW in two steps: graded features at 7.5 Hz, then grades and limb positions around the best hits at 30 Hz.
+No keyframes restrict the search: automatic keyframes, as in the thesis, missed half of the motions of other people.
 """
 
 from __future__ import annotations
@@ -20,33 +19,44 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.find import Match
 
-MARGIN = 2 * BLOCK
-"""Frames by which a hit may grow or move on each side when it is looked at more closely."""
-SPARE = 10
-"""Hits looked at beyond those asked for: some turn out to be worse, or the same motion."""
-SHORTEST = 4
-"""Coarse columns of the shortest example, about half a second."""
-PLACES = 0.5
-"""Share of the places in a cost, that of the grades being the rest. More is a little better for mocap and much worse
-for skeletons of a Kinect, which place idle limbs differently on every person: tuned on HDM05 actors bd and bk with easy
-and hard filler and on UTD-MHAD subjects 1 and 3."""
-HASTE = 0.02
-"""Cost of a match e times as long as the example or as short, chosen likewise: sneaking is a slow walk, among other
-things."""
-LONGEST = 3000
-"""Frames of the longest example, 100 seconds; a minute of work for an hour of documents."""
+
+@dataclass(frozen=True)
+class ExampleSettings:
+    """Settings of the search by example.
+
+    Attributes
+    ----------
+    refined_frames : frames by which a hit may change on each side in the second step
+    spare_hits : number of additional hits in the second step, because some become worse or coincide
+    shortest : coarse columns of the shortest example, about half a second
+    places_weight : weight of the limb positions in a cost; the rest is the weight of the grades. More is slightly
+        better for mocap and much worse for Kinect skeletons, whose idle limbs vary between people. Tuned on HDM05
+        actors bd and bk with easy and hard filler and on UTD-MHAD subjects 1 and 3
+    duration_cost : cost of a match that is e times longer or shorter than the example, tuned likewise
+    longest : frames of the longest example, 100 seconds; it takes a minute for an hour of documents
+    """
+
+    refined_frames: float = 2 * BLOCK
+    spare_hits: int = 10
+    shortest: int = 4
+    places_weight: float = 0.5
+    duration_cost: float = 0.02
+    longest: int = 3000
+
+
+SETTINGS = ExampleSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class SearchExample:
-    """What to search for.
+    """Example of a search.
 
     Attributes
     ----------
-    name : of the clip
+    name : name of the clip
     grades : int8 (40, N), graded features at 30 Hz
-    places : int8 (24, N), places of the limbs
-    weights : float64 (40,), how much each feature counts, sum 1
+    places : int8 (24, N), limb positions
+    weights : float64 (40,), weight of each feature, sum 1
     """
 
     name: str
@@ -56,27 +66,27 @@ class SearchExample:
 
     @classmethod
     def of(cls, features: FeatureMatrix) -> SearchExample:
-        """A whole feature matrix as an example, weighted by what it does with each feature.
+        """Return a whole feature matrix as an example, weighted by its use of each feature.
 
         Raises
         ------
         RetrievalError
-            It is too short or too long.
+            The example is too short or too long.
         """
-        if not (SHORTEST - 1) * BLOCK < len(features) <= LONGEST:
+        if not (SETTINGS.shortest - 1) * BLOCK < len(features) <= SETTINGS.longest:
             raise RetrievalError(
                 f"the example {features.name!r} lasts {features.duration:.2f} s; give between "
-                f"{SHORTEST * BLOCK / FEATURE_RATE:.2f} and {LONGEST / FEATURE_RATE:.0f} s"
+                f"{SETTINGS.shortest * BLOCK / FEATURE_RATE:.2f} and {SETTINGS.longest / FEATURE_RATE:.0f} s"
             )
         return cls(features.name, features.grades, features.places, importance(features.grades))
 
 
 def search_example(index: KeyframeIndex, example: SearchExample, limit: int, threshold: float = np.inf) -> list[Match]:
-    """The `limit` stretches most like the example, cheapest first.
+    """Return the `limit` segments most similar to the example, cheapest first.
 
     The cost of a match is the mean along the best alignment of the weighted difference of grades, from 0 (equal) to 1
-    (every feature at its other extreme), and of the difference of places, 1 being 1.3 body lengths; and a little for
-    another duration. Documents shorter than half the example hold none.
+    (all features at the other extreme), and of the difference of limb positions, 1 being 1.3 body lengths, plus a
+    penalty for another duration. Documents shorter than half the example have no match.
 
     Raises
     ------
@@ -93,8 +103,10 @@ def search_example(index: KeyframeIndex, example: SearchExample, limit: int, thr
     columns, starts = index.coarse
     template = _Template.of(coarse(example.grades), example.weights)
     costs, origins = graded_distances(template.columns, template.weights, columns, starts)
-    hits = distinct_hits(costs, origins, starts, np.inf, limit + SPARE)
-    weights = np.concatenate([(1.0 - PLACES) * example.weights, PLACES * places.importance(example.places)])
+    hits = distinct_hits(costs, origins, starts, np.inf, limit + SETTINGS.spare_hits)
+    weights = np.concatenate(
+        [(1.0 - SETTINGS.places_weight) * example.weights, SETTINGS.places_weight * places.importance(example.places)]
+    )
     fine = _Template.of(np.concatenate([example.grades, example.places]), weights)
     found = [_refined(index, fine, int(d), int(first), int(last)) for d, first, last in hits]
     return _distinct(sorted((m for m in found if m.cost < threshold), key=_rank))[:limit]
@@ -105,7 +117,7 @@ def _rank(match: Match) -> tuple[float, str, float]:
 
 
 def _distinct(matches: list[Match]) -> list[Match]:
-    """Matches, cheapest first, without those of which a cheaper one covers more than half."""
+    """Return the matches, cheapest first, without those of which a cheaper one covers more than half."""
     kept: dict[str, list[Match]] = {}
     for match in matches:
         others = kept.setdefault(match.document, [])
@@ -117,7 +129,7 @@ def _distinct(matches: list[Match]) -> list[Match]:
 
 @dataclass(frozen=True, eq=False)
 class _Template:
-    """An example as the kernel takes it; with these weights a path costs the mean over its columns."""
+    """Example for the kernels; with these weights the cost of a path is the mean over its columns."""
 
     columns: np.ndarray
     weights: np.ndarray
@@ -129,14 +141,14 @@ class _Template:
 
 
 def _refined(index: KeyframeIndex, template: _Template, document: int, first: int, last: int) -> Match:
-    """The best alignment around a hit of coarse columns `first` to `last` of a document."""
+    """Return the best alignment around a hit of coarse columns `first` to `last` of a document."""
     offset, end = (int(frame) for frame in index.document_starts[document : document + 2])
-    stop = min(BLOCK * (last + 1) + MARGIN, end - offset)
-    begin = max(min(BLOCK * first - MARGIN, stop - len(template.columns)), 0)
+    stop = min(BLOCK * (last + 1) + SETTINGS.refined_frames, end - offset)
+    begin = max(min(BLOCK * first - SETTINGS.refined_frames, stop - len(template.columns)), 0)
     rows = slice(offset + begin, offset + stop)
     piece = np.concatenate([index.grades[rows], index.places[rows]], axis=1)
     costs, starts = graded_distances(template.columns, template.weights, piece, np.array([0, len(piece)]))
     best = int(costs.argmin())
     start, stop = int(starts[best]), best + 1
-    cost = float(costs[best]) + HASTE * abs(math.log((stop - start) / len(template.columns)))
+    cost = float(costs[best]) + SETTINGS.duration_cost * abs(math.log((stop - start) / len(template.columns)))
     return Match(index.names[document], (begin + start) / FEATURE_RATE, (begin + stop) / FEATURE_RATE, cost)

@@ -1,4 +1,4 @@
-"""Keyframe-based search and the refined search on what it leaves (thesis, Sections 3.4 to 3.6)."""
+"""Keyframe-based search and its candidates for a refined search (thesis, Sections 3.4 to 3.6)."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 @dataclass(frozen=True)
 class Match:
-    """One result of a search.
+    """Result of a search.
 
     Attributes
     ----------
-    document : its name
+    document : name of the document
     start, end : seconds from the start of the document
-    cost : how unlike what was searched for, 0 = the same
+    cost : difference from the query, 0 = equal
     """
 
     document: str
@@ -31,14 +31,14 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class HitRanges:
-    """Disjoint pieces of documents, in order.
+    """Disjoint ranges of documents, in order.
 
     Attributes
     ----------
     documents : int64 (H,), number of the document
     starts : int64 (H,), first frame in the document, from 0, at 30 Hz
     stops : int64 (H,), frame after the last one
-    processed : number of runs that were merged or looked at to find them
+    processed : number of runs that were merged or read
     """
 
     documents: np.ndarray
@@ -56,7 +56,7 @@ class HitRanges:
 
     @classmethod
     def union(cls, parts: Sequence[HitRanges]) -> HitRanges:
-        """All that lies in any of some ranges; those that overlap or touch are one."""
+        """Return the union of ranges; overlapping and adjacent ones are merged."""
         documents, starts, stops = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("documents", "starts", "stops")
         )
@@ -64,14 +64,14 @@ class HitRanges:
         if not len(documents):
             return cls(documents, starts, stops, processed)
         order = np.lexsort((starts, documents))
-        shift = documents[order].astype(np.int64) * (int(stops.max()) + 1)  # one axis, on which no two documents touch
+        shift = documents[order].astype(np.int64) * (int(stops.max()) + 1)  # one axis with disjoint documents
         starts, stops = starts[order] + shift, np.maximum.accumulate(stops[order] + shift)
         heads = np.flatnonzero(np.append(True, starts[1:] > stops[:-1]))
         ends = np.append(heads[1:], len(starts)) - 1
         return cls(documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads], processed)
 
     def extended(self, index: KeyframeIndex, left: int, right: int) -> HitRanges:
-        """Every range longer by `left` frames before and `right` behind, inside its document; overlaps are joined."""
+        """Return every range extended by `left` and `right` frames inside its document; overlaps are merged."""
         lengths = np.diff(index.document_starts)[self.documents]
         starts = np.maximum(self.starts - left, 0)
         stops = np.minimum(self.stops + right, lengths)
@@ -83,7 +83,7 @@ class HitRanges:
 
 
 def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
-    """All hit relevant ranges of a query (Algorithm 1), joined where they overlap; no hit crosses a document's end.
+    """Return all hit-relevant ranges of a query (Algorithm 1), merged where they overlap, inside single documents.
 
     A query is a hit at frames n_1 <= ... <= n_K of one document if frame n_k matches keyframe k and every distance
     n_(k+1) - n_k lies within the query's bounds (Eq. 3.2 and 3.3).
@@ -102,12 +102,12 @@ def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
 def _keyframe_lists(
     index: KeyframeIndex, keyframes: Sequence[Keyframe], minimum: np.ndarray, maximum: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
-    """Inverted keyframe lists without frames that cannot be part of a hit.
+    """Return inverted keyframe lists without frames that cannot be part of a hit.
 
-    The rarest keyframe's list is merged first, and cut down to the frames that also match the keyframes meant for the
-    same frame. From there on, in both directions, a hit has the next keyframe at a bounded distance from a segment of
-    the last one, so it is read from the runs there wherever that is less work than merging its own list. What is left
-    out is in no hit, and the parts of a segment that belong to one match stay together.
+    The list of the rarest keyframe is merged first, and restricted to the frames that also match the keyframes at the
+    same frame. From there in both directions, the next keyframe is at a bounded distance from a segment of the previous
+    one. It is read from the runs there if that is less work than merging its own list. Excluded frames are in no hit,
+    and the parts of a segment of one match stay together.
     """
     counts = [index.sets[keyframe.feature_set].count(keyframe) for keyframe in keyframes]
     first = last = rarest = int(np.argmin(counts))
@@ -140,9 +140,8 @@ def _keyframe_lists(
 
 
 def pieces(index: KeyframeIndex, query: KeyframeQuery, ranges: HitRanges, factor: float = 3.0) -> HitRanges:
-    """What the refined search looks at: `factor` times the query's lead to the left, `factor` times its tail to the
-    right.
+    """Return the ranges of the refined search: hits extended by `factor` times the query's lead and tail.
 
-    The authors used 3 for retrieval; annotation has its own (`preselection.EXTENSION`).
+    The thesis has 3 for retrieval; annotation has another factor (`preselection.EXTENSION`).
     """
     return ranges.extended(index, round(factor * query.lead), round(factor * query.tail))

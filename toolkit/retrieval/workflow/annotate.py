@@ -1,4 +1,4 @@
-"""Annotation from files to files: motion files and run folders in, one report folder per motion out."""
+"""Annotation of motion files and run folders, with one report folder per motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.io.files import check_output
 from toolkit.io.progress import Progress, silent
 from toolkit.retrieval.annotation.annotation_report import REPORT_FILES, read_segments, write_report
-from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, THRESHOLD, Annotation, Annotator, MotionClass
+from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, HIT_THRESHOLD, Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.retrieval.annotation.model import RELEARN, MotionModel
@@ -24,7 +24,7 @@ from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 @dataclass(frozen=True, eq=False)
 class AnnotatedFile:
-    """One annotated motion: its annotation, its report folder, and its scores if the truth was given."""
+    """Annotated motion: its annotation, its report folder, and its scores if the truth is known."""
 
     annotation: Annotation
     folder: Path
@@ -42,25 +42,25 @@ def annotate_motions(
     as_published: bool = False,
     progress: Progress = silent,
 ) -> list[AnnotatedFile]:
-    """Label motions and write a report for each: one motion into `output` itself, several into `output`/<stem>.
+    """Label motions and write a report for each: one motion to `output` itself, several to `output`/<stem>.
 
     Parameters
     ----------
     sources : motion files, run folders, folders of motion files
-    classes : what to look for, a motion model or the thesis's template classes
-    output : folder
-    queries : learned keyframe queries that narrow the search for template classes down
+    classes : motion model or template classes of the thesis
+    output : output folder
+    queries : learned keyframe queries that restrict the search of template classes
     truth : CSV with true segments (start, end, label); for several motions a folder with <stem>.csv
     threshold : largest cost of a template, in place of the classes' own
-    as_published : template classes decide by the thesis's own rules (`AS_PUBLISHED`), with the threshold of its 5.4
+    as_published : apply the rules of the thesis to template classes (`AS_PUBLISHED`), with the threshold of its 5.4
         unless one is given
-    progress : told after each motion
+    progress : callback for the number of motions done
 
     Raises
     ------
     UsageError
-        Two motions have one stem, a single file of true segments comes with several motions, or a report would replace
-        what it is made from.
+        Two motions have the same stem, several motions have one file of true segments, or a report would overwrite an
+        input.
     RetrievalError
         A motion is too short, or the true segments do not fit.
     """
@@ -96,7 +96,7 @@ def _annotating(
             )
         return classes.annotate
     if as_published and threshold is None:
-        threshold = THRESHOLD
+        threshold = HIT_THRESHOLD
     if threshold is not None:
         classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
     annotator = Annotator(classes, AS_PUBLISHED) if as_published else Annotator(classes)
@@ -109,7 +109,7 @@ def _annotating(
 
 
 def load_wanted(path: str | Path) -> list[MotionClass] | MotionModel:
-    """A motion model or template classes, whichever the file holds."""
+    """Return the motion model or the template classes of a file."""
     names = archive_names(path, RetrievalError, RELEARN)
     return MotionModel.load(path) if "columns" in names else load_classes(path)
 

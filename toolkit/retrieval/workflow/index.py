@@ -1,4 +1,4 @@
-"""From motions to an index."""
+"""Indexing of motion files."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ def index_motions(
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> KeyframeIndex:
-    """Index motions and write the index, whole or not at all.
+    """Index motions and write the index, atomically.
 
     Parameters
     ----------
     paths : clips, run folders, folders of clips
     output : the index file
-    add : add to the index that `output` is, instead of writing a new one
-    workers : processes that read; they do not change the result
-    progress : told what is done, how many motions are read, and how many there are
+    add : add to the index `output`, instead of writing a new one
+    workers : number of reading processes, without effect on the result
+    progress : callback with the operation, the number of motions read, and their total
 
     Raises
     ------
     RetrievalError
-        Two motions of one name, or an index to add to that does not fit.
+        Two motions have the same name, or the existing index does not fit.
     UsageError
         `output` would replace a motion.
     """
@@ -64,7 +64,7 @@ def _read(file: Path) -> FeatureMatrix:
 
 
 def remove_motions(names: Sequence[str], output: str | Path) -> KeyframeIndex:
-    """Take motions out of an index file.
+    """Remove motions from an index file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""From clips to a motion model, to template classes, or to learned keyframe queries."""
+"""Learning of motion models, template classes and keyframe queries from clips."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from toolkit.io.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.training import CutClip, LeftOut, alike, leave_one_out, train
+from toolkit.retrieval.annotation.training import CutClip, HeldOutScores, alike, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query_file import save_queries
@@ -44,11 +44,11 @@ def learn_queries(
     rng : source of all randomness
     labels : classes to learn; None = all
     others : clips and folders of clips that belong to no class
-    settings : how
+    settings : settings of the learning
     alternatives : queries written per class, the best first
     tight : write those with tightened distances (`LearnedQuery.tight`)
-    workers : processes; they do not change the result
-    progress : told after each genetic run
+    workers : number of processes, without effect on the result
+    progress : callback for the number of genetic runs done
     """
     check_output(output, [*clips, *others])
     motions: dict[str, list[Motion]] = {label: [] for label in sorted(set(clips.values()))}
@@ -65,19 +65,19 @@ def learn_queries(
 
 @dataclass(frozen=True, eq=False)
 class LearnedModel:
-    """A motion model and what to expect of it.
+    """Motion model with its expected scores.
 
     Attributes
     ----------
-    model : as written
-    left_out : how each person was annotated by a model of the others
-    alike : pairs of classes that are hard to tell apart (`training.alike`)
+    model : written model
+    left_out : scores of each person with a model of the others
+    alike : pairs of similar classes (`training.alike`)
     clips : number of clips per class
-    people : all who perform a clip; one name if no person was named
+    people : all performers; one name if none is named
     """
 
     model: MotionModel
-    left_out: list[LeftOut]
+    left_out: list[HeldOutScores]
     alike: list[tuple[str, str, float]]
     clips: dict[str, int]
     people: tuple[str, ...]
@@ -92,16 +92,16 @@ def learn_model(
     check: bool = True,
     progress: Progress = silent,
 ) -> LearnedModel:
-    """Learn a motion model from cut clips, write it, and say how well it does on people left out.
+    """Learn a motion model from cut clips, write it, and evaluate it on held-out people.
 
     Parameters
     ----------
-    clips : cut clip -> its class and who performs it
+    clips : cut clip -> its class and performer
     output : the model file (NPZ); None writes nothing
     rng : source of all randomness
     others : clips, folders of clips: motions of no class
-    check : leave each person out once; without it `left_out` is empty
-    progress : told what is done, how much of it, and how much there is
+    check : evaluate on each person in turn; without it `left_out` is empty
+    progress : callback with the operation, the steps done, and their total
     """
     if output is not None:
         check_output(output, [*clips, *others])
@@ -121,13 +121,13 @@ def learn_model(
 def learn_templates(
     clips: Mapping[Path, str], output: str | Path | None = None, progress: Progress = silent
 ) -> list[MotionClass]:
-    """Learn template classes from cut clips, with how they move, and write them.
+    """Learn template classes from cut clips, with their mean motion, and write them.
 
     Parameters
     ----------
     clips : cut clip -> its class
     output : the class file (NPZ); None writes nothing
-    progress : told after each clip
+    progress : callback for the number of clips done
     """
     if output is not None:
         check_output(output, list(clips))
@@ -138,7 +138,7 @@ def learn_templates(
         matrices.setdefault(label, []).append(relational_features(load_motion(path)))
         try:
             poses.setdefault(label, []).append(load_poses(path))
-        except RigError:  # a skeleton that has the joints of the features and no joint map: its class has no motion
+        except RigError:  # without a joint map a class has no mean motion
             unposed.add(label)
         progress("learning classes", number, len(clips))
     poses = {label: found for label, found in poses.items() if label not in unposed}

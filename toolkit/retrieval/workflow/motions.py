@@ -1,4 +1,4 @@
-"""Motions from files, and the class of each clip."""
+"""Loading of motions and poses from files, and the class labels of clips."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from toolkit.tracks import RunInfo, Track
 
 
 def find_motions(paths: Sequence[str | Path]) -> list[Path]:
-    """Motion files, run folders, and all motion files below other folders, in the order given."""
+    """Return motion files, run folders, and all motion files below other folders, in the given order."""
     found: list[Path] = []
     for path in map(Path, paths):
         found.extend([path] if (path / "track.npz").is_file() else find_clips(path))
@@ -28,7 +28,7 @@ def find_motions(paths: Sequence[str | Path]) -> list[Path]:
 
 
 def load_motion(path: str | Path) -> Motion:
-    """The motion of a clip file or of a run folder, named by its stem."""
+    """Return the motion of a clip file or of a run folder, named by its stem."""
     path = Path(path)
     if path.is_dir():
         return from_track(Track.load(path), RunInfo.load(path).body(), path.name)
@@ -36,7 +36,7 @@ def load_motion(path: str | Path) -> Motion:
 
 
 def load_poses(path: str | Path) -> np.ndarray:
-    """Poses (T, P) of a clip file on the neutral body, or of a run folder, one for each column of its features.
+    """Return the poses (T, P) of a clip on the neutral body, or of a run folder, one per feature column.
 
     Raises
     ------
@@ -51,36 +51,36 @@ def load_poses(path: str | Path) -> np.ndarray:
         return track.pose[rows[feature_columns(len(rows), frame_rate_of(track.timestamps))]]
     clip = read_clip(path)
     poses = retarget(clip, load_body("neutral")).poses
-    # Retargeting drops leading calibration frames: they hold the first pose.
+    # Retargeting drops leading calibration frames; they get the first pose.
     rows = feature_columns(len(clip), float(clip.frame_rate)) - (len(clip) - len(poses))
     return poses[np.maximum(rows, 0)]
 
 
 class Tag(NamedTuple):
-    """Class of a clip and who performs it, "" if unknown."""
+    """Class of a clip and its performer, "" if unknown."""
 
     label: str
     person: str
 
 
 def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, Tag]:
-    """Motion class of each clip and who performs it: from a table, by a pattern, else from its folder's name.
+    """Return motion class and performer of each clip: from a table, by a pattern, else from its folder's name.
 
-    Where all clips lie in one folder, and where their names say the same class as their folders, names are taken apart
+    If all clips are in one folder, or if their names have the same class as their folders, names are parsed
     (`tags_in_names`).
 
     Parameters
     ----------
     files : clips
-    pattern : regular expression with a group `label`, and perhaps `person`, that matches a clip's whole stem
-    table : CSV file with the columns clip (the stem), label, and perhaps person
+    pattern : regular expression with a group `label`, and optionally `person`, that matches a clip's whole stem
+    table : CSV file with the columns clip (the stem), label, and optionally person
 
     Raises
     ------
     UsageError
-        A pattern without that group, or both ways at once.
+        The pattern has no such group, or both a pattern and a table are given.
     RetrievalError
-        A clip without a label, or a table that cannot be read.
+        A clip has no label, or the table cannot be read.
     """
     if pattern is not None and table is not None:
         raise UsageError("labels come from a pattern or from a table, not from both; leave one out")
@@ -101,10 +101,10 @@ def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path
 
 
 def tags_in_names(files: Sequence[Path]) -> dict[Path, Tag]:
-    """Classes and people from the names of clips alone, such as `bd_kick_01` and `walk-3`.
+    """Return classes and performers from the names of clips alone, such as `bd_kick_01` and `walk-3`.
 
-    A name is cut at underscores, hyphens, points and spaces, and numbers are dropped. Of what is not the same in all
-    names, the first part is the person if every one occurs with several of the rest; all else is the class.
+    A name is split at underscores, hyphens, points and spaces, and numbers are dropped. Of the parts that vary, the
+    first one is the performer if each performer occurs with several classes; the rest is the class.
     """
     parts = {file: [word for word in re.split(r"[_\-. ]+", file.stem) if word.strip("0123456789")] for file in files}
     words = {file: [word.rstrip("0123456789") for word in found] for file, found in parts.items()}

@@ -1,4 +1,4 @@
-"""From files to files: motions into an index, clips into learned queries, queries into results."""
+"""Search of an index by keyframes, by example and by class, and its result files."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ from toolkit.retrieval.search.find import HitRanges, Match, find
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 DOUBT = 0.8
-"""What a motion model holds for likelier than one in five is a result of a search."""
+"""Largest doubt (1 minus probability) of a search result."""
 
 
 def cut_example(clip: str | Path, start: float = 0.0, end: float | None = None) -> FeatureMatrix:
-    """Features of a stretch of a clip, `start` to `end` in seconds; None is the clip's end.
+    """Return the features of a segment of a clip, `start` to `end` in seconds; None is the clip's end.
 
     Raises
     ------
     UsageError
-        The stretch lies outside the clip.
+        The segment is outside the clip.
     """
     features = relational_features(load_motion(clip))
     end = features.duration if end is None else end
     if not 0.0 <= start < end or end > features.duration + 0.5 / FEATURE_RATE:
         raise UsageError(
-            f"{start:g} to {end:g} s is no stretch of {features.name!r}, which lasts {features.duration:.2f} s; "
+            f"{start:g} to {end:g} s is outside {features.name!r}, which lasts {features.duration:.2f} s; "
             "give a start and a later end inside it"
         )
     return features.sliced(round(start * FEATURE_RATE), round(end * FEATURE_RATE))
 
 
 def stretches(matches: Sequence[Match], mocap: Sequence[str | Path]) -> list[Motion]:
-    """The motions that matches name, cut out of the files that were indexed.
+    """Return the motions of matches, cut out of the indexed files.
 
     Raises
     ------
     RetrievalError
-        A document is not among the files.
+        A document is missing among the files.
     """
     files = {file.stem: file for file in find_motions(mocap)}
     found = []
@@ -66,13 +66,13 @@ def stretches(matches: Sequence[Match], mocap: Sequence[str | Path]) -> list[Mot
 
 @dataclass(frozen=True, eq=False)
 class SearchReport:
-    """What a query found.
+    """Results of a query.
 
     Attributes
     ----------
-    label : of the query
-    matches : the results, cheapest first; hits of keyframes cost 0
-    share : part of all frames that hits of keyframes hold; None of results that are ranked by their costs
+    label : label of the query
+    matches : results, cheapest first; keyframe hits have cost 0
+    share : fraction of all frames in keyframe hits; None for results with a cost
     """
 
     label: str
@@ -81,7 +81,7 @@ class SearchReport:
 
 
 def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list[SearchReport]:
-    """Where keyframes match: one report for each label, hits of alternative queries joined where they meet."""
+    """Return keyframe matches: one report for each label, with merged hits of alternative queries."""
     reports = []
     for label in dict.fromkeys(query.label for query in queries):
         found = HitRanges.union([find(index, query) for query in queries if query.label == label])
@@ -94,7 +94,7 @@ def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list
 def by_example(
     index: KeyframeIndex, example: FeatureMatrix, limit: int = 20, threshold: float = np.inf
 ) -> SearchReport:
-    """The `limit` stretches of the index most like an example (`search.example`); nothing is left out beforehand.
+    """Return the `limit` segments of the index most similar to an example (`search.example`), without preselection.
 
     Raises
     ------
@@ -108,30 +108,31 @@ def by_example(
 def by_class(
     index: KeyframeIndex, model: MotionModel, labels: Sequence[str] | None = None, doubt: float = DOUBT
 ) -> list[SearchReport]:
-    """Where a motion model sees its classes, the likeliest first: one report per class, costs being doubts.
+    """Return the places of a motion model's classes, the most probable first: one report per class, with doubts as
+    costs.
 
     Parameters
     ----------
-    index : what to search
-    model : examples and judges
-    labels : of these classes only; all by default
-    doubt : 1 minus the smallest probability of a result; `MotionModel.annotate` says only what it is sure of, a search
-        leaves the choice to a person who looks
+    index : index to search
+    model : example clips and classifiers
+    labels : classes to search; all by default
+    doubt : 1 minus the smallest probability of a result; a search reports less probable places than
+        `MotionModel.annotate`
 
     Raises
     ------
     RetrievalError
-        A label that the model does not know.
+        The model has no such label.
     """
     unknown = sorted(set(labels or ()) - set(model.labels))
     if unknown:
-        raise RetrievalError(f"the model knows no class {unknown[0]!r}; it knows {', '.join(model.labels)}")
+        raise RetrievalError(f"the model has no class {unknown[0]!r}; it has {', '.join(model.labels)}")
     reports = []
-    for label, judge in zip(model.labels, model.judges, strict=True):
+    for label, classifier in zip(model.labels, model.classifiers, strict=True):
         if labels and label not in labels:
             continue
         places = model.examples.propose_in(label, *index.coarse)
-        doubts = 1.0 - judge.probability(places.described)
+        doubts = 1.0 - classifier.probability(places.described)
         lengths = np.diff(index.document_starts)
         stops = np.minimum(BLOCK * (places.lasts + 1), lengths[places.documents])
         matches = [

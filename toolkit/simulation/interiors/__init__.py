@@ -1,0 +1,4 @@
+"""Procedural rooms and furniture.
+
+Owns meshes, pieces and furnished rooms. May import `toolkit.kernels` and `toolkit.io`.
+"""

@@ -1,4 +1,4 @@
-"""Surfaces that furniture is made of: boxes, posts, cushions, sheets of cloth; all on a floor plan, y up, metres."""
+"""Meshes of furniture: boxes, posts, cushions, sheets of cloth; on a floor plan, y up, metres."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ class Mesh(NamedTuple):
 
 _QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 BOX_FACES: np.ndarray = np.array([(q[i], q[j], q[k]) for i, j, k in ((0, 1, 2), (0, 2, 3)) for q in _QUADS], np.int32)
-"""Triangles of the eight corners of a box, of which the last coordinate changes fastest."""
+"""Triangles of the eight corners of a box; the last coordinate changes fastest."""
 _BITS: np.ndarray = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
 
 
 def box(low: Vector, high: Vector) -> Mesh:
-    """An upright box between its lowest and highest corner."""
+    """Return an upright box between its lowest and highest corner."""
     return Mesh(np.where(_BITS == 0, low, high).astype(np.float64), BOX_FACES)
 
 
 def slab(centre: Vector, size: Vector, lean: float = 0.0) -> Mesh:
-    """A box of `size` (x, y, z) about `centre` that leans back from the viewer at +z by `lean` radians."""
+    """Return a box of `size` (x, y, z) about `centre`, tilted backwards from +z by `lean` radians."""
     half = 0.5 * np.asarray(size)
     cosine, sine = np.cos(lean), np.sin(lean)
     turn = np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
@@ -39,7 +39,7 @@ def slab(centre: Vector, size: Vector, lean: float = 0.0) -> Mesh:
 
 
 def turned_profile(radii: Sequence[float], heights: Sequence[float], sides: int = 8) -> Mesh:
-    """A body of revolution about the y axis: `radii` at rising `heights`, closed at both ends."""
+    """Return a body of revolution about the y axis: `radii` at rising `heights`, closed at both ends."""
     angle = 2.0 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(angle), np.zeros(sides), -np.sin(angle)], axis=1)
     vertices = [r * ring + [0.0, h, 0.0] for r, h in zip(radii, heights, strict=True)]
@@ -59,12 +59,12 @@ def turned_profile(radii: Sequence[float], heights: Sequence[float], sides: int 
 
 
 def post(radius: float, low: float, high: float, sides: int = 6) -> Mesh:
-    """An upright round post about the y axis."""
+    """Return an upright round post about the y axis."""
     return turned_profile((radius, radius), (low, high), sides)
 
 
 def _soft_box() -> Mesh:
-    """A box of edge 2 about the origin, halfway to a ball: 6 x 16 vertices; the sides do not share theirs."""
+    """Return a rounded box of edge 2 about the origin: 6 x 16 vertices; the sides do not share vertices."""
     grid = np.linspace(-1.0, 1.0, 4)
     u, v = np.meshgrid(grid, grid, indexing="ij")
     cells = np.array([4 * i + j for i in range(3) for j in range(3)])
@@ -84,16 +84,18 @@ _SOFT_BOX = _soft_box()
 
 
 def cushion(centre: Vector, size: Vector, rng: np.random.Generator, rough: float = 0.08) -> Mesh:
-    """Something soft of `size` (x, y, z): a rounded box, dented by the share `rough` of its size."""
+    """Return a soft object of `size` (x, y, z): a rounded box with dents of the fraction `rough` of its size."""
     points = _SOFT_BOX.vertices
-    # Dents depend on the place alone, so that the sides stay together.
+    # Dents depend only on the position, so that the sides stay connected.
     waves = rotated(points, rng.uniform(-2.0, 2.0, (3, 3)))
     dents = np.sin(waves + rng.uniform(0.0, 6.0, 3)).sum(axis=1, keepdims=True)
     return Mesh(points * (0.5 * (1.0 + rough * dents)) * np.asarray(size) + centre, _SOFT_BOX.faces)
 
 
 def cloth(width: float, low: float, high: float, rng: np.random.Generator, folds: float = 0.05) -> Mesh:
-    """A hanging sheet in the plane z = 0 about x = 0, in folds so deep (metres), seen from both sides."""
+    """Return a hanging sheet in the plane z = 0 about x = 0 with folds of a depth in metres, visible from both
+    sides.
+    """
     columns = max(4, int(width / 0.06))
     x = np.linspace(-0.5 * width, 0.5 * width, columns)
     phase, count = rng.uniform(0.0, 6.0), rng.uniform(5.0, 12.0)
@@ -108,7 +110,7 @@ def cloth(width: float, low: float, high: float, rng: np.random.Generator, folds
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one; of none an empty one."""
+    """Return all meshes as one; an empty mesh for none."""
     if not meshes:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
@@ -117,7 +119,7 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def moved(mesh: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Mesh:
-    """The mesh turned by `yaw` (radians, about +y from +z) and then moved."""
+    """Return the mesh rotated by `yaw` (radians, about +y from +z) and then moved."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     return Mesh(rotated(mesh.vertices, turn.T) + [x, y, z], mesh.faces)

@@ -1,7 +1,7 @@
-"""Pieces of furniture, no two alike: chairs with coats and bags, desks with screens, shelves, lamps, plants, curtains.
+"""Random furniture: chairs with coats and bags, desks with screens, shelves, lamps, plants, curtains.
 
-Every piece is a function of a random generator and stands on the floor about the origin, its front towards +z. Infrared
-light sees no glass and hardly any black: parts say which share of it they give back.
+Every piece is a function of a random generator and stands on the floor about the origin, its front towards +z. Glass
+and black surfaces reflect little infrared light; each part has a reflectance.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from toolkit.simulation.interiors.mesh import Mesh, box, cloth, cushion, joined, moved, post, slab, turned_profile
 
 GLASS, BLACK, DARK, PLAIN = 0.0, 0.04, 0.15, 0.6
-"""Shares of infrared light that surfaces give back."""
+"""Reflectances of surfaces in infrared light."""
 
 
 class Part(NamedTuple):
-    """A surface of one material: `reflectance` is the share of infrared light that it gives back, 0 to 1."""
+    """Surface of one material: `reflectance` is the reflected fraction of infrared light, 0 to 1."""
 
     mesh: Mesh
     reflectance: float
@@ -29,12 +29,12 @@ Maker = Callable[[np.random.Generator], Piece]
 
 
 def shifted(piece: Piece, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Piece:
-    """The piece turned by `yaw` (radians, about +y from +z) and then moved, metres."""
+    """Return the piece rotated by `yaw` (radians, about +y from +z) and then moved, metres."""
     return [Part(moved(part.mesh, x, y, z, yaw), part.reflectance) for part in piece]
 
 
 def _surface(rng: np.random.Generator) -> float:
-    """Of cloth, wood or plastic: now and then nearly black."""
+    """Draw the reflectance of cloth, wood or plastic, sometimes nearly black."""
     return float(rng.choice([PLAIN, 0.4, DARK, BLACK], p=[0.5, 0.25, 0.17, 0.08]))
 
 
@@ -46,7 +46,7 @@ def _legs(width: float, depth: float, high: float, thick: float = 0.04) -> Mesh:
 
 
 def coat(rng: np.random.Generator, high: float) -> Piece:
-    """A coat or jacket that hangs from `high` metres: about as wide as shoulders, now and then with sleeves."""
+    """Return a coat or jacket that hangs from `high` metres: about as wide as shoulders, sometimes with sleeves."""
     long, wide, reflectance = rng.uniform(0.55, 1.05), rng.uniform(0.34, 0.52), _surface(rng)
     low = max(high - long, 0.1)
     meshes = [cushion((0.0, 0.5 * (low + high), 0.0), (wide, high - low, rng.uniform(0.1, 0.24)), rng)]
@@ -58,19 +58,19 @@ def coat(rng: np.random.Generator, high: float) -> Piece:
 
 
 def bag(rng: np.random.Generator) -> Piece:
-    """A bag or rucksack on the floor."""
+    """Return a bag or rucksack on the floor."""
     size = (rng.uniform(0.25, 0.5), rng.uniform(0.28, 0.52), rng.uniform(0.14, 0.28))
     return [Part(cushion((0.0, 0.5 * size[1], 0.0), size, rng, 0.1), _surface(rng))]
 
 
 def _dressed_back(rng: np.random.Generator, seat: float, top: float, wide: float, behind: float) -> Piece:
-    """What lies on chairs: a coat over the back, a bag or a cushion on the seat, often nothing."""
+    """Return the objects on a chair: a coat over the back, a bag or a cushion on the seat, often nothing."""
     piece: Piece = []
     if rng.random() < 0.3:
         low = rng.uniform(0.15, seat)
         hung = cushion((0.0, 0.5 * (low + top) + 0.04, behind), (wide + 0.08, top - low + 0.1, 0.17), rng, 0.1)
         piece.append(Part(hung, _surface(rng)))
-        if rng.random() < 0.4:  # it reaches higher than the back, as a person's shoulders and collar would
+        if rng.random() < 0.4:  # higher than the back, at the height of shoulders and collar
             piece.append(Part(cushion((0.0, top + 0.06, behind), (0.3, 0.2, 0.16), rng, 0.1), _surface(rng)))
     if rng.random() < 0.25:
         piece += shifted(bag(rng), y=seat, z=0.02, yaw=rng.uniform(-0.6, 0.6))
@@ -78,7 +78,7 @@ def _dressed_back(rng: np.random.Generator, seat: float, top: float, wide: float
 
 
 def chair(rng: np.random.Generator, seat: float | None = None) -> Piece:
-    """A chair on four legs; `seat` is its height in metres, for a sitter whose hips are over the origin."""
+    """Return a chair on four legs; `seat` is its height in metres, for a sitter with the hips above the origin."""
     seat = rng.uniform(0.42, 0.5) if seat is None else seat
     wide, deep, top = rng.uniform(0.38, 0.5), rng.uniform(0.38, 0.48), seat + rng.uniform(0.32, 0.55)
     reflectance, lean = _surface(rng), rng.uniform(0.0, 0.25)
@@ -97,7 +97,7 @@ def chair(rng: np.random.Generator, seat: float | None = None) -> Piece:
 
 
 def office_chair(rng: np.random.Generator, seat: float | None = None) -> Piece:
-    """A padded swivel chair on a star of five feet, often with arms and a head rest; `seat` as of `chair`."""
+    """Return a padded swivel chair on five feet, often with arms and a head rest; `seat` as of `chair`."""
     seat = rng.uniform(0.42, 0.54) if seat is None else seat
     wide, top, lean = rng.uniform(0.42, 0.54), seat + rng.uniform(0.45, 0.75), rng.uniform(0.0, 0.3)
     reflectance = float(rng.choice([PLAIN, 0.35, DARK, BLACK], p=[0.25, 0.3, 0.25, 0.2]))
@@ -120,14 +120,14 @@ def office_chair(rng: np.random.Generator, seat: float | None = None) -> Piece:
 
 
 def _leant(vertices: np.ndarray, pivot: float, lean: float) -> np.ndarray:
-    """Vertices leant back about a line at the height `pivot`, by `lean` radians at most."""
+    """Return the vertices sheared backwards above the height `pivot` by `lean` radians."""
     out = vertices.copy()
     out[:, 2] -= np.maximum(vertices[:, 1] - pivot, 0.0) * np.tan(lean)
     return out
 
 
 def stool(rng: np.random.Generator, seat: float | None = None) -> Piece:
-    """A stool on one post, now and then as high as at a bar."""
+    """Return a stool on one post, sometimes as high as a bar stool."""
     if seat is None:
         seat = rng.uniform(0.42, 0.52) if rng.random() < 0.7 else rng.uniform(0.65, 0.8)
     radius = rng.uniform(0.15, 0.2)
@@ -136,14 +136,14 @@ def stool(rng: np.random.Generator, seat: float | None = None) -> Piece:
 
 
 def table(rng: np.random.Generator) -> Piece:
-    """A table, square or long, with a few things on it."""
+    """Return a square or long table with a few objects on it."""
     wide, deep, high = rng.uniform(0.7, 1.8), rng.uniform(0.6, 0.95), rng.uniform(0.68, 0.78)
     top = [slab((0.0, high - 0.02, 0.0), (wide, 0.04, deep)), _legs(wide - 0.06, deep - 0.06, high - 0.04)]
     return [Part(joined(top), _surface(rng)), *_things(rng, wide, deep, high, 3)]
 
 
 def _things(rng: np.random.Generator, wide: float, deep: float, high: float, most: int) -> Piece:
-    """Books, bottles, boxes, bags and vases on a top at the height `high`."""
+    """Return books, bottles, boxes, bags and vases on a top at the height `high`."""
     piece: Piece = []
     for _ in range(rng.integers(0, most + 1)):
         x, z = rng.uniform(-0.42, 0.42) * wide, rng.uniform(-0.4, 0.4) * deep
@@ -157,7 +157,7 @@ def _things(rng: np.random.Generator, wide: float, deep: float, high: float, mos
             size = rng.uniform((0.2, 0.15, 0.12), (0.4, 0.35, 0.25))
             mesh = cushion((0.0, 0.5 * size[1], 0.0), size, rng, 0.1)
         else:
-            radius = rng.uniform(0.06, 0.12)  # a vase, a globe, a helmet: as round as a head
+            radius = rng.uniform(0.06, 0.12)  # a vase, a globe, a helmet: round, similar to a head
             mesh = turned_profile(
                 (0.4 * radius, 0.9 * radius, radius, 0.75 * radius, 0.2 * radius),
                 (0.0, 0.5 * radius, radius, 1.6 * radius, 2.0 * radius),
@@ -167,7 +167,7 @@ def _things(rng: np.random.Generator, wide: float, deep: float, high: float, mos
 
 
 def desk(rng: np.random.Generator) -> Piece:
-    """A desk with a front panel, drawers or neither, and screens that look towards -z, where its chair stands."""
+    """Return a desk with an optional front panel, drawers, and screens that face -z, the side of its chair."""
     wide, deep = rng.uniform(1.1, 1.8), rng.uniform(0.6, 0.85)
     high = rng.uniform(0.7, 0.77) if rng.random() < 0.85 else rng.uniform(0.9, 1.15)
     meshes = [slab((0.0, high - 0.015, 0.0), (wide, 0.03, deep))]
@@ -187,7 +187,7 @@ def desk(rng: np.random.Generator) -> Piece:
 
 
 def _screen(rng: np.random.Generator) -> Piece:
-    """A monitor on its foot; its glass, towards +z, gives nothing back, its black case little."""
+    """Return a monitor on its foot; its glass, towards +z, reflects no light, its black case little."""
     wide, tall, foot = rng.uniform(0.42, 0.7), rng.uniform(0.28, 0.4), rng.uniform(0.1, 0.2)
     case = joined(
         [slab((0.0, foot + 0.5 * tall, 0.0), (wide, tall, 0.05)), box((-0.04, 0, -0.04), (0.04, foot, -0.01))]
@@ -205,7 +205,7 @@ def _desk_lamp(rng: np.random.Generator) -> Piece:
 
 
 def shelf(rng: np.random.Generator) -> Piece:
-    """An open shelf with books and boxes in it, or a closed cupboard."""
+    """Return an open shelf with books and boxes, or a closed cupboard."""
     wide, deep, high = rng.uniform(0.5, 1.2), rng.uniform(0.28, 0.5), rng.uniform(0.8, 2.1)
     if rng.random() < 0.4:
         closed = box((-0.5 * wide, 0.0, -0.5 * deep), (0.5 * wide, high, 0.5 * deep))
@@ -230,7 +230,7 @@ def shelf(rng: np.random.Generator) -> Piece:
 
 
 def sofa(rng: np.random.Generator) -> Piece:
-    """A sofa or an armchair with cushions."""
+    """Return a sofa or an armchair with cushions."""
     wide, deep, seat = (
         rng.choice([0.65, 1.5, 2.0]) * rng.uniform(0.9, 1.1),
         rng.uniform(0.55, 0.7),
@@ -252,14 +252,14 @@ def sofa(rng: np.random.Generator) -> Piece:
 
 
 def floor_lamp(rng: np.random.Generator) -> Piece:
-    """A lamp as tall as a person, its shade where a head would be."""
+    """Return a lamp as tall as a person, its shade at the height of a head."""
     high, radius = rng.uniform(1.3, 1.9), rng.uniform(0.09, 0.24)
     shade = turned_profile((radius, rng.uniform(0.5, 1.0) * radius), (high - rng.uniform(0.18, 0.35), high), 10)
     return [Part(joined([post(0.015, 0.0, high), post(0.14, 0.0, 0.025, 10)]), DARK), Part(shade, _surface(rng))]
 
 
 def plant(rng: np.random.Generator) -> Piece:
-    """A pot with leaves, from the knee to above the head."""
+    """Return a pot with leaves, from knee height to above the head."""
     high, radius = rng.uniform(0.5, 2.0), rng.uniform(0.1, 0.2)
     pot = rng.uniform(0.2, 0.4)
     meshes = [turned_profile((0.75 * radius, radius), (0.0, pot), 8), post(0.015, pot, 0.7 * high)]
@@ -273,7 +273,7 @@ def plant(rng: np.random.Generator) -> Piece:
 
 
 def coat_stand(rng: np.random.Generator) -> Piece:
-    """A stand with one to four coats and perhaps a hat: what looks most like a person who stands."""
+    """Return a stand with one to four coats and sometimes a hat, the furniture most similar to a standing person."""
     high = rng.uniform(1.55, 1.9)
     piece = [Part(joined([post(0.025, 0.0, high), post(0.2, 0.0, 0.03, 8)]), _surface(rng))]
     for _ in range(rng.integers(1, 5)):
@@ -287,14 +287,14 @@ def coat_stand(rng: np.random.Generator) -> Piece:
 
 
 def curtain(rng: np.random.Generator) -> Piece:
-    """A curtain from above the head nearly to the floor."""
+    """Return a curtain from above the head nearly to the floor."""
     return [
         Part(cloth(rng.uniform(0.3, 1.6), rng.uniform(0.02, 0.3), 2.3, rng, rng.uniform(0.02, 0.08)), _surface(rng))
     ]
 
 
 def window(rng: np.random.Generator) -> Piece:
-    """A window: glass in a frame, and perhaps a radiator below."""
+    """Return a window: glass in a frame, sometimes with a radiator below."""
     wide, low, high = rng.uniform(0.8, 1.8), rng.uniform(0.7, 1.0), rng.uniform(1.9, 2.3)
     half = 0.5 * wide
     frame = [box((-half, y, 0.0), (half, y + 0.06, 0.05)) for y in (low, high)]
@@ -307,7 +307,7 @@ def window(rng: np.random.Generator) -> Piece:
 
 
 def door(rng: np.random.Generator) -> Piece:
-    """A door in its frame, shut or open into the room."""
+    """Return a door in its frame, closed or open into the room."""
     wide = rng.uniform(0.75, 0.95)
     frame = [box((x, 0.0, 0.0), (x + 0.07, 2.1, 0.06)) for x in (-0.5 * wide - 0.07, 0.5 * wide)]
     frame.append(box((-0.5 * wide - 0.07, 2.03, 0.0), (0.5 * wide + 0.07, 2.1, 0.06)))
@@ -317,13 +317,13 @@ def door(rng: np.random.Generator) -> Piece:
 
 
 def board(rng: np.random.Generator) -> Piece:
-    """A whiteboard, a picture or a flat screen on the wall."""
+    """Return a whiteboard, a picture or a flat screen on the wall."""
     wide, tall, middle = rng.uniform(0.5, 2.4), rng.uniform(0.4, 1.1), rng.uniform(1.2, 1.7)
     return [Part(slab((0.0, middle, 0.03), (wide, tall, 0.04)), float(rng.choice([PLAIN, DARK, BLACK])))]
 
 
 def hooks(rng: np.random.Generator) -> Piece:
-    """A row of hooks on the wall with coats and bags."""
+    """Return a row of hooks on the wall with coats and bags."""
     wide, high = rng.uniform(0.5, 1.6), rng.uniform(1.4, 1.75)
     piece = [Part(slab((0.0, high, 0.02), (wide, 0.1, 0.03)), PLAIN)]
     for x in np.arange(-0.5 * wide + 0.1, 0.5 * wide, rng.uniform(0.22, 0.5)):
@@ -333,13 +333,13 @@ def hooks(rng: np.random.Generator) -> Piece:
 
 
 def _bin(rng: np.random.Generator) -> Piece:
-    """A waste bin, a bucket or a drum."""
+    """Return a waste bin, a bucket or a drum."""
     radius, high = rng.uniform(0.12, 0.25), rng.uniform(0.3, 0.85)
     return [Part(turned_profile((0.8 * radius, radius), (0.0, high), 10), _surface(rng))]
 
 
 def boxes(rng: np.random.Generator) -> Piece:
-    """One to four cardboard boxes, one on the other."""
+    """Return one to four cardboard boxes in a stack."""
     piece, low = [], 0.0
     for _ in range(rng.integers(1, 5)):
         size = rng.uniform((0.25, 0.15, 0.2), (0.6, 0.45, 0.5))
@@ -350,7 +350,7 @@ def boxes(rng: np.random.Generator) -> Piece:
 
 
 def partition(rng: np.random.Generator) -> Piece:
-    """A screen between desks, a flip chart or a clothes horse."""
+    """Return a screen between desks, a flip chart or a clothes rack."""
     wide, high = rng.uniform(0.6, 1.6), rng.uniform(1.1, 1.8)
     low = rng.uniform(0.05, 0.9)
     meshes = [slab((0.0, 0.5 * (low + high), 0.0), (wide, high - low, 0.05), rng.uniform(0.0, 0.15))]
@@ -360,7 +360,7 @@ def partition(rng: np.random.Generator) -> Piece:
 
 
 def column(rng: np.random.Generator) -> Piece:
-    """A pillar, a fridge or a locker."""
+    """Return a pillar, a fridge or a locker."""
     if rng.random() < 0.4:
         return [Part(post(rng.uniform(0.1, 0.3), 0.0, 2.6, 10), PLAIN)]
     size = rng.uniform((0.35, 1.2, 0.35), (0.7, 2.0, 0.7))
@@ -373,6 +373,6 @@ PIECES: dict[str, Maker] = {
     "window": window, "door": door, "board": board, "hooks": hooks, "bin": _bin, "boxes": boxes, "bag": bag,
     "partition": partition, "column": column,
 }  # fmt: skip
-"""All kinds of furniture by name."""
+"""Functions of all kinds of furniture, by name."""
 SEATS = ("chair", "office_chair", "stool")
-"""Kinds whose makers take the height of the seat."""
+"""Kinds whose functions take the height of the seat."""

@@ -1,7 +1,7 @@
-"""Rooms furnished at random: offices, living rooms, classrooms, corridors.
+"""Randomly furnished rooms: offices, living rooms, classrooms, corridors.
 
-A room stands on a floor plan: x to the right, y up from the floor, z towards the viewer, metres. The same kind and seed
-always give the same room. Space that people or the camera need can be kept free.
+A room has a floor plan: x to the right, y up from the floor, z towards the viewer, metres. Equal kinds and seeds give
+equal rooms. The space of people and camera can be kept free.
 """
 
 from __future__ import annotations
@@ -18,16 +18,28 @@ from toolkit.kernels.linear import lengths
 from toolkit.simulation.interiors.mesh import Mesh, joined
 from toolkit.simulation.interiors.pieces import PIECES, Piece, chair, desk, office_chair, shifted, table
 
-TILE = 0.5
-"""Metres: edge of the pieces of walls and floor, of which those beside the camera are left out when they are drawn."""
-CAMERA_CLEARANCE = 0.55
-"""Metres around the camera in which nothing stands."""
-GAP = 0.03
-"""Metres between two pieces of furniture, at least."""
+
+@dataclass(frozen=True)
+class RoomSettings:
+    """Tiles and distances of a room.
+
+    Attributes
+    ----------
+    tile : metres, edge of the tiles of walls and floor; tiles beside the camera are not drawn
+    camera_distance : metres, free distance around the camera
+    piece_distance : metres, smallest distance of two pieces of furniture
+    """
+
+    tile: float = 0.5
+    camera_distance: float = 0.55
+    piece_distance: float = 0.03
+
+
+SETTINGS = RoomSettings()
 
 
 class Standing(NamedTuple):
-    """A piece in its place: its kind, its parts, and the corners (2, 2) of its footprint, x and z, metres."""
+    """Placed piece: its kind, its parts, and the corners (2, 2) of its footprint, x and z, metres."""
 
     kind: str
     parts: Piece
@@ -38,8 +50,8 @@ class Surfaces(NamedTuple):
     """All surfaces of a room.
 
     mesh : faces outward from the furniture, inward from the walls
-    reflectance : float32 (F,), share of infrared light that a face gives back, 0 (glass) to 1
-    piece : int32 (F,), which piece of furniture a face is of, -1 for floor, walls and ceiling
+    reflectance : float32 (F,), reflected fraction of infrared light, 0 (glass) to 1
+    piece : int32 (F,), number of the piece of furniture, -1 for floor, walls and ceiling
     """
 
     mesh: Mesh
@@ -49,13 +61,13 @@ class Surfaces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """A furnished room.
+    """Furnished room.
 
     Attributes
     ----------
-    kind : out of `KINDS`
+    kind : name of `KINDS`
     low, high : float64 (3,), corners of the empty room, metres, `low[1]` = 0
-    standing : its furniture
+    standing : furniture
     finish : reflectance of floor, walls and ceiling
     """
 
@@ -70,7 +82,7 @@ class Room:
         return _shell(self.low, self.high)
 
     def surfaces(self, away_from: np.ndarray | None = None, clearance: float = 0.0) -> Surfaces:
-        """All surfaces, without the pieces that come within `clearance` metres of points (N, 2), x and z."""
+        """Return all surfaces, without the pieces within `clearance` metres of points (N, 2), x and z."""
         pieces = self.standing
         if away_from is not None:
             pieces = tuple(p for p in pieces if _distance(p.footprint, away_from) >= clearance)
@@ -97,19 +109,20 @@ def furnished(
     free: np.ndarray | None = None,
     clearance: float = 0.3,
 ) -> Room:
-    """A room of a kind, furnished at random.
+    """Return a randomly furnished room of a kind.
 
     Parameters
     ----------
-    kind : out of `KINDS`
-    camera : x and z of a camera that has to fit into the room
-    reach : (2, 3), lowest and highest corner of a space that has to fit into the room
-    free : (N, 2), x and z of places from which furniture stays `clearance` metres away
+    kind : name of `KINDS`
+    rng : source of all randomness
+    camera : x and z of a camera inside the room
+    reach : (2, 3), lowest and highest corner of a space inside the room
+    free : (N, 2), x and z of points at least `clearance` metres away from furniture
 
     Raises
     ------
     UsageError
-        There is no such kind.
+        The kind is unknown.
     """
     if kind not in KINDS:
         raise UsageError(f"no room is called {kind!r}; use one of {', '.join(KINDS)}")
@@ -120,13 +133,13 @@ def furnished(
     if camera is not None:
         needed.append(np.array([[camera[0] - 0.4, 0.0, camera[1] - 0.3], [camera[0] + 0.4, 2.3, camera[1] + 0.3]]))
     if needed:
-        # What has to fit decides where the room lies; what is left of its size goes to both sides at random.
+        # The required space determines the position; the rest of the size is split between both sides at random.
         least, most = np.min([n[0] for n in needed], axis=0), np.max([n[1] for n in needed], axis=0)
         spare = np.maximum([width, 0.0, depth] - (most - least), 0.0)
         share = rng.random(3)
         low = (least - share * spare) * (1, 0, 1)
         high = np.array([0.0, max(height, most[1]), 0.0]) + (most + (1.0 - share) * spare) * (1, 0, 1)
-    occupied = [] if camera is None else [np.array(camera) + CAMERA_CLEARANCE * np.array([[-1, -1], [1, 1]])]
+    occupied = [] if camera is None else [np.array(camera) + SETTINGS.camera_distance * np.array([[-1, -1], [1, 1]])]
     standing: list[Standing] = []
     for name, piece in plan.furnish(low, high, rng):
         points = np.concatenate([part.mesh.vertices for part in piece])
@@ -141,11 +154,14 @@ def furnished(
 
 
 def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
-    return bool((first[0] < second[1] + GAP).all() and (second[0] < first[1] + GAP).all())
+    return bool(
+        (first[0] < second[1] + SETTINGS.piece_distance).all()
+        and (second[0] < first[1] + SETTINGS.piece_distance).all()
+    )
 
 
 def _distance(footprint: np.ndarray, places: np.ndarray) -> float:
-    """Least distance of places (N, 2) from a footprint (2, 2), metres; infinite without places."""
+    """Smallest distance of points (N, 2) from a footprint (2, 2), metres; infinite without points."""
     if not len(places):
         return np.inf
     outside = np.maximum(np.maximum(footprint[0] - places, places - footprint[1]), 0.0)
@@ -153,7 +169,7 @@ def _distance(footprint: np.ndarray, places: np.ndarray) -> float:
 
 
 def _shell(low: np.ndarray, high: np.ndarray) -> list[Mesh]:
-    """Floor, ceiling and four walls of the empty room in tiles, seen from inside."""
+    """Return floor, ceiling and four walls of the empty room in tiles, faces inwards."""
     x, y, z = high - low
     sides = (
         (low, (x, 0, 0), (0, 0, z)), (low + [0, y, 0], (0, 0, z), (x, 0, 0)), (low, (0, y, 0), (x, 0, 0)),
@@ -163,8 +179,8 @@ def _shell(low: np.ndarray, high: np.ndarray) -> list[Mesh]:
 
 
 def _tiles(corner: np.ndarray, first: np.ndarray, second: np.ndarray) -> Mesh:
-    """A rectangle from a corner along two edges; it is seen from where `second` lies to the right of `first`."""
-    rows, columns = (max(1, int(np.ceil(length / TILE))) for length in lengths(np.stack([first, second])))
+    """Return a rectangle from a corner along two edges; its front has `second` to the right of `first`."""
+    rows, columns = (max(1, int(np.ceil(length / SETTINGS.tile))) for length in lengths(np.stack([first, second])))
     a, b = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     vertices = corner + a.reshape(-1, 1) * first + b.reshape(-1, 1) * second
     cell = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
@@ -176,14 +192,14 @@ Furnisher = Callable[[np.ndarray, np.ndarray, np.random.Generator], Iterator[tup
 
 
 class Furnishing(NamedTuple):
-    """How a kind of room is furnished: least and largest width, depth and height, metres, and what stands where."""
+    """Furnishing of a kind of room: smallest and largest width, depth and height, metres, and a function."""
 
     size: tuple[tuple[float, float, float], tuple[float, float, float]]
     furnish: Furnisher
 
 
 def _made(kinds: Sequence[str], rng: np.random.Generator) -> tuple[str, Piece]:
-    """A piece of one of the kinds, out of `PIECES`."""
+    """Return a piece of one of the kinds in `PIECES`."""
     kind = str(rng.choice(kinds))
     return kind, PIECES[kind](rng)
 
@@ -191,7 +207,7 @@ def _made(kinds: Sequence[str], rng: np.random.Generator) -> tuple[str, Piece]:
 def _along_walls(
     low: np.ndarray, high: np.ndarray, kinds: Sequence[str], count: int, rng: np.random.Generator,
 ) -> Iterator[tuple[str, Piece]]:  # fmt: skip
-    """Pieces with their backs to the walls; longer walls hold more of them."""
+    """Yield pieces with their backs to the walls; longer walls get more of them."""
     x, _, z = high - low
     for _ in range(count):
         made = _made(kinds, rng)
@@ -208,7 +224,7 @@ def _along_walls(
 def _about(
     low: np.ndarray, high: np.ndarray, kinds: Sequence[str], count: int, rng: np.random.Generator,
 ) -> Iterator[tuple[str, Piece]]:  # fmt: skip
-    """Pieces anywhere in the room, turned anyhow."""
+    """Yield pieces at random positions and angles."""
     for _ in range(count):
         made = _made(kinds, rng)
         x, _, z = rng.uniform(low, high)
@@ -216,7 +232,7 @@ def _about(
 
 
 def _workplace(rng: np.random.Generator, *, school: bool = False) -> Piece:
-    """A desk or table with its chair before it, which faces +z, drawn up or pushed back."""
+    """Return a desk or table that faces +z with its chair, close to it or pushed back."""
     seats = (chair,) if school else (office_chair, office_chair, chair)
     piece = table(rng) if school else desk(rng)
     near = min(part.mesh.vertices[:, 2].min() for part in piece)
@@ -228,7 +244,7 @@ def _workplace(rng: np.random.Generator, *, school: bool = False) -> Piece:
 
 
 def _dining(rng: np.random.Generator) -> Piece:
-    """A table with chairs around it."""
+    """Return a table with chairs around it."""
     piece = table(rng)
     points = piece[0].mesh.vertices
     x, z = np.abs(points[:, 0]).max(), np.abs(points[:, 2]).max()
@@ -298,16 +314,16 @@ KINDS: dict[str, Furnishing] = {
     "classroom": Furnishing(((5.5, 6.0, 2.6), (9.0, 10.0, 3.4)), _classroom),
     "corridor": Furnishing(((1.6, 6.0, 2.4), (2.8, 12.0, 3.0)), _corridor),
 }
-"""Rooms by name."""
+"""Furnishings by name."""
 
 
 def named_room(text: str) -> tuple[str, int]:
-    """Kind and seed of `office:7`; of `office` alone the seed is 0.
+    """Return kind and seed of a text such as `office:7`; `office` alone has seed 0.
 
     Raises
     ------
     UsageError
-        There is no such kind, or the seed is no whole number from 0 on.
+        The kind is unknown, or the seed is no whole number from 0 on.
     """
     kind, _, seed = text.partition(":")
     if kind not in KINDS:
