@@ -98,8 +98,8 @@ def test_each_frame_has_its_pose_and_the_track_is_that_of_the_whole_recording(
         tracker.track  # noqa: B018
     poses = [tracker.step(depth / 1000.0, i / 20) for i, depth in enumerate(frames)]
     assert [[pose.frame for pose in found] for found in poses] == [[i] for i in range(FRAMES)]
-    # Learning ends with the frame at 0.1 s, and three frames are caught up with in each step: 3 of 3 at once.
-    final = {0.0: 0, 0.1: 2, 9.0: FRAMES}[seconds]
+    # Learning ends with frame 2, at 0.1 s. Frame 3 catches up with frame 0, frame 4 with three more, frame 5 with all.
+    final = {0.0: 0, 0.1: 5, 9.0: FRAMES}[seconds]
     assert [found[0].provisional for found in poses] == [i < final for i in range(FRAMES)]
     for found, pose in zip(poses[final:], whole.pose[final:], strict=True):
         np.testing.assert_array_equal(found[0].pose, pose)

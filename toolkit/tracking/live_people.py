@@ -56,11 +56,23 @@ class LiveFrame(NamedTuple):
 
 @dataclass
 class _Past:
-    """Frames of a person that are tracked again with the learnt body; `number` is that of the first one."""
+    """Frames of a person that are tracked again with the learnt body; `number` is that of the first one.
+
+    No frame is tracked in the step that learns the body, and the first sighting, for which the pose is searched in the
+    whole database, has a step for itself.
+    """
 
     follower: PersonFollower
     frames: deque[tuple[StoredSighting | None, float, float]]
     number: int = 0
+    begun: bool = False
+    found: bool = False
+
+    def cost(self) -> int:
+        """Return the cost of the next frame in frames without a sighting."""
+        if self.frames[0][0] is None:
+            return 1
+        return ABSENT_FRAMES if self.found else PAST_FRAMES * ABSENT_FRAMES
 
 
 class LivePeople(MultiPersonTracker):
@@ -122,18 +134,22 @@ class LivePeople(MultiPersonTracker):
         elif self._wait(waiting, sighting, timestamp, prepare_ms):
             body = None if waiting.learner is None else waiting.learner.body
             follower = self.tracker.follower(self.finder.camera, self.level_rotation, body)
-            self._past[person] = _Past(follower, deque(waiting.frames))
+            at_once = waiting.learner is None
+            self._past[person] = _Past(follower, deque(waiting.frames), begun=at_once, found=at_once)
         return None if waiting.learner is None else waiting.learner.result
 
     def _caught_up(self, budget: int | None) -> Iterator[Row]:
         """Track earlier frames again with the learnt bodies, within a budget in frames without a sighting."""
         for person in sorted(self._past):
             past = self._past[person]
+            if budget is not None and not past.begun:
+                past.begun = True
+                continue
             while past.frames:
-                cost = 1 if past.frames[0][0] is None else ABSENT_FRAMES
-                if budget is not None and (budget := budget - cost) < 0:
+                if budget is not None and (budget := budget - past.cost()) < 0:
                     return
                 stored, timestamp, prepare_ms = past.frames.popleft()
+                past.found = past.found or stored is not None
                 sighting = None if stored is None else stored.sighting()
                 yield self._row_of(past.follower, person, sighting, past.number, timestamp, prepare_ms)
                 past.number += 1
