@@ -11,7 +11,7 @@ import pytest
 from tests.file_formats import FORMATS, digest
 from toolkit.io.errors import DepthMocapError
 
-CHANGES = 6
+CHANGES = 4
 """Changes of each kind for one format."""
 INSERTED = (b"\x00", b"-1", b"nan", b"1e308", b"9" * 400, b"[" * 2000, b"null", b"\n")
 
