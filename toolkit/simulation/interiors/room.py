@@ -20,7 +20,7 @@ from toolkit.simulation.interiors.pieces import PIECES, Piece, chair, desk, offi
 
 
 @dataclass(frozen=True)
-class RoomSettings:
+class InteriorSettings:
     """Tiles and distances of a room.
 
     Attributes
@@ -35,7 +35,7 @@ class RoomSettings:
     piece_distance: float = 0.03
 
 
-SETTINGS = RoomSettings()
+SETTINGS = InteriorSettings()
 
 
 class Standing(NamedTuple):
