@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Build the wheel and use it without a checkout: an empty environment, another folder, the demo.
-# The wheel has to contain the compiled kernels: the demo and a first track of its recording compile nothing.
+# The wheel has to contain the compiled kernels: a first track of the demo's recording compiles nothing.
 #   scripts/check_wheel.sh PYTHON          dependencies are those of PYTHON's environment (what CI does)
 #   scripts/check_wheel.sh PYTHON --full   dependencies are installed from the package index (a release)
 set -euo pipefail
@@ -20,7 +20,6 @@ else
         >"$("$work/empty/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/lent.pth"
 fi
 mkdir "$work/elsewhere" "$work/cache"
-export XDG_CACHE_HOME=$work/cache
 unset NUMBA_CACHE_DIR NUMBA_CPU_NAME
 cd "$work/elsewhere"
 unset PYTHONPATH
@@ -38,7 +37,7 @@ esac
 for file in take.npz run/track.npz film.webm contact_sheet.png table.csv report.html; do
     [ -s "demo/$file" ] || { echo "the demo did not write $file" >&2; exit 1; }
 done
-"$work/empty/bin/depthmocap" track demo/take.npz --output run
+XDG_CACHE_HOME=$work/cache "$work/empty/bin/depthmocap" track demo/take.npz --output run
 compiled=$(find "$work/cache" -name '*.nbc')
 [ -z "$compiled" ] || { echo "a first track compiled kernels that the wheel should contain: $compiled" >&2; exit 1; }
 "$work/empty/bin/depthmocap" export demo/run --output motion.glb --rig mixamo

@@ -20,13 +20,14 @@ SECONDS = 1.2
 
 
 def track_examples(folder: Path) -> None:
-    """Simulate and track the two recordings in one pass and in two, and score the person."""
+    """Simulate and track the two recordings in one pass and in two, score and draw the person."""
     import depthmocap
     from toolkit.app.pipeline import TrackerRecipe, track_recording
     from toolkit.body.shape import subject_body
     from toolkit.database.default import default_database_path
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
+    from toolkit.output.rendering.film import render_run
     from toolkit.simulation.person import SimulatedPerson
     from toolkit.simulation.simulate import CaptureSettings, simulate_scene
 
@@ -41,6 +42,8 @@ def track_examples(folder: Path) -> None:
     room = simulate_scene(pair, folder / "room.npz", CaptureSettings(sensor="kinect", background=False))
     track_recording(person, TrackerRecipe(database=default_database_path()).build(), folder / "run")
     evaluate_runs([folder / "run"])
+    for name in ("film.webm", "sheet.png"):
+        render_run(folder / "run", folder / name, frames=range(3))
     for passes in (1, 2):
         depthmocap.track(room.path, people="all", settings={"passes": passes})
 
