@@ -1,4 +1,4 @@
-"""Two passes: ways and their joining, stature, a person followed from the surest frame outwards."""
+"""Second pass: choice between trajectories, stature, heading, keyframes, jumps, continued runs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.sensing_scenes import TOF
-from tests.support.misled import misled, wrong_pose
+from tests.support.misled import wrong_pose
 from toolkit.app.pipeline import second, track_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
@@ -36,6 +36,7 @@ from toolkit.simulation.simulate import simulate_recording
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.tracking import clock
+from toolkit.tracking.frame_detection import Detection, FrameDetector
 from toolkit.tracking.heading import (  # fmt: skip
     AROUND,
     HEADING_UNCERTAINTY,
@@ -45,11 +46,13 @@ from toolkit.tracking.heading import (  # fmt: skip
     heading,
     heading_disagreement,
     voted_facing,
+    weighed,
 )
-from toolkit.tracking.passes import BidirectionalTracker, Plan
+from toolkit.tracking.passes import JUMP, REPAIRED_SHARE, BidirectionalTracker, Jump
+from toolkit.tracking.planning import Plan, Stretch
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.sightings import PersonSightings, SightingFile
-from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracking.state import PersonState
 from toolkit.tracking.stature import (  # fmt: skip
     StatureBelief,
     head_top,
@@ -59,9 +62,10 @@ from toolkit.tracking.stature import (  # fmt: skip
     statures_of,
     too_small,
 )
-from toolkit.tracking.trajectory_choice import APART, Step, TrajectoryStore, better_parts
+from toolkit.tracking.trajectory_choice import APART, Direction, Step, TrajectoryStore, better_parts, result_of
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracks.runs import load_people
+from toolkit.tracks.track_writer import row_type
 
 RATE = 30.0
 
@@ -188,86 +192,151 @@ def whole(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathF
     return run
 
 
-def followed(
-    path: Path, tracker: HybridTracker, folder: Path, start: int, *, checks: tuple[int, ...] = (), turn: int = 1
-) -> TrajectoryStore:
-    """The way of the person of a recording, which is played backwards for a `turn` of -1, begun in frame `start`."""
-    recording = open_recording(path)
-    rotation, frames = level_rotation(recording.up_camera), len(recording)
-    timestamps = (turn * recording.timestamps)[::turn]
+@pytest.fixture(scope="module")
+def sightings(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathFactory) -> SightingFile:
+    """What is seen of the person in all frames."""
+    recording = open_recording(take)
     finder = SinglePersonSegmenter(recording.camera, None, tracker.settings.sensing, recording.up_camera)
-    sightings = SightingFile(folder, finder.camera)
-    for frame, i in enumerate(range(frames)[::turn]):
-        sightings.append(frame, finder.find(recording.depth(i), float(timestamps[frame]), {}))
-    rows = np.array([(check, 0, 0) for check in checks], dtype=np.int64).reshape(-1, 3)
-    plan = Plan(load_body("slim_male"), np.array([(0, frames - 1, start)]), rows, np.zeros((frames, 2)))
-    way = TrajectoryStore(folder / "way", len(tracker.stage_names), len(tracker.source_names))
-    both = tracker.both_ways(finder.camera, rotation, sightings.of(1), timestamps, way, plan)
-    for _ in both.run():
-        pass
-    return way
+    kept = SightingFile(tmp_path_factory.mktemp("sightings"), finder.camera)
+    for frame in range(len(recording)):
+        kept.append(frame, finder.find(recording.depth(frame), float(recording.timestamps[frame]), {}))
+    return kept
 
 
-def no_jumps(self: BidirectionalTracker) -> np.ndarray:
-    """As if none had been found."""
-    return np.empty((0, 3), dtype=np.int64)
+@pytest.fixture(scope="module")
+def right(take: Path, tracker: HybridTracker, whole: Path) -> np.ndarray:
+    """Rows of a first pass that is right in all frames."""
+    track, recording, body = Track.load(whole), open_recording(take), load_body("slim_male")
+    rows = np.zeros(len(track.state), dtype=row_type(len(tracker.stage_names)))
+    for name in ("pose", "confidence", "state", "source", "stage_ms", "observed"):
+        rows[name] = getattr(track, name)
+    assert worst(take, track.joints) < 0.12, "also with the body that is learnt"
+    for row in rows:
+        row["joints"] = body.joint_positions(row["pose"].copy()) @ level_rotation(recording.up_camera)
+    return rows
 
 
-def test_a_recording_played_backwards_is_followed_to_the_same_poses(
-    take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(BidirectionalTracker, "_jumps", no_jumps)
-    last = len(open_recording(take)) - 1
-    forwards = followed(take, tracker, tmp_path / "forwards", 9)
-    backwards = followed(take, tracker, tmp_path / "backwards", last - 9, turn=-1)
-    for frame in range(last + 1):
-        one, other = forwards[frame].result, backwards[last - frame].result
-        assert one.state == other.state == TRACKED
-        np.testing.assert_array_equal(one.pose, other.pose)
+def turned(rows: np.ndarray, frames: slice, recording: Path) -> np.ndarray:
+    """The rows with the person turned round in these frames."""
+    rows, rng, body = rows.copy(), np.random.default_rng(0), load_body("slim_male")
+    for row in rows[frames]:
+        row["pose"] = wrong_pose("turned", row["pose"].copy(), np.empty((0, len(row["pose"]))), rng)
+        row["joints"] = body.joint_positions(row["pose"].copy()) @ level_rotation(open_recording(recording).up_camera)
+    return rows
 
 
-def worst(path: Path, way: TrajectoryStore) -> float:
+def second_pass(
+    take: Path,
+    tracker: HybridTracker,
+    sightings: SightingFile,
+    first_pass: np.ndarray,
+    folder: Path,
+    keyframes: tuple[int, ...] = (12,),
+    *,
+    relearned: bool = False,
+) -> tuple[BidirectionalTracker, TrajectoryStore]:
+    """The second pass over the person of a recording, and where its steps go."""
+    recording, frames = open_recording(take), len(first_pass)
+    stretches = (Stretch(0, frames - 1, keyframes),)
+    plan = Plan(load_body("slim_male"), stretches, np.zeros((frames, 2)), relearned)
+    trajectory = TrajectoryStore(folder / "trajectory", len(tracker.stage_names), len(tracker.source_names))
+    rotation, seen = level_rotation(recording.up_camera), sightings.of(1)
+    both = tracker.bidirectional(recording.camera, rotation, seen, recording.timestamps, trajectory, plan, first_pass)
+    return both, trajectory
+
+
+def worst(path: Path, joints: Iterable[np.ndarray]) -> float:
     """Mean error of the joints in the frame in which it is largest, metres."""
     truth = np.asarray(open_recording(path).joints)
-    errors = [np.linalg.norm(way[frame].result.joints - joints, axis=1).mean() for frame, joints in enumerate(truth)]
-    return float(max(errors))
+    return float(max(np.linalg.norm(own - true, axis=1).mean() for own, true in zip(joints, truth, strict=True)))
 
 
-@pytest.mark.parametrize("repaired", [False, True])
-def test_what_followed_from_a_wrong_start_is_repaired_from_behind(
-    repaired: bool, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("wrong", [slice(0, 0), slice(0, 9), slice(8, 16)], ids=["right", "at the start", "within"])
+def test_what_went_wrong_in_the_first_pass_is_found_backwards(
+    wrong: slice, take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    first, followed, follow = turned(right, wrong, take), list[int](), FrameDetector.follow
+    monkeypatch.setattr(
+        FrameDetector, "follow", lambda self, frame, *inputs: followed.append(frame) or follow(self, frame, *inputs)
+    )
+    both, trajectory = second_pass(take, tracker, sightings, first, tmp_path)
+    for _ in both.run():
+        pass
+    errors = [worst(take, rows) for rows in (first["joints"], (trajectory[f].result.joints for f in range(len(first))))]
+    assert errors[1] < 0.08 and (errors[0] > 0.25) == (wrong.stop > 0)
+    frames = len(first)
+    assert set(followed) == set(range(frames)) and len(followed) <= frames + 1 + REPAIRED_SHARE * frames
+
+
+def test_a_detection_in_a_keyframe_is_followed_both_ways_where_both_trajectories_are_wrong(
+    take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    first, redetect = turned(right, slice(0, None), take), FrameDetector.redetect
+
+    def detected(self: FrameDetector, frame: int, direction: Direction) -> Detection:
+        """The right pose; a person who is turned round explains a frame nearly as well."""
+        found, pose = redetect(self, frame, direction), right["pose"][frame].copy()
+        step = replace(found.step, result=result_of(right[frame]))
+        return Detection(replace(found.followed, state=self.state_at(frame, pose)), step)
+
+    def priced(self: FrameDetector, frame: int, pose: np.ndarray, found: Any, *, prior: bool = False) -> float:
+        return (0.0 if (pose == right["pose"][frame]).all() else 1.0) if prior else cost(self, frame, pose, found)
+
+    cost = FrameDetector.cost
+    monkeypatch.setattr(FrameDetector, "redetect", detected)
+    monkeypatch.setattr(FrameDetector, "cost", priced)
+    for number, keyframes in enumerate(((), (16,))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        both, trajectory = second_pass(take, tracker, sightings, first, folder, keyframes)
+        for _ in both.run():
+            pass
+        joints = [trajectory[f].result.joints for f in range(len(first))]
+        assert (worst(take, joints) < 0.08) == bool(keyframes)
+
+
+def test_with_a_body_learnt_again_the_forward_trajectory_begins_in_a_keyframe(
+    take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path
 ) -> None:
-    # Without a regressor the first pose in frame 9 is a wrong one, which is left again after some frames either way.
-    if not repaired:
-        monkeypatch.setattr(BidirectionalTracker, "_jumps", no_jumps)
-    error = worst(take, followed(take, tracker, tmp_path, 9))
-    assert error < 0.08 if repaired else error > 0.25
+    first = turned(right, slice(0, None), take)
+    both, trajectory = second_pass(take, tracker, sightings, first, tmp_path, (3, 12), relearned=True)
+    for _ in both.run():
+        pass
+    steps = [trajectory[f] for f in range(len(first))]
+    assert np.isinf([step.rival_cost for step in steps[:3]]).all() and np.isfinite(steps[-1].rival_cost)
+    assert worst(take, (step.result.joints for step in steps)) < 0.08
 
 
-def test_stretches_turned_round_are_looked_at_afresh_once_each(tracker: HybridTracker, tmp_path: Path) -> None:
-    way = TrajectoryStore(tmp_path / "way", len(tracker.stage_names), len(tracker.source_names))
-    ahead = np.ones(12)
-    ahead[3:6], ahead[8] = -0.8, -0.3  # the second is half a turn and not to be doubted
-    ahead[4] = -1.0
-    rest = np.zeros(skeleton.POSE_SIZE), np.zeros((20, 3), np.float32), np.ones(20, np.float32)
-    for frame in range(12):
-        way[frame] = Step(FrameResult(*rest, TRACKED, 0, np.ones(len(tracker.stage_names), np.float32)), 0.0)
-    walked = np.stack([np.zeros(12), ahead], axis=1)  # a body at rest faces +z
-    seen = SightingFile(tmp_path, TOF).of(1)
-    for heads, expected in ((heading(walked, 0.0 * walked), [[4, 0, 0]]), (0.0 * walked, [])):
-        plan = Plan(load_body("neutral"), np.array([(0, 11, 0)]), np.empty((0, 3), dtype=np.int64), heads)
-        both = tracker.both_ways(TOF, np.eye(3), seen, np.arange(12) / RATE, way, plan)
-        assert both._turned().tolist() == expected
+@given(st.integers(0, 30), st.integers(0, 30), st.lists(st.sampled_from(list(Direction)), min_size=2, max_size=2))
+def test_a_jump_is_followed_from_the_side_from_which_it_was_not_passed(
+    gap: int, moved: int, directions: list[Direction]
+) -> None:
+    places = (0, moved, moved + gap, 2 * moved + gap)
+    joints = [np.full((20, 3), place / 100 / np.sqrt(3), np.float32) for place in places]
+    rest = np.zeros(skeleton.POSE_SIZE), np.ones(20, np.float32), TRACKED, 0, np.ones(1, np.float32)
+    sides = [directions[0], directions[0], directions[1], directions[1]]
+    steps = {
+        f: Step(FrameResult(rest[0], own, *rest[1:]), 0.0, side, continues=f not in (1, 2))
+        for f, (own, side) in enumerate(zip(joints, sides, strict=True))
+    }
+    both = BidirectionalTracker.__new__(BidirectionalTracker)
+    both._trajectory, both._plan = steps, SimpleNamespace(stretches=(Stretch(0, 3, (0,)),))  # type: ignore[assignment]
+    assume(abs(gap - moved - 100 * JUMP) > 0.5 and moved < 100 * JUMP)
+    expected = set()
+    if gap - moved > 100 * JUMP:
+        expected |= {Jump(1, Direction.FORWARD)} if directions[0] is Direction.BACKWARD else set()
+        expected |= {Jump(2, Direction.BACKWARD)} if directions[1] is Direction.FORWARD else set()
+    assert set(both._jumps_left()) == expected
 
 
-def test_a_pose_that_heads_elsewhere_costs_more_by_as_much_as_it_is_sure(tracker: HybridTracker) -> None:
-    follower, pose = tracker.follower(TOF, np.eye(3), load_body("neutral")), np.zeros(skeleton.POSE_SIZE)
-    assert follower.weighed(0.2, pose) == 0.2
-    for share, angle in product((0.0, 0.5, 1.0), np.linspace(-np.pi, np.pi, 9)):
-        follower.heading = share * np.array([np.sin(angle), np.cos(angle)])
-        assert follower.weighed(0.2, pose) == pytest.approx(
-            0.2 - 0.2 * MAX_HEADING_PENALTY * share * np.cos(angle), abs=1e-9
-        )
+@pytest.mark.parametrize("angle", np.linspace(-np.pi, np.pi, 9))
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_pose_that_heads_elsewhere_costs_more_by_as_much_as_it_is_sure(share: float, angle: float) -> None:
+    heads = share * np.array([np.sin(angle), np.cos(angle)])
+    cost = weighed(0.2, np.zeros(skeleton.POSE_SIZE), heads)
+    assert cost == pytest.approx(0.2 - 0.2 * MAX_HEADING_PENALTY * share * np.cos(angle), abs=1e-9)
 
 
 def test_where_a_person_walks_and_faces_is_told_together_and_never_more_than_surely() -> None:
@@ -298,31 +367,6 @@ def test_many_votes_about_a_frame_outweigh_one_and_far_ones_say_nothing() -> Non
     np.testing.assert_allclose(alone[:, 0], [0.5, 1.0 / (1.0 + np.e)])
 
 
-@pytest.mark.parametrize("checks", [(), (15,)])
-def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
-    checks: tuple[int, ...], take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    right = followed(take, tracker, tmp_path / "right", 9)
-    monkeypatch.setattr(BidirectionalTracker, "_jumps", no_jumps)
-    start = BidirectionalTracker.start_at
-
-    def turned(self: BidirectionalTracker, frame: int) -> Step:
-        step, state = start(self, frame), self._follower.state
-        assert state.pose is not None
-        wrong = wrong_pose("turned", state.pose, np.empty((0, len(state.pose))), np.random.default_rng(0))
-        self._follower.state = misled(state, wrong)
-        return step
-
-    def rightly(self: BidirectionalTracker, frame: int) -> tuple[Step, PersonState]:
-        pose = right[frame].result.pose
-        return right[frame], replace(self._state_at(frame), previous=Previous.of_pose(self._plan.body, pose), pose=pose)
-
-    monkeypatch.setattr(BidirectionalTracker, "start_at", turned)
-    monkeypatch.setattr(BidirectionalTracker, "_found_otherwise", rightly)
-    error = worst(take, followed(take, tracker, tmp_path, 18, checks=checks))
-    assert error < 0.08 if checks else error > 0.25
-
-
 def test_more_poses_are_refined_of_a_still_than_of_a_frame_among_others(
     take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -351,20 +395,20 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     killed_after: int, take: Path, tracker: HybridTracker, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(second, "MEMORY_SECONDS", 0.0)
-    run, steps = tmp_path / "run", BidirectionalTracker.step_at
+    run, follow = tmp_path / "run", FrameDetector.follow
 
-    def dies(self: BidirectionalTracker, frame: int) -> Step:
+    def dies(self: FrameDetector, frame: int, state: PersonState, direction: Direction) -> Detection:
         dies.left -= 1  # type: ignore[attr-defined]
         if dies.left < 0:  # type: ignore[attr-defined]
             raise KeyboardInterrupt
-        return steps(self, frame)
+        return follow(self, frame, state, direction)
 
     dies.left = killed_after  # type: ignore[attr-defined]
-    monkeypatch.setattr(BidirectionalTracker, "step_at", dies)
+    monkeypatch.setattr(FrameDetector, "follow", dies)
     with pytest.raises(KeyboardInterrupt):
         track_recording(open_recording(take), tracker, run, warm_up=False)
     (run / ".lock").unlink(missing_ok=True)
-    monkeypatch.setattr(BidirectionalTracker, "step_at", steps)
+    monkeypatch.setattr(FrameDetector, "follow", follow)
     summary = track_recording(open_recording(take), tracker, run, resume=True, warm_up=False)
     resumed, expected = Track.load(run), Track.load(whole)
     assert not summary.interrupted and not (run / second.FOLDER).exists()

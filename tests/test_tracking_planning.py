@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 
 from toolkit.body import skeleton
+from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.database import canonical
 from toolkit.fitting.shape import ShapeSettings
+from toolkit.io.errors import TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.follower import HELD
@@ -21,15 +24,15 @@ from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.planning import (
     CHECKED,
     MOMENT_GAP,
-    MOMENTS,
     SURVEYED,
+    Plan,
     Planner,
+    Stretch,
     Survey,
     frames_around,
     times_in_sight,
 )
-from toolkit.tracking.state import PersonState
-from toolkit.tracks import TRACKED, FrameResult
+from toolkit.tracks import TRACKED
 
 CAMERA = Camera(50.0, 50.0, 4.5, 3.5, 10, 8)
 BODY = load_body("neutral")
@@ -67,35 +70,15 @@ def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() ->
 
 
 class FakeFollower:
-    """Sees what `shown` says in each frame, somebody who surely faces +x, and its pose costs `costs` there."""
+    """Returns `shown` for each frame, and a person who surely faces +x."""
 
-    def __init__(self, shown: np.ndarray, costs: np.ndarray) -> None:
-        self._shown, self._costs = shown, costs
-        self.state, self.heading, self.stepped = PersonState.begin(BODY, sized=False, seed=0), np.zeros(2), []
-        self.winner: Any = None
+    level_rotation = np.diag([1.0, -1.0, -1.0])
+
+    def __init__(self, shown: np.ndarray, whole: bool) -> None:
+        self._shown, self._whole = shown, whole
 
     def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float, bool]:
-        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), math.nan, True
-
-    def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
-        assert self.state.sized and self.state.body is BODY
-        assert self.state.timestamp is None, "a look afresh knows of no other frame"
-        self.stepped.append(round(timestamp * 20))
-        self.state = replace(self.state, timestamp=timestamp)
-        hypothesis = SimpleNamespace(pose=np.zeros(skeleton.POSE_SIZE), continues=False)
-        self.winner = SimpleNamespace(hypothesis=hypothesis, cost=float(self._costs[self.stepped[-1]]))
-        joints = np.zeros((len(skeleton.REPORTED), 3), np.float32)
-        return FrameResult(hypothesis.pose, joints, joints[:, 0], TRACKED, 0, np.zeros(3, np.float32))
-
-    @property
-    def distance(self) -> float:
-        return self.winner.cost
-
-    def weighed(self, cost: float, pose: np.ndarray) -> float:
-        return cost
-
-    def cost(self, scored: Any) -> float:
-        return scored.cost
+        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), math.nan, self._whole
 
 
 class FakeSightings:
@@ -108,69 +91,67 @@ class FakeSightings:
         return Sighting(1, np.zeros(CAMERA.shape, np.float32), None, CAMERA)
 
 
+def rows(yaw: float = 0.0) -> np.ndarray:
+    """Rows of the first pass: a person who stands still and faces in one direction, from +z."""
+    pose = canonical.place(np.zeros(skeleton.POSE_SIZE), np.zeros(4), np.array([0.0, 0.9, -3.0]), yaw)
+    first = np.zeros(len(TIMES), dtype=[("joints", "<f4", (20, 3)), ("pose", "<f8", len(pose)), ("state", "u1")])
+    first["pose"], first["state"] = pose, TRACKED
+    return first
+
+
 def planned(
     frames: np.ndarray,
     shown: np.ndarray,
-    costs: np.ndarray,
     pixels: np.ndarray | None = None,
+    *,
+    whole: bool = True,
+    first_pass: np.ndarray | None = None,
     **others: Any,
-) -> tuple[Planner, FakeFollower, FakeSightings]:
-    follower = FakeFollower(shown, costs)
-    seen = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
-    learner = SimpleNamespace(follower=SimpleNamespace(heading=np.zeros(2), floor=None))
-    planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST, BODY, **others)  # type: ignore[arg-type]
+) -> tuple[Planner, FakeSightings]:
+    follower: Any = FakeFollower(shown, whole)
+    seen: Any = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
+    learner: Any = SimpleNamespace(follower=SimpleNamespace(floor=None))
+    first = rows(0.5 * np.pi) if first_pass is None else first_pass
+    planner = Planner(learner, follower, seen, TIMES, ("all",), SMALLEST, BODY, first, **others)
     for _ in planner.run():
         pass
-    return planner, follower, seen
+    return planner, seen
 
 
-def test_each_time_in_sight_begins_at_its_surest_frame_and_others_are_checked() -> None:
-    frames = np.concatenate([np.arange(0, 100), np.arange(200, 300)])
-    shown, costs = np.ones(400), np.full(400, 0.2)
+def test_each_time_in_sight_has_the_frame_of_every_few_seconds_that_shows_most() -> None:
+    frames, shown = np.concatenate([np.arange(0, 120), np.arange(200, 300)]), np.ones(400)
     step = round(SURVEYED * 20)
-    best = {10 * step: 9.0, 16 * step: 8.0, 42 * step: 9.0, 48 * step: 8.0}
-    for frame, value in best.items():
-        shown[frame] = value
-    costs[16 * step], costs[42 * step] = 0.1, 0.1
-    planner, follower, _ = planned(frames, shown, costs)
-    plan = planner.plan
-    assert plan is not None and plan.body is BODY
-    assert plan.stretches.tolist() == [[0, 99, 16 * step], [200, 299, 42 * step]]
-    checked = plan.checks[:, 0].tolist()
-    assert {10 * step, 48 * step} <= set(checked) and not {16 * step, 42 * step} & set(checked)
-    assert [number for frame, number, _ in plan.checks] == [int(frame >= 200) for frame in checked]
-    assert len(checked) >= 2 * (5 // CHECKED)
-    assert len(follower.stepped) == 2 * MOMENTS
-    assert sorted(plan.looks) == sorted(follower.stepped) and set(plan.stretches[:, 2]) <= plan.looks.keys()
-    for frame, look in plan.looks.items():
-        assert look.cost == look.step.cost == costs[frame] and look.state.timestamp == TIMES[frame]
+    shown[[10 * step, 22 * step, 42 * step]] = 9.0
+    plan = planned(frames, shown)[0].plan
+    assert plan is not None and plan.body is BODY and not plan.relearned and CHECKED == 5.0
+    assert plan.stretches == (Stretch(0, 119, (10 * step, 22 * step)), Stretch(200, 299, (42 * step,)))
+
+
+def test_a_stretch_that_heads_wrongly_in_the_first_pass_has_a_keyframe() -> None:
+    first = rows(0.5 * np.pi)
+    first["pose"][20:30] = rows(-0.5 * np.pi)["pose"][0]
+    shown = np.ones(400)
+    shown[5] = 9.0
+    plan = planned(np.arange(0, 60), shown, first_pass=first)[0].plan
+    assert plan is not None
+    assert [frame for frame in plan.stretches[0].keyframes if frame != 5 and not 20 <= frame < 30] == []
+    assert len(plan.stretches[0].keyframes) == 2
 
 
 def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_no_plan() -> None:
     frames = np.arange(0, 100)
     pixels = np.where(frames < 50, SMALLEST - 1, SMALLEST)
-    planner, _, seen = planned(frames, np.ones(400), np.ones(400), pixels)
-    assert planner.plan is not None and min(seen.asked) == planner.plan.stretches[0, 0] == 50
-    planner, _, seen = planned(frames, np.ones(400), np.ones(400), np.zeros(100))
+    planner, seen = planned(frames, np.ones(400), pixels)
+    assert planner.plan is not None and min(seen.asked) == planner.plan.stretches[0].first == 50
+    planner, seen = planned(frames, np.ones(400), np.zeros(100))
     assert planner.plan is None and not seen.asked
 
 
-def test_followers_are_told_where_the_person_walks_and_faces_in_the_frame_that_they_look_at() -> None:
-    walked = np.linspace(-1.0, 1.0, 800).reshape(400, 2)
-    planner, follower, seen = planned(np.arange(0, 60), np.ones(400), np.ones(400), walked=walked)
+def test_the_heading_is_that_of_the_votes_of_all_frames() -> None:
+    planner, _ = planned(np.arange(0, 60), np.ones(400))
     assert planner.plan is not None
     faced = directions_faced(np.arange(0, 60, 5) / 20, np.tile([1.0, 0.0], (12, 1)), TIMES)
-    np.testing.assert_allclose(planner.plan.heading, heading(walked, faced))
-    assert follower.heading == pytest.approx(planner.plan.heading[seen.asked[-1]])
-
-
-def test_a_frame_is_looked_at_afresh_though_it_has_become_known_since_where_the_person_heads() -> None:
-    planner, follower, _ = planned(np.arange(0, 60), np.ones(400), np.ones(400))
-    looked = len(follower.stepped)
-    assert follower.state.timestamp is not None
-    for _ in planner.run():
-        pass
-    assert len(follower.stepped) == 2 * looked
+    np.testing.assert_allclose(planner.plan.heading, heading(0.0 * faced, faced))
 
 
 @pytest.mark.parametrize(("whole", "relearn", "learnt"), [(True, True, 0), (False, False, 0), (False, True, 1)])
@@ -179,12 +160,21 @@ def test_sizes_are_searched_only_for_a_person_who_is_cut_off_in_every_keyframe(
 ) -> None:
     searched = []
 
-    def own_body(self: Planner, *args: object) -> Iterator[None]:
+    def own_body(self: Planner, *args: object) -> Generator[None, None, Body]:
         searched.append(args)
         yield
         return BODY
 
     monkeypatch.setattr(Planner, "_own_body", own_body)
-    monkeypatch.setattr(FakeFollower, "shown", lambda self, *_: (1.0, np.zeros(2), math.nan, whole))
-    planner, _, _ = planned(np.arange(0, 60), np.ones(400), np.ones(400), relearn=relearn)
-    assert len(searched) == learnt and planner.plan is not None and planner.plan.body is BODY
+    plan = planned(np.arange(0, 60), np.ones(400), whole=whole, relearn=relearn)[0].plan
+    assert len(searched) == learnt and plan is not None and plan.relearned == bool(learnt)
+
+
+def test_a_plan_comes_back_from_its_export_and_one_of_another_recording_is_refused() -> None:
+    stretches = Stretch(0, 119, (50, 110)), Stretch(200, 299, (210,))
+    plan = Plan(BODY, stretches, np.full((400, 2), 0.5), relearned=True)
+    again = Plan.restore(plan.export(), 400)
+    assert again.stretches == stretches and again.relearned and (again.heading == plan.heading).all()
+    for frames, wrong in ((300, plan), (399, plan), (400, replace(plan, stretches=(Stretch(0, 400, (3,)),)))):
+        with pytest.raises(TrackError):
+            Plan.restore(wrong.export(), frames)

@@ -11,7 +11,8 @@ from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import Follower
+from toolkit.tracking.follower import Follower, StepContext
+from toolkit.tracking.state import PersonState
 from toolkit.tracks import TRACKED, FrameResult
 
 
@@ -28,6 +29,7 @@ class FollowedBody:
     Attributes
     ----------
     follower, settings : as above
+    state : of the follower before the next sighting
     result : see `BodyLearner.result`
     """
 
@@ -35,6 +37,7 @@ class FollowedBody:
         self, follower: Follower, stages: tuple[str, ...], settings: ShapeSettings, fitting: FittingSettings
     ) -> None:
         self.follower, self.settings, self._stages, self._fitting = follower, settings, stages, fitting
+        self.state = follower.state
         self._estimator: ShapeEstimator | None = None
         self._statures = (0.0, math.inf)
         self._pace = RateLimiter(settings.rate)
@@ -43,41 +46,44 @@ class FollowedBody:
     @property
     def found(self) -> bool:
         """See `BodyLearner.found`."""
-        return self.follower.state.pose is not None
+        return self.state.pose is not None
 
     @property
     def body(self) -> Body | None:
         """See `BodyLearner.body`."""
-        return self.follower.body if self.follower.state.sized else None
+        return self.state.body if self.state.sized else None
 
     def predicted(self) -> PredictedBody:
         """See `BodyLearner.predicted`."""
-        return self.follower.predicted()
+        return self.follower.predicted_in(self.state)
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
         """See `BodyLearner.observe`."""
         if self._pace.takes(timestamp):
-            self.take(sighting, timestamp)
+            self.take(sighting, timestamp, StepContext(self.follower.sizes))
 
     def begin(self, body: Body, statures: tuple[float, float] = (0.0, math.inf)) -> None:
-        """Forget the person; they are found anew with a body that may be theirs, and is learnt between these statures,
-        metres.
-        """
-        self.follower.state = replace(self.follower.state, body=body, sized=True, previous=None)
+        """Detect the person again with a body that may be theirs, and is learnt between these statures, metres."""
+        self.state = replace(self.state, body=body, sized=True, previous=None)
         self._estimator, self._statures = None, statures
 
-    def take(self, sighting: Sighting, timestamp: float) -> None:
-        """Take in a sighting, however soon after the one before."""
-        follower = self.follower
-        self.result = result = follower.step(sighting, timestamp, StageClock(self._stages))
-        if result.state != TRACKED or follower.observation is None:
-            return
+    def rewind(self, state: PersonState) -> None:
+        """Continue from an earlier state with the body as learnt since."""
+        self.state = replace(state, body=self.state.body)
+
+    def take(self, sighting: Sighting, timestamp: float, context: StepContext) -> float:
+        """Take in a sighting; return the distance of the pose from it, metres, infinite if none was found."""
+        followed = self.follower.follow(self.state, sighting, timestamp, context, StageClock(self._stages))
+        self.state, self.result = followed.state, followed.row
+        if followed.row.state != TRACKED or followed.observation is None:
+            return followed.distance
         if self._estimator is None:
             terms = mesh_terms(self._fitting)
-            placer = follower.objective.placer
-            self._estimator = ShapeEstimator(follower.body, self.settings, placer, terms, self._statures)
-        body = self._estimator.observe(result.pose, follower.observation.scene)
-        follower.state = replace(follower.state, body=body)
+            placer = self.follower.objective.placer
+            self._estimator = ShapeEstimator(self.state.body, self.settings, placer, terms, self._statures)
+        body = self._estimator.observe(followed.row.pose, followed.observation.scene)
+        self.state = replace(self.state, body=body)
+        return followed.distance
 
 
 class RateLimiter:

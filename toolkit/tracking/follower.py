@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,10 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
-from toolkit.fitting.regressed_joints import links_out_of_view
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.heading import MAX_HEADING_PENALTY, heading_disagreement, voted_facing
+from toolkit.tracking.heading import voted_facing, weighed
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import HEAD, FollowedPerson
@@ -32,29 +31,66 @@ HELD = 1.0
 """Seconds out of sight after which the last pose says nothing of the next one."""
 
 
+@dataclass(frozen=True, eq=False)
+class StepContext:
+    """Inputs of a step besides the state and the sighting.
+
+    Attributes
+    ----------
+    sizes : bodies tried where the person's size is unknown
+    heading : float64 (2,), expected heading in this frame, see `toolkit.tracking.heading`; zero if unknown
+    """
+
+    sizes: Sequence[Body]
+    heading: np.ndarray = field(default_factory=lambda: np.zeros(2))
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedFrame:
+    """Result of one step.
+
+    Attributes
+    ----------
+    row : row of the track
+    state : before the next frame
+    observation : of the sighting, None without one
+    scored : all hypotheses of the frame
+    winner : the selected one, None if there was none
+    cost : metres, selection cost of the winner; infinite without one
+    """
+
+    row: FrameResult
+    state: PersonState
+    observation: Observation | None = None
+    scored: Sequence[ScoredHypothesis] = ()
+    winner: ScoredHypothesis | None = None
+    cost: float = math.inf
+
+    @property
+    def distance(self) -> float:
+        """Distance of the pose from the frame, metres; infinite without a pose."""
+        return math.inf if self.winner is None else self.winner.comparison.distance
+
+
 class Follower(FollowedPerson):
     """One person before one camera.
 
     Parameters
     ----------
-    observer, searches, objective : how sightings are looked at, where hypotheses come from, and what judges them
+    observer, searches, objective : observe sightings, propose hypotheses, and score them
     level_rotation : R_level_camera, float64 (3, 3)
     settings : when a frame counts as empty or lost, and what is reported
     sizes : the bodies that are tried where the person's size is unknown
     sources : names of the hypotheses that can win, in the order in which the track numbers them
     state : before the first frame
-    occluded_limbs : guesses occluded limbs; None keeps the winner as it is
-    verifier : adds hypotheses where the person has to be found anew; None adds none
+    occluded_limbs : estimates occluded limbs; None keeps the winner as it is
+    verifier : adds hypotheses where the person is detected again; None adds none
+    floor : y of the floor, metres, level frame, None if unknown
 
     Attributes
     ----------
-    state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
-    observation : of the last sighting, None without one
-    sizes : as above; fewer may be tried
-    floor : y of the floor, metres, level frame, None where it is not known: it tells how tall a person is
-    heading : float64 (2,), where the person heads in the next frame, see `heading`; zero where it is not known
-    scored : all hypotheses of the last frame
-    winner : the hypothesis that was selected in the last frame, None where there was none
+    state : before the next `step`; replaced, never changed
+    observation : of the last `step`, None without a sighting
     """
 
     held = HELD
@@ -71,45 +107,64 @@ class Follower(FollowedPerson):
         state: PersonState,
         occluded_limbs: OccludedLimbs | None = None,
         verifier: Verifier | None = None,
+        floor: float | None = None,
     ) -> None:
         super().__init__(state, objective.placer, level_rotation, sources)
         self.observer, self.searches, self.objective = observer, tuple(searches), objective
-        self._settings, self.sizes = settings, tuple(sizes)
+        self._settings, self.sizes, self.floor = settings, tuple(sizes), floor
         self._occluded_limbs, self._verifier = occluded_limbs, verifier
         self.observation: Observation | None = None
-        self.floor: float | None = None
-        self.heading = np.zeros(2)
-        self.scored: Sequence[ScoredHypothesis] = ()
-        self.winner: ScoredHypothesis | None = None
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
-        """Find the person in the next frame, at `timestamp` seconds; without a sighting the frame is empty."""
-        self.observation, self.scored, self.winner = None, (), None
+        """See `PersonFollower.step`; without a sighting the frame is empty."""
+        self.observation = None
+        followed = self.follow(self.state, sighting, timestamp, StepContext(self.sizes), clock)
+        self.state, self.observation = followed.state, followed.observation
+        return followed.row
+
+    def follow(
+        self,
+        state: PersonState,
+        sighting: Sighting | None,
+        timestamp: float,
+        context: StepContext,
+        clock: StageClock,
+    ) -> FollowedFrame:
+        """Find the person in a frame.
+
+        Parameters
+        ----------
+        state : before this frame; without a previous pose the person is detected again
+        timestamp : seconds, after or before those of the state
+        """
         # Baak 2013, 5.3.1: the person's depth as a cloud.
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         clock.record("prepare")
         if sighting is None or cloud is None or len(cloud) < self._settings.smallest_person:
-            row, self.state = self.predicted_row(EMPTY), unseen(self.state, timestamp)
-            return replace(row, stage_ms=clock.milliseconds)
+            row = replace(self.predicted_row(state, EMPTY), stage_ms=clock.milliseconds)
+            return FollowedFrame(row, unseen(state, timestamp))
 
         # 5.3.4 and 5.4.2: centre, facing and geodesic extrema of the cloud.
-        observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
+        observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
         observation.look()
-        self.observation = observation
         clock.record("landmarks")
 
-        # 5.4.1 and 5.4.3: hypotheses of the local optimisation and of the database lookup, and what each costs.
-        self.scored, asked = self._hypotheses(observation, clock)
+        # 5.4.1 and 5.4.3: hypotheses of the local optimisation and of the database lookup, and their costs.
+        scored, asked = self._hypotheses(state, observation, context, clock)
 
         # 5.4.4: late fusion; the hypothesis of least cost is the pose.
-        winner = min(self.scored, key=self.cost if asked.sized else self.cost_of_size, default=None)
-        if winner is None:
-            row, self.state = self.predicted_row(LOST), unseen(asked, timestamp)
+        costs = [self._selection_cost(each, context, sized=asked.sized) for each in scored]
+        best = min(range(len(scored)), key=costs.__getitem__, default=None)
+        if best is None:
+            row, following = self.predicted_row(state, LOST), unseen(asked, timestamp)
         else:
-            self.winner = winner
-            row, self.state = self._selected(winner, asked, observation)
+            row, following = self._selected(scored[best], asked, observation)
         clock.record("select")
-        return replace(row, stage_ms=clock.milliseconds)
+        row = replace(row, stage_ms=clock.milliseconds)
+        if best is None:
+            return FollowedFrame(row, following, observation, scored)
+        cost = self._selection_cost(scored[best], context)
+        return FollowedFrame(row, following, observation, scored, scored[best], cost)
 
     def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float, bool]:
         """Return the visibility of the person in a frame.
@@ -120,7 +175,7 @@ class Follower(FollowedPerson):
             the image that the person covers
         facing : float64 (2,), see `voted_facing`
         top : y of the top of the head, see `head_top`
-        whole : neither the image border nor an occluder cuts off a limb
+        whole : all joints are in view
         """
         cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
@@ -128,40 +183,34 @@ class Follower(FollowedPerson):
         if votes is None:
             return len(cloud) / cloud.depth.size, voted_facing(None), math.nan, not observation.cut.any()
         joints = float((votes.reliability * votes.in_view).sum())
-        whole = not observation.cut.any() or not links_out_of_view(votes.in_view).any()
+        whole = bool(votes.in_view.min() > 0.5)  # each joint is rather in view than not
         return joints, voted_facing(votes), head_top(cloud, votes.points[HEAD]), whole
 
-    @property
-    def distance(self) -> float:
-        """How far the pose of the last frame is from it, metres; infinite where none was found."""
-        return math.inf if self.winner is None else self.winner.comparison.distance
-
-    def cost(self, scored: ScoredHypothesis) -> float:
-        """What is to be least, metres: a person heads where the frames around have them head."""
-        return self.weighed(scored.cost, scored.hypothesis.pose)
-
-    def cost_of_size(self, scored: ScoredHypothesis) -> float:
-        """What is to be least where the size is unknown, metres: unlikely statures cost more."""
-        return self.cost(scored) + stature_prior_cost(scored.body.height) + self.off_floor(scored)
-
-    def weighed(self, cost: float, pose: np.ndarray) -> float:
-        """Return the cost of a pose (P,), metres, raised by `MAX_HEADING_PENALTY` where the heading disagrees."""
-        return cost * (1.0 + MAX_HEADING_PENALTY * heading_disagreement(self.heading, pose))
+    def compared(self, body: Body, pose: np.ndarray, observation: Observation, context: StepContext) -> float:
+        """Return the cost of a pose (P,) in an observed frame, metres, without priors."""
+        return weighed(self.objective.compare(body, pose, observation.scene).distance, pose, context.heading)
 
     def off_floor(self, scored: ScoredHypothesis) -> float:
-        """What the floor says against a hypothesis, metres."""
+        """Return the cost of a hypothesis that ends above or below the floor, metres."""
         if self.floor is None or scored.comparison.placed is None:
             return 0.0
         lowest = float((scored.comparison.placed.vertices * self.level_rotation[1]).sum(axis=1).min())
         return off_floor(lowest, self.floor)
 
-    def _hypotheses(self, observation: Observation, clock: StageClock) -> tuple[list[ScoredHypothesis], PersonState]:
-        """What the searches say of the frame; and the state, with what they remember of it."""
-        state, rng = self.state, self.rng()
+    def _selection_cost(self, scored: ScoredHypothesis, context: StepContext, *, sized: bool = True) -> float:
+        """Return the cost that selects the pose, metres; where the size is unknown, unlikely statures cost more."""
+        cost = weighed(scored.cost, scored.hypothesis.pose, context.heading)
+        return cost if sized else cost + stature_prior_cost(scored.body.height) + self.off_floor(scored)
+
+    def _hypotheses(
+        self, state: PersonState, observation: Observation, context: StepContext, clock: StageClock
+    ) -> tuple[list[ScoredHypothesis], PersonState]:
+        """Return the hypotheses of all searches, and the state with the memory of the searches."""
+        rng = self.rng(state)
         memory = dict(state.memory)
         went = _last_seen(state, observation.timestamp, self.held)
         known = [] if went is None else [replace(state, previous=went)]
-        bodies = (state.body,) if state.sized else self.sizes
+        bodies = (state.body,) if state.sized else context.sizes
         # A person who was hidden for a moment has not turned round meanwhile.
         anew = not observation.follows and not known
         scored: list[ScoredHypothesis] = []

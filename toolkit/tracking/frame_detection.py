@@ -1,79 +1,97 @@
-"""One person looked at in any frame of a recording: where they are found afresh, or followed to from another frame."""
+"""One person in any frame of a recording: detected again, or followed to from another frame."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import Follower
+from toolkit.tracking.follower import FollowedFrame, Follower, StepContext
+from toolkit.tracking.heading import weighed
+from toolkit.tracking.search.search_protocol import UNLIKELY
 from toolkit.tracking.sightings import PersonSightings
-from toolkit.tracking.state import PersonState
-from toolkit.tracking.trajectory_choice import Step
+from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracking.trajectory_choice import Direction, Step
 
 NOTHING_FOUND = 0.4
-"""Metres that a frame costs in which no pose was found: twice what an unexplained point does."""
+"""Cost of a frame without a pose, metres: twice that of an unexplained point."""
 
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What a look afresh says of one frame.
+    """A person in one frame, and the state from which the next frame can be followed.
 
     Attributes
     ----------
-    step : as a step of a way
-    state : of the follower after it
-    cost : metres, of the pose, with how unlikely it is; infinite where none was found
+    followed : result of the follower
+    step : as a step of a trajectory
     """
 
+    followed: FollowedFrame
     step: Step
-    state: PersonState
-    cost: float
 
 
 class FrameDetector:
-    """Looks at one person in any frame of a recording.
+    """Detects and follows one person, whose body is known, in any frame of a recording.
 
     Parameters
     ----------
     follower : of the person
+    body : the person's own
     seen : the person's sightings
     timestamps : float64 (T,), seconds, of all frames of the recording
     stages : names of the follower's stages
-    heading : float64 (T, 2), where the person heads in each frame, see `heading`
+    heading : float64 (T, 2), expected heading in each frame, see `toolkit.tracking.heading.heading`
 
     Attributes
     ----------
-    follower, heading : as above; more may be known of the latter later
+    unknown : state of the person before any frame
     """
 
     def __init__(
         self,
         follower: Follower,
+        body: Body,
         seen: PersonSightings,
         timestamps: np.ndarray,
         stages: tuple[str, ...],
         heading: np.ndarray,
     ) -> None:
-        self.follower, self._unknown = follower, follower.state
-        self._seen, self._timestamps, self._stages, self.heading = seen, timestamps, stages, heading
+        self._follower, self._body, self._seen = follower, body, seen
+        self._timestamps, self._stages, self._heading = timestamps, stages, heading
+        self.unknown = replace(follower.state, body=body, sized=True)
 
-    def follow(self, frame: int) -> Step:
-        """Follow on to a frame, from where the follower is."""
-        follower = self.follower
-        follower.heading = self.heading[frame]
-        result = follower.step(self._seen[frame], float(self._timestamps[frame]), StageClock(self._stages))
-        if follower.winner is None:
-            return Step(result, NOTHING_FOUND, continues=False)
-        cost = follower.weighed(follower.distance, follower.winner.hypothesis.pose)
-        return Step(result, cost, follower.winner.hypothesis.continues)
+    def follow(self, frame: int, state: PersonState, direction: Direction) -> Detection:
+        """Follow the person to a frame from the state in another one."""
+        clock, moment = StageClock(self._stages), float(self._timestamps[frame])
+        followed = self._follower.follow(state, self._seen[frame], moment, self._context(frame), clock)
+        if followed.winner is None:
+            return Detection(followed, Step(followed.row, NOTHING_FOUND, direction, continues=False))
+        hypothesis = followed.winner.hypothesis
+        cost = weighed(followed.distance, hypothesis.pose, self._heading[frame])
+        return Detection(followed, Step(followed.row, cost, direction, continues=hypothesis.continues))
 
-    def redetect(self, frame: int, body: Body) -> Detection:
-        """Find the person, whose body this is, in a frame without knowing anything of the others."""
-        self.follower.state = replace(self._unknown, body=body, sized=True)
-        step = self.follow(frame)
-        winner = self.follower.winner
-        return Detection(step, self.follower.state, math.inf if winner is None else self.follower.cost(winner))
+    def redetect(self, frame: int, direction: Direction) -> Detection:
+        """Detect the person in a frame independently of all others."""
+        return self.follow(frame, self.unknown, direction)
+
+    def state_at(self, frame: int, pose: np.ndarray) -> PersonState:
+        """Return the state of a person who was just found in a pose (P,) in a frame."""
+        previous, moment = Previous.of_pose(self._body, pose), float(self._timestamps[frame])
+        return replace(self.unknown, previous=previous, pose=pose, timestamp=moment)
+
+    def cost(self, frame: int, pose: np.ndarray, followed: FollowedFrame, *, prior: bool = False) -> float:
+        """Return the cost of another pose (P,) in a frame that was followed, metres; infinite without a sighting.
+
+        `prior` adds the energy of the pose prior, as for a pose that is detected independently of other frames.
+        """
+        if followed.observation is None:
+            return np.inf
+        compared = self._follower.objective.compare(self._body, pose, followed.observation.scene)
+        distance = compared.distance + UNLIKELY * compared.energy if prior else compared.distance
+        return weighed(distance, pose, self._heading[frame])
+
+    def _context(self, frame: int) -> StepContext:
+        return StepContext(self._follower.sizes, self._heading[frame])

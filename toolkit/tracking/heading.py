@@ -114,3 +114,8 @@ def heading_disagreement(heads: np.ndarray, pose: np.ndarray) -> float:
         return 0.0
     yaw = float(canonical.body_facing(pose))
     return -float(heads[0] * np.sin(yaw) + heads[1] * np.cos(yaw))
+
+
+def weighed(cost: float, pose: np.ndarray, heads: np.ndarray) -> float:
+    """Return the cost of a pose (P,), metres, raised by up to `MAX_HEADING_PENALTY` if its heading disagrees."""
+    return cost * (1.0 + MAX_HEADING_PENALTY * heading_disagreement(heads, pose))

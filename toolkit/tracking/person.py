@@ -57,30 +57,25 @@ class FollowedPerson:
 
     def predicted(self) -> PredictedBody:
         """See `PersonFollower.predicted`: the body where it was last found."""
-        body, head = self.state.body, None
-        if self.state.previous is not None and not self.state.lost:
-            head = linear.rotated(self.state.previous.joints[HEAD : HEAD + 1], self.level_rotation)[0]
-        return PredictedBody(self._placer.place(body, self.last_pose).vertices, body.faces, body.height, head)
+        return self.predicted_in(self.state)
 
-    def rng(self) -> np.random.Generator:
-        """The generator as the state has it; made anew only where the state was replaced from outside."""
-        if self._drawn is None or self._drawn[0] is not self.state.generator:
-            self._drawn = self.state.generator, self.state.rng()
+    def predicted_in(self, state: PersonState) -> PredictedBody:
+        """Return the body of a state where it was last found."""
+        body, head = state.body, None
+        if state.previous is not None and not state.lost:
+            head = linear.rotated(state.previous.joints[HEAD : HEAD + 1], self.level_rotation)[0]
+        return PredictedBody(self._placer.place(body, last_pose(state)).vertices, body.faces, body.height, head)
+
+    def rng(self, state: PersonState) -> np.random.Generator:
+        """Return the generator of a state; the one of the last step is reused."""
+        if self._drawn is None or self._drawn[0] is not state.generator:
+            self._drawn = state.generator, state.rng()
         return self._drawn[1]
 
     def after(self, rng: np.random.Generator) -> Mapping[str, Any]:
         """What the next state says of a generator that was drawn from."""
         self._drawn = rng.bit_generator.state, rng
         return self._drawn[0]
-
-    @property
-    def last_pose(self) -> np.ndarray:
-        """The last pose (P,) that was found, a standing one before there was any."""
-        if self.state.pose is not None:
-            return self.state.pose
-        pose = np.zeros(skeleton.POSE_SIZE)
-        pose[skeleton.ROOT_POSITION] = UNSEEN
-        return pose
 
     def row(
         self,
@@ -102,8 +97,18 @@ class FollowedPerson:
             observed=observed,
         )
 
-    def predicted_row(self, state: int) -> FrameResult:
-        """The row of a frame without a pose, without times: the last pose at confidence 0."""
-        joints = self.state.body.joint_positions(self.last_pose)
+    def predicted_row(self, before: PersonState, state: int) -> FrameResult:
+        """Return the row of a frame without a pose, without times: the last pose at confidence 0."""
+        pose = last_pose(before)
+        joints = before.body.joint_positions(pose)
         nothing = np.zeros(len(joints), dtype=np.bool_)
-        return self.row(self.last_pose, joints, np.zeros(len(joints)), nothing, state, PREDICTED)
+        return self.row(pose, joints, np.zeros(len(joints)), nothing, state, PREDICTED)
+
+
+def last_pose(state: PersonState) -> np.ndarray:
+    """Return the last pose (P,) that was found, a standing one if there is none yet."""
+    if state.pose is not None:
+        return state.pose
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[skeleton.ROOT_POSITION] = UNSEEN
+    return pose

@@ -1,48 +1,119 @@
-"""Where a person of a recording is begun, and with what body: found in the frames that show most of them."""
+"""Plan of the second pass over one person: the body, the times in sight, and the keyframes of each."""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.shape import ShapeSettings
+from toolkit.io.archives import Column
+from toolkit.io.checkpoint import HINT, check_state
+from toolkit.io.errors import TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.body_learning import FollowedBody, RateLimiter
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import HELD, Follower
-from toolkit.tracking.frame_detection import NOTHING_FOUND, Detection, FrameDetector
-from toolkit.tracking.heading import directions_faced, heading
-from toolkit.tracking.passes import Plan
+from toolkit.tracking.follower import HELD, Follower, StepContext
+from toolkit.tracking.frame_detection import NOTHING_FOUND, FrameDetector
+from toolkit.tracking.heading import directions_faced, directions_walked, heading, heading_disagreement, weighed
 from toolkit.tracking.sightings import PersonSightings
+from toolkit.tracking.state import State, body_of, body_state
 from toolkit.tracking.stature import StatureBelief, height_stood, statures_of
+from toolkit.tracking.trajectory_choice import Direction
+from toolkit.tracks import TRACKED
 
 SURVEYED = 0.25
 """Seconds between the surveyed frames, in which the regressor counts the visible joints."""
 MOMENTS, MOMENT_GAP = 4, 1.0
-"""Frames with most visible joints, on which sizes are tried, the surest being the start; seconds between them, half of
-all the time where that is less: one frame may mislead."""
+"""Frames with most visible joints, on which sizes are tried; seconds between them, half of all the time where that is
+less: one frame may mislead."""
 CHECKED = 5.0
-"""Seconds of each stretch; its frame with most visible joints is searched afresh."""
+"""Seconds of each stretch; its frame with most visible joints is a keyframe."""
+TURNED = 0.5
+"""Heading disagreement of the first pass, see `heading_disagreement`, above which a frame is a keyframe."""
 
 CANDIDATES, FEW = 3, 16
 """Bodies of different sizes that are followed, and through how many frames, before one is chosen."""
 
+_PLAN = {
+    "stretches": Column("iu", ("stretches", 2), 0), "keyframes": Column("iu", ("keyframes",), 0),
+    "heading": Column("f", ("frames", 2), -1.0, 1.0), "relearned": Column("b", ()),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One time in sight.
+
+    Attributes
+    ----------
+    first, last : its frames, both included
+    keyframes : rising, frames in which the person is detected independently of the others
+    """
+
+    first: int
+    last: int
+    keyframes: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Plan of the second pass over one person.
+
+    Attributes
+    ----------
+    body : the person's own
+    stretches : times in sight, rising
+    heading : float64 (T, 2), expected heading in each frame, see `toolkit.tracking.heading.heading`
+    relearned : the body is another than that of the first pass
+    """
+
+    body: Body
+    stretches: tuple[Stretch, ...]
+    heading: np.ndarray
+    relearned: bool = False
+
+    def export(self) -> State:
+        """Return the plan as plain arrays, numbers and text."""
+        rows = [(stretch.first, stretch.last) for stretch in self.stretches]
+        keyframes = [frame for stretch in self.stretches for frame in stretch.keyframes]
+        return {
+            "body": body_state(self.body),
+            "stretches": np.array(rows, dtype=np.int64).reshape(-1, 2),
+            "keyframes": np.array(keyframes, dtype=np.int64),
+            "heading": self.heading,
+            "relearned": self.relearned,
+        }
+
+    @classmethod
+    def restore(cls, state: Mapping[str, Any], frames: int) -> Plan:
+        """Return the plan that `export` gave for a recording of `frames`; raises TrackError for anything else."""
+        check_state(state, _PLAN, ("body",), "plan")
+        keyframes = state["keyframes"]
+        stretches = tuple(
+            Stretch(first, last, tuple(keyframes[(keyframes >= first) & (keyframes <= last)].tolist()))
+            for first, last in state["stretches"].tolist()
+        )
+        if len(state["heading"]) != frames or not all(s.first <= s.last < frames and s.keyframes for s in stretches):
+            raise TrackError(f"the second pass is of another recording; {HINT}")
+        return cls(body_of(state["body"]), stretches, state["heading"], state["relearned"])
+
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """How much of a person some frames show.
+    """Visibility of a person in some frames; see `Follower.shown`.
 
     Attributes
     ----------
     frames : int64 (N,), rising
-    shown : float64 (N,), joints that the regressor expects to be in view and is sure of
-    facing : float64 (N, 2), where they have the person face, see `voted_facing`
-    tops : float64 (N,), where the head ends, see `head_top`
-    whole : bool (N,), neither the image border nor an occluder cuts off a limb
+    shown : float64 (N,), expected number of joints in view, weighted by reliability
+    facing : float64 (N, 2), see `voted_facing`
+    tops : float64 (N,), y of the top of the head, see `head_top`
+    whole : bool (N,), all joints are in view
     """
 
     frames: np.ndarray
@@ -52,7 +123,9 @@ class Survey:
     whole: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
-        """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` or half of the time apart."""
+        """Return the frames from `first` to `last` that show most, the best first, `MOMENT_GAP` or half of the time
+        apart.
+        """
         gap = min(MOMENT_GAP, 0.5 * float(timestamps[last] - timestamps[first]))
         inside = np.flatnonzero((self.frames >= first) & (self.frames <= last))
         chosen: list[int] = []
@@ -66,7 +139,7 @@ class Survey:
 
 
 class Planner:
-    """Surveys what was seen of a person, learns their body and chooses where to begin.
+    """Makes the plan of one person.
 
     Parameters
     ----------
@@ -75,10 +148,10 @@ class Planner:
     seen : the person's sightings
     timestamps : float64 (T,), seconds, of all frames of the recording
     stages : names of the followers' stages
-    smallest : measured points that a sighting needs to be looked at
+    smallest : measured points below which a sighting is not used
     body : the person's own, from the first pass
     relearn : search sizes and learn the body again if the person is truncated or occluded in every keyframe
-    walked : float64 (T, 2), where they walk in each frame, see `directions_walked`
+    first_pass : rows (T,) of the first pass, with the track's columns
     """
 
     def __init__(
@@ -90,45 +163,56 @@ class Planner:
         stages: tuple[str, ...],
         smallest: int,
         body: Body,
+        first_pass: np.ndarray,
         *,
         relearn: bool = True,
-        walked: np.ndarray | None = None,
     ) -> None:
-        self._learner, self._follower, self._seen = learner, follower, seen
-        self._walked = np.zeros((len(timestamps), 2)) if walked is None else walked
-        self._looker = FrameDetector(follower, seen, timestamps, stages, self._walked)
+        self._learner, self._follower, self._seen, self._first_pass = learner, follower, seen, first_pass
         self._timestamps, self._stages, self._smallest = timestamps, stages, smallest
         self._body, self._relearn = body, relearn
+        self._heading = np.zeros((len(timestamps), 2))
         self.plan: Plan | None = None
 
     def run(self) -> Iterator[None]:
-        """Make the plan, a frame at a time: the caller may stop in between. It stays None where too little was seen."""
+        """Make the plan, a frame at a time: the caller may stop in between. It stays None if too little was seen."""
         usable = self._seen.frames[self._seen.pixels >= self._smallest]
         if not len(usable):
             return
-        stretches = times_in_sight(usable, self._timestamps)
         survey = yield from self._survey(usable)
+        walked = directions_walked(self._first_pass, self._timestamps, self._follower.level_rotation)
         faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
-        self._looker.heading = heading(self._walked, faced)
-        body = self._body
+        self._heading = heading(walked, faced)
         moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
-        if self._relearn and not survey.whole[np.isin(survey.frames, moments)].any():
-            stood = height_stood(survey.tops, self._learner.follower.floor)
-            body = yield from self._own_body(moments, usable, stood)
-        rows, checks, looks = [], [], dict[int, Detection]()
-        for number, (first, last) in enumerate(stretches):
-            best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
-            found = yield from self._looks(best, body)
-            start = surest(found)
-            looks |= found
-            rows.append((first, last, start))
-            others = set(best)
-            for begin in np.arange(self._timestamps[first], self._timestamps[last], CHECKED):
-                low, high = np.searchsorted(self._timestamps, [begin, begin + CHECKED]).tolist()
-                others.update(survey.best(1, low, min(high - 1, last), self._timestamps))
-            checks += [(frame, number, 0) for frame in sorted(others - {start})]
-        starts = np.array(rows, dtype=np.int64).reshape(-1, 3)
-        self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), self._looker.heading, looks)
+        relearned = self._relearn and not survey.whole[np.isin(survey.frames, moments)].any()
+        body = self._body
+        if relearned:
+            body = yield from self._own_body(moments, usable, height_stood(survey.tops, self._learner.follower.floor))
+        stretches = tuple(
+            Stretch(first, last, self._keyframes(survey, first, last, moments if relearned else []))
+            for first, last in times_in_sight(usable, self._timestamps)
+        )
+        self.plan = Plan(body, stretches, self._heading, relearned)
+
+    def _keyframes(self, survey: Survey, first: int, last: int, moments: list[int]) -> tuple[int, ...]:
+        """Return the frames that show most in every `CHECKED` seconds, those that head most wrongly, and `moments`."""
+        times = self._timestamps
+        frames = {moment for moment in moments if first <= moment <= last}
+        for begin in np.arange(times[first], times[last] + 1e-9, CHECKED):
+            low, high = np.searchsorted(times, [begin, begin + CHECKED]).tolist()
+            frames.update(survey.best(1, low, min(high - 1, last), times))
+        frames.update(self._turned(first, last))
+        return tuple(sorted(frames or {first}))
+
+    def _turned(self, first: int, last: int) -> list[int]:
+        """Return of each run of frames whose heading in the first pass is wrong the most wrong one."""
+        rows = self._first_pass[first : last + 1]
+        disagreement = np.array([
+            heading_disagreement(heads, row["pose"].copy()) if row["state"] == TRACKED else 0.0
+            for heads, row in zip(self._heading[first : last + 1], rows, strict=True)
+        ])  # fmt: skip
+        wrong = np.concatenate([[False], disagreement > TURNED, [False]])
+        begins, ends = np.flatnonzero(wrong[1:] & ~wrong[:-1]), np.flatnonzero(wrong[:-1] & ~wrong[1:])
+        return [int(first + b + np.argmax(disagreement[b:e])) for b, e in zip(begins, ends, strict=True)]
 
     def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
         frames, views, due = [], [], -np.inf
@@ -143,91 +227,85 @@ class Planner:
         return Survey(np.array(frames, dtype=np.int64), shown, facing.reshape(-1, 2), tops, whole)
 
     def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
-        """The body that explains the frames around the surest of these moments, whose head `stood` so high."""
+        """Return the body that explains the frames around the best of these moments, whose head `stood` so high."""
         belief = yield from self._believed(moments, stood)
-        looks = yield from self._looks(moments, belief.bodies[belief.likely[0]])
-        start = surest(looks)
+        likeliest = belief.bodies[belief.likely[0]]
+        detector = FrameDetector(self._follower, likeliest, self._seen, self._timestamps, self._stages, self._heading)
+        costs: dict[int, float] = {}
+        for moment in moments:
+            costs[moment] = detector.redetect(moment, Direction.FORWARD).followed.cost
+            yield
+        start = min(costs, key=costs.__getitem__)
         around = frames_around(start, usable, self._timestamps, self._learner.settings)
         if not len(around):
-            return belief.bodies[belief.likely[0]]  # only the size is chosen
+            return likeliest  # only the size is chosen
         if len(belief.likely) > 1:
-            few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
+            few, learnt, distances = around[:: -(-len(around) // FEW)], [], []
             for k in belief.likely[:CANDIDATES]:
-                body, cost = yield from self._learnt(belief.bodies[k], start, few, stood)
+                body, distance = yield from self._learnt(belief.bodies[k], start, few, stood)
                 learnt.append(body)
-                costs.append(cost)
-            belief = StatureBelief.of(tuple(learnt), stood).narrowed(dict(enumerate(costs)))
+                distances.append(distance)
+            belief = StatureBelief.of(tuple(learnt), stood).narrowed(dict(enumerate(distances)))
         body, _ = yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around, stood)
         return body
 
     def _learnt(
         self, body: Body, start: int, around: np.ndarray, stood: float
     ) -> Generator[None, None, tuple[Body, float]]:
-        """What becomes of a body that is taken for the person's in `start`, and then in the frames around it; and how
-        far from them it lies, metres, once half of them were seen.
+        """Return the body learnt in `start` and in the frames around it from a first one, and its mean distance from
+        the later half of them, metres.
         """
         learner = self._learner
         learner.begin(body, statures_of(stood, body.height))
-        learner.take(self._sighting(start), float(self._timestamps[start]))
-        distances = [min(learner.follower.distance, NOTHING_FOUND)]
-        begun = learner.follower.state
+        distances = [self._taken(start)]
+        begun = learner.state
         for frames in (around[around > start], around[around < start][::-1]):
-            learner.follower.state = replace(begun, body=learner.follower.state.body)
+            learner.rewind(begun)
             for frame in frames.tolist():
-                learner.take(self._sighting(frame), float(self._timestamps[frame]))
-                distances.append(min(learner.follower.distance, NOTHING_FOUND))
+                distances.append(self._taken(frame))
                 yield
-        return learner.follower.state.body, float(np.mean(distances[len(distances) // 2 :]))
+        return learner.state.body, float(np.mean(distances[len(distances) // 2 :]))
+
+    def _taken(self, frame: int) -> float:
+        """Learn from a frame; return its distance, metres, at most `NOTHING_FOUND`."""
+        learner = self._learner
+        context = StepContext(learner.follower.sizes, self._heading[frame])
+        return min(learner.take(self._sighting(frame), float(self._timestamps[frame]), context), NOTHING_FOUND)
 
     def _believed(self, moments: list[int], stood: float) -> Generator[None, None, StatureBelief]:
-        """How likely which size is, by looking for the person afresh with all of them."""
-        follower = self._learner.follower
-        unknown = follower.state
-        belief = StatureBelief.of(follower.sizes, stood)
+        """Return the probability of each size, from detections with all of them."""
+        follower, unknown = self._learner.follower, self._learner.state
+        belief = StatureBelief.of(tuple(follower.sizes), stood)
         for moment in moments:
-            follower.state = unknown
-            follower.sizes = tuple(belief.bodies[k] for k in belief.possible)
-            follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
+            sizes = tuple(belief.bodies[k] for k in belief.possible)
+            context = StepContext(sizes, self._heading[moment])
+            clock, time = StageClock(self._stages), float(self._timestamps[moment])
+            followed = follower.follow(unknown, self._sighting(moment), time, context, clock)
             costs: dict[int, float] = {}
-            for scored in follower.scored:
+            for scored in followed.scored:
                 number = next(k for k, body in enumerate(belief.bodies) if body is scored.body)
-                costs[number] = min(costs.get(number, np.inf), follower.cost(scored) + follower.off_floor(scored))
+                cost = weighed(scored.cost, scored.hypothesis.pose, context.heading) + follower.off_floor(scored)
+                costs[number] = min(costs.get(number, np.inf), cost)
             if costs:
                 belief = belief.narrowed(costs)
             yield
-        follower.sizes, follower.state = belief.bodies, unknown
         return belief
 
-    def _looks(self, moments: list[int], body: Body) -> Generator[None, None, dict[int, Detection]]:
-        """What looks afresh say of these moments, for a body."""
-        looks = {}
-        for moment in moments:
-            looks[moment] = self._looker.redetect(moment, body)
-            yield
-        return looks
-
     def _sighting(self, frame: int) -> Sighting:
-        """What is seen of the person in a frame, which both followers are about to look at."""
         sighting = self._seen[frame]
-        self._follower.heading = self._learner.follower.heading = self._looker.heading[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
 
 
-def surest(looks: Mapping[int, Detection]) -> int:
-    """The frame in which a pose was found at the least cost."""
-    return min(looks, key=lambda frame: looks[frame].cost)
-
-
 def times_in_sight(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:
-    """First and last frame of each time in sight; who is hidden for a moment only is still there."""
+    """Return the first and last frame of each time in sight; absences up to `HELD` seconds do not end one."""
     ends = np.flatnonzero(np.diff(timestamps[usable]) > HELD)
     firsts, lasts = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(usable) - 1]])
     return [(int(usable[a]), int(usable[b])) for a, b in zip(firsts, lasts, strict=True)]
 
 
 def frames_around(start: int, usable: np.ndarray, timestamps: np.ndarray, settings: ShapeSettings) -> np.ndarray:
-    """Frames around `start`, nearest in time and evenly spread, rising: as many as a body is learnt of."""
+    """Return the frames around `start` from which a body is learnt: nearest in time, evenly spread, rising."""
     chosen = []
     for frames in (usable[usable >= start], usable[usable < start][::-1]):
         pace = RateLimiter(settings.rate)

@@ -23,8 +23,8 @@ from toolkit.tracking.body_learning import FollowedBody
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
-from toolkit.tracking.passes import BidirectionalTracker, Plan
-from toolkit.tracking.planning import Planner
+from toolkit.tracking.passes import BidirectionalTracker
+from toolkit.tracking.planning import Plan, Planner
 from toolkit.tracking.search.search_protocol import Search, Verifier
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
@@ -116,9 +116,7 @@ class SearchingTracker(ABC):
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FollowedBody:
         """See `Tracker.learner`."""
-        follower = self._follower(camera, level_rotation, self._first_body, sized=False)
-        follower.floor = floor
-        follower.observer = replace(follower.observer, learning=True)
+        follower = self._follower(camera, level_rotation, self._first_body, sized=False, learning=True, floor=floor)
         return FollowedBody(follower, self.stage_names, self._common.shape, self._common.fitting)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
@@ -142,51 +140,67 @@ class SearchingTracker(ABC):
         seen: PersonSightings,
         timestamps: np.ndarray,
         body: Body,
+        first_pass: np.ndarray,
         floor: float | None = None,
-        walked: np.ndarray | None = None,
     ) -> Planner:
         """See `LooksBack.planner`."""
         maker = self if len(timestamps) > 1 else self.of_still()
         learner = maker.learner(camera, level_rotation, floor)
-        follower = maker.follower(camera, level_rotation, self._first_body)
-        smallest = self._common.smallest_person
+        follower = maker.follower(camera, level_rotation, body)
         return Planner(
-            learner, follower, seen, timestamps, self.stage_names, smallest, body,
-            relearn=self._known_body is None, walked=walked,
+            learner, follower, seen, timestamps, self.stage_names, self._common.smallest_person, body, first_pass,
+            relearn=self._known_body is None,
         )  # fmt: skip
 
-    def both_ways(
+    def bidirectional(
         self,
         camera: Camera,
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        way: TrajectoryStore,
+        trajectory: TrajectoryStore,
         plan: Plan,
-        first_pass: np.ndarray | None = None,
+        first_pass: np.ndarray,
     ) -> BidirectionalTracker:
-        """See `LooksBack.both_ways`."""
-        follower = self.follower(camera, level_rotation, plan.body)
-        return BidirectionalTracker(follower, seen, timestamps, way, plan, self.stage_names, first_pass)
+        """See `LooksBack.bidirectional`."""
+        maker = self if len(timestamps) > 1 else self.of_still()
+        follower = maker.follower(camera, level_rotation, plan.body)
+        return BidirectionalTracker(follower, seen, timestamps, trajectory, plan, self.stage_names, first_pass)
 
     def assembled(
-        self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState
+        self,
+        objective: Objective,
+        refiner: Refiner,
+        observer: Observer,
+        level_rotation: np.ndarray,
+        state: PersonState,
+        floor: float | None = None,
     ) -> Follower:
         """A follower from these parts."""
         members = self.searches(objective, refiner)
         return self.kind(
             observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state,
-            self.occluded_limbs, self.verifier(objective, refiner),
+            self.occluded_limbs, self.verifier(objective, refiner), floor,
         )  # fmt: skip
 
-    def _follower(self, camera: Camera, level_rotation: np.ndarray, body: Body, *, sized: bool) -> Follower:
+    def _follower(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        body: Body,
+        *,
+        sized: bool,
+        learning: bool = False,
+        floor: float | None = None,
+    ) -> Follower:
         settings = self._common
         small = camera.subsampled(2) if camera.width > LARGE_IMAGE else camera
         placer = Placer(self._first_body, small, level_rotation)
         objective = Objective(placer, settings.fitting, self.priors)
         refiner = Refiner(placer, settings.fitting, self.priors)
         state = PersonState.begin(body, sized=sized, seed=settings.seed)
-        return self.assembled(objective, refiner, self.observer, level_rotation, state)
+        observer = replace(self.observer, learning=True) if learning else self.observer
+        return self.assembled(objective, refiner, observer, level_rotation, state, floor)
 
     @cached_property
     def _sizes(self) -> Sequence[Body]:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from toolkit.fitting.priors import PoseTerm
-    from toolkit.tracking.passes import BidirectionalTracker, Plan
-    from toolkit.tracking.planning import Planner
+    from toolkit.tracking.passes import BidirectionalTracker
+    from toolkit.tracking.planning import Plan, Planner
     from toolkit.tracking.sightings import PersonSightings
     from toolkit.tracking.trajectory_choice import TrajectoryStore
 
@@ -229,21 +229,21 @@ class LooksBack(Tracker, Protocol):
         seen: PersonSightings,
         timestamps: np.ndarray,
         body: Body,
+        first_pass: np.ndarray,
         floor: float | None = None,
-        walked: np.ndarray | None = None,
     ) -> Planner:
-        """Return the planner of the person whose sightings these are, with their body of the first pass."""
+        """Return the planner of the person with these sightings; body and rows are those of the first pass."""
         ...
 
-    def both_ways(
+    def bidirectional(
         self,
         camera: Camera,
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        way: TrajectoryStore,
+        trajectory: TrajectoryStore,
         plan: Plan,
-        first_pass: np.ndarray | None = None,
+        first_pass: np.ndarray,
     ) -> BidirectionalTracker:
-        """Follows that person; see `BidirectionalTracker`."""
+        """Return what follows that person a second time; see `BidirectionalTracker`."""
         ...

@@ -1,11 +1,13 @@
-"""Ways through the frames of one person: their rows on disk, and of two ways the one that explains a stretch.
+"""Trajectories of one person: their steps on disk, and the selection between two of them.
 
-A way is a row of the track for each frame, found by following the person forwards or backwards from one frame.
+A trajectory is a row of the track for each frame, found by following the person forwards or backwards in time.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -17,28 +19,39 @@ from toolkit.tracks import FrameResult
 from toolkit.tracks.track_writer import check_rows, row_type
 
 APART = 1.0
-"""Cost of a switch between two ways per metre that they are apart: ten frames in which the better way is 3 cm nearer to
-what was measured outweigh a jump of 30 cm."""
+"""Cost of a switch between two trajectories per metre between them: ten frames in which the better one is 3 cm nearer
+to what was measured outweigh a jump of 30 cm."""
+
+
+class Direction(Enum):
+    """Direction of time in which a person is followed; the value is the step to the next frame."""
+
+    FORWARD = 1
+    BACKWARD = -1
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One frame of a way.
+    """One frame of a trajectory.
 
     Attributes
     ----------
     result : row of the track
-    cost : metres, how far the pose is from the frame
-    continues : the pose goes on from the one in the frame followed before
+    cost : metres, distance of the pose from the frame
+    direction : in which the person was followed to this frame
+    continues : the pose continues that of the frame followed before
+    rival_cost : metres, of the first pass's pose in this frame; infinite without one
     """
 
     result: FrameResult
     cost: float
+    direction: Direction = Direction.FORWARD
     continues: bool = True
+    rival_cost: float = math.inf
 
 
 class TrajectoryStore:
-    """The steps of one way on disk, in any order of the frames.
+    """Steps of one trajectory on disk, in any order of the frames.
 
     Parameters
     ----------
@@ -55,7 +68,8 @@ class TrajectoryStore:
     """
 
     def __init__(self, path: Path, stages: int, sources: int) -> None:
-        self._type = np.dtype([("row", row_type(stages)), ("cost", "<f8"), ("continues", "?"), ("known", "?")])
+        numbers = [("cost", "<f8"), ("rival_cost", "<f8"), ("direction", "i1"), ("continues", "?"), ("known", "?")]
+        self._type = np.dtype([("row", row_type(stages)), *numbers])
         self._path = path
         try:
             open_file(path, "a+b", inside=True).close()
@@ -75,23 +89,16 @@ class TrajectoryStore:
         record = np.zeros((), dtype=self._type)
         for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
             record["row"][name] = getattr(step.result, name)
-        record["cost"], record["continues"], record["known"] = step.cost, step.continues, True
+        record["cost"], record["rival_cost"], record["known"] = step.cost, step.rival_cost, True
+        record["direction"], record["continues"] = step.direction.value, step.continues
         return np.frombuffer(record.tobytes(), dtype=np.uint8)
 
     def unpacked(self, packed: np.ndarray) -> Step:
         """From `packed`."""
         record = np.frombuffer(packed.tobytes(), dtype=self._type)[0]
-        row = record["row"]
-        result = FrameResult(
-            pose=row["pose"].copy(),
-            joints=row["joints"].copy(),
-            confidence=row["confidence"].copy(),
-            state=int(row["state"]),
-            source=int(row["source"]),
-            stage_ms=row["stage_ms"].copy(),
-            observed=row["observed"].copy(),
-        )
-        return Step(result, float(record["cost"]), bool(record["continues"]))
+        direction = Direction.BACKWARD if record["direction"] < 0 else Direction.FORWARD
+        costs = float(record["cost"]), float(record["rival_cost"])
+        return Step(result_of(record["row"]), costs[0], direction, bool(record["continues"]), costs[1])
 
     def __setitem__(self, frame: int, step: Step) -> None:
         try:
@@ -111,7 +118,7 @@ class TrajectoryStore:
         self[frame] = self.unpacked(step)
 
     def get(self, frame: int) -> Step | None:
-        """The step of a frame; None where the way does not lead through it."""
+        """The step of a frame; None without one."""
         self._file.seek(frame * self._type.itemsize)
         data = self._file.read(self._type.itemsize)
         if len(data) < self._type.itemsize or not np.frombuffer(data, dtype=self._type)[0]["known"]:
@@ -129,6 +136,19 @@ class TrajectoryStore:
         self._file.close()
 
 
+def result_of(row: np.void) -> FrameResult:
+    """Return a row of the track as a result."""
+    return FrameResult(
+        pose=row["pose"].astype(np.float64),
+        joints=row["joints"].copy(),
+        confidence=row["confidence"].copy(),
+        state=int(row["state"]),
+        source=int(row["source"]),
+        stage_ms=row["stage_ms"].copy(),
+        observed=row["observed"].copy(),
+    )
+
+
 def apart(one: FrameResult, other: FrameResult) -> float:
     """Mean distance of two rows' joints, metres."""
     return float(np.linalg.norm(one.joints - other.joints, axis=1).mean())
@@ -137,14 +157,14 @@ def apart(one: FrameResult, other: FrameResult) -> float:
 def better_parts(
     first: np.ndarray, second: np.ndarray, gaps: np.ndarray, ends: tuple[bool, bool] = (False, False)
 ) -> np.ndarray:
-    """Where to go the second of two ways: the cheapest path through both (dynamic programming, Viterbi 1967).
+    """Return the frames of the second of two trajectories on the cheapest path through both (Viterbi 1967).
 
     Parameters
     ----------
-    first, second : float64 (T,), metres, what each frame costs on either way
-    gaps : float64 (T,), metres, how far the ways are apart in each frame; a switch at a frame costs `APART` times as
+    first, second : float64 (T,), metres, cost of each frame on either trajectory
+    gaps : float64 (T,), metres, between the trajectories in each frame; a switch at a frame costs `APART` times as
         much
-    ends : whether nothing comes before the first frame and after the last one; otherwise it is the first way
+    ends : if the path may begin and end on the second trajectory; otherwise it does on the first one
 
     Returns
     -------
@@ -158,8 +178,8 @@ def better_parts(
         best = np.minimum(best, switched) + cost
     if not ends[1]:
         best[1] += APART * gaps[-1]
-    way, chosen = int(np.argmin(best)), np.zeros(len(costs), dtype=np.bool_)
+    taken, chosen = int(np.argmin(best)), np.zeros(len(costs), dtype=np.bool_)
     for t in range(len(costs) - 1, -1, -1):
-        chosen[t] = way == 1
-        way = int(came[t, way])
+        chosen[t] = taken == 1
+        taken = int(came[t, taken])
     return chosen

@@ -20,9 +20,8 @@ from toolkit.io.checkpoint import check_state, load_checkpoint, numbered, save_c
 from toolkit.io.files import is_folder
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.sensing.camera import Camera
-from toolkit.tracking.heading import directions_walked
-from toolkit.tracking.passes import Plan
 from toolkit.tracking.person import PREDICTED
+from toolkit.tracking.planning import Plan
 from toolkit.tracking.sightings import SightingFile, StoredSighting
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.tracker_protocol import LooksBack
@@ -102,12 +101,12 @@ class SecondPass:
         if not (self._folder / STATE_FILE).exists():
             return False
         state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
-        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "evidence", "way"), "second pass")
+        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "evidence", "person"), "second pass")
         self.bodies = {person: body_of(own) for person, own in numbered(state["bodies"], "second pass").items()}
         self.evidence = restore_evidence(state["evidence"])
-        self._finished, self._resumed = state["finished"], state["way"]
+        self._finished, self._resumed = state["finished"], state["person"]
         if self._resumed:
-            check_state(self._resumed, {}, ("plan", "steps"), "way")
+            check_state(self._resumed, {}, ("plan", "steps"), "person")
         return self._sink.rows(self.bodies.keys() - furniture(self.evidence)) == len(self._timestamps)
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
@@ -132,21 +131,24 @@ class SecondPass:
     def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
         """Follow one person and put their rows in place; `stop` may end it between two steps."""
         seen, stages = sightings.of(person, before_found.of(person)), self._tracker.stage_names
-        before = self._sink.past(person)
+        first_pass, frames = self._sink.past(person), len(self._timestamps)
         if "plan" in self._resumed:
-            plan: Plan | None = Plan.restore(self._resumed["plan"])
+            plan: Plan | None = Plan.restore(self._resumed["plan"], frames)
         else:
-            walked = directions_walked(before, self._timestamps, self._rotation)
             planner = self._tracker.planner(
-                self._camera, self._rotation, seen, self._timestamps, self.bodies[person], self._floor, walked
+                self._camera, self._rotation, seen, self._timestamps, self.bodies[person], first_pass, self._floor
             )
             for _ in planner.run():
                 yield 0
             plan = planner.plan
         if plan is None:
             return  # too little was seen: the rows of the first pass stay
-        way = TrajectoryStore(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
-        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
+        trajectory = TrajectoryStore(
+            self._folder / f"trajectory_{person}", len(stages), len(self._tracker.source_names)
+        )
+        both = self._tracker.bidirectional(
+            self._camera, self._rotation, seen, self._timestamps, trajectory, plan, first_pass
+        )
         if "plan" in self._resumed:
             both.restore_state(self._resumed["steps"])
         kept = time.monotonic()
@@ -155,9 +157,9 @@ class SecondPass:
                 self._keep({"plan": plan.export(), "steps": both.export_state()})
                 kept = time.monotonic()
             yield min(done, len(self._timestamps) - 1)
-        self._sink.replace(person, self._rows(person, way))
+        self._sink.replace(person, self._rows(person, trajectory))
         self.bodies[person] = plan.body
-        way.close()
+        trajectory.close()
         if person in self.evidence:
             poses = self._sink.past(person)["pose"][seen.frames]
             energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
@@ -165,26 +167,26 @@ class SecondPass:
             somebody = own.lifeless and seen.detected_fraction() >= MIN_DETECTED_FRACTION
             self.evidence[person] = replace(own, unlikely=0.0) if somebody else own
 
-    def _rows(self, person: int, way: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
+    def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
         """All rows of a person; where they were out of sight the last pose, before that the first one."""
         spent = self._sink.past(person)["stage_ms"]
         predicted = self._tracker.source_names.index(PREDICTED)
-        known = next(step for step in map(way.get, range(len(self._timestamps))) if step is not None)
+        known = next(step for step in map(trajectory.get, range(len(self._timestamps))) if step is not None)
         last = replace(known.result, source=predicted, **_nothing(known.result))
         for frame, moment in enumerate(self._timestamps.tolist()):
-            step = way.get(frame)
+            step = trajectory.get(frame)
             if step is None:
                 yield replace(last, stage_ms=spent[frame]), moment
             else:
                 yield replace(step.result, stage_ms=step.result.stage_ms + spent[frame]), moment
                 last = replace(step.result, source=predicted, **_nothing(step.result))
 
-    def _keep(self, way: Mapping[str, Any]) -> None:
+    def _keep(self, person: Mapping[str, Any]) -> None:
         state = {
             "bodies": {str(person): body_state(body) for person, body in self.bodies.items()},
             "evidence": export_evidence(self.evidence),
             "finished": self._finished,
-            "way": way,
+            "person": person,
         }
         save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, state)
 

@@ -123,10 +123,10 @@ class ParticleFollower(FollowedPerson):
         clock.record("prepare")
         if seen is None or seen.points < max(self.settings.smallest_person, 1):
             self.state = replace(self.state, previous=None, timestamp=timestamp)
-            return replace(self.predicted_row(EMPTY), stage_ms=clock.milliseconds)
+            return replace(self.predicted_row(self.state, EMPTY), stage_ms=clock.milliseconds)
         effectors = seen.effectors(self.settings.effectors, self._workspace)
         clock.record("detect")
-        state, rng = self.state, self.rng()
+        state, rng = self.state, self.rng(self.state)
         if state.previous is None:
             found = self._first(effectors, seen.frame(effectors), rng)
             source = DETECTED
@@ -137,7 +137,7 @@ class ParticleFollower(FollowedPerson):
         if found is None:
             clock.record("detect")
             self.state = replace(state, timestamp=timestamp)
-            return replace(self.predicted_row(LOST), stage_ms=clock.milliseconds)
+            return replace(self.predicted_row(self.state, LOST), stage_ms=clock.milliseconds)
         pose, particles, cost = found
         scene = seen.scene(effectors, self.settings.fitting)
         if self.settings.refined:
