@@ -23,7 +23,7 @@ HEADS: dict[type, str] = {
 # settings that keep their value can be left out. configs/baak2013.yaml is the paper's own variant.
 """,
     SwarmTrackerSettings: """
-# The swarm tracker (Qammaz): image joints and depth, without motion capture, regressor or database. A particle
+# The swarm tracker (Qammaz): image joints and depth, without motion capture, joint network or database. A particle
 # swarm searches for the pose, the local optimisation of the hybrid tracker refines it, and competes with the refined
 # previous pose. Copy this file to change values; settings that keep their value can be left out.
 # configs/qammaz.yaml is the paper's own variant.

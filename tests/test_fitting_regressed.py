@@ -1,4 +1,4 @@
-"""Joints that the regressor is sure of, as evidence."""
+"""Joints that the network is sure of, as evidence."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.regressed_joints import CAP, OUT_OF_VIEW, WITHIN, VotedJoints, links_out_of_view
-from toolkit.landmarks.regressor import JointEstimate
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 
 BODY = load_body("neutral")

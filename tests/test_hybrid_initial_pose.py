@@ -16,8 +16,8 @@ from toolkit.database.canonical import body_facing
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.kernels.fit import particles as kernel
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
-from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.hybrid.aimed import AimedArms
@@ -58,7 +58,7 @@ def observed(pose: np.ndarray) -> Observation:
     """A frame of somebody in a pose, without legs."""
     depth = np.empty(CAMERA.shape)
     kernel.draw(pose, BODIES.of(BODY).whole, np.array(CAMERA.intrinsics), depth)
-    observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, None, 0)
+    observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, None)
     state = PersonState.begin(BODY, sized=True, seed=0)
     return Observation(observer, Cloud.from_depth(depth.astype(np.float32), CAMERA, LEVEL), 0.0, state)
 
@@ -129,7 +129,7 @@ def finished(observation: Observation, rival: ScoredHypothesis) -> list[ScoredHy
     return InitialPoseVerifier(FIT.objective, FIT.refiner, ARMS).verified(observation, [rival])
 
 
-def test_who_was_taken_back_to_front_is_turned_round_where_a_regressor_knows_front_from_back() -> None:
+def test_who_was_taken_back_to_front_is_turned_round_where_joints_were_estimated() -> None:
     observation = observed(FORWARD)
     wrong = rival(other_ways_round(FORWARD)[1], observation)
     assert not any(abs(float(body_facing(one.hypothesis.pose))) < 1.0 for one in finished(observation, wrong))

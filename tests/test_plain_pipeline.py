@@ -23,8 +23,8 @@ from toolkit.kernels.fit import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
-from toolkit.landmarks.regressor import JointEstimate
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings

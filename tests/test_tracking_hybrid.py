@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from database_builder.regressor import RegressorSettings, train_regressor
-from database_builder.views import ViewSettings
 from tests.support.misled import misled
 from tests.support.solo import Solo
 from toolkit.body import skeleton
@@ -185,21 +183,13 @@ def test_a_mirrored_recording_gives_mirrored_joints(
     assert np.linalg.norm(found - joints_of(results) * [-1, 1, 1], axis=2).mean() > 0.2  # sides without the swap
 
 
-def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:
-    views = ViewSettings(turned=0.0, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
-    small = RegressorSettings(
-        images=800, pixels=60, trees=2, depth=9, smallest_leaf=15, questions=30, views=views, calibration=0
-    )
-    regressed = replace(database, regressor=train_regressor(database.poses, small))
-    found = run(known(regressed, replace(SETTINGS, hypotheses=("joints",))), recording, 8)
+def test_the_joint_network_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:
+    found = run(known(database, replace(SETTINGS, hypotheses=("joints",))), recording, 8)
     check_sound(found)
     assert {SOURCES[result.source] for result in found} == {"joints"}
-    assert np.median(errors(found, recording)) < 0.03  # so small a forest knows no arm
-    with_all = run(known(regressed, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 8)
+    assert np.median(errors(found, recording)) < 0.03
+    with_all = run(known(database, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 8)
     assert errors(with_all, recording).mean() < 0.02
-    # Without a regressor in the database its hypothesis is left out.
-    without = run(known(database, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 3)
-    assert digest(without) == digest(run(known(database), recording, 3))
 
 
 # Arms

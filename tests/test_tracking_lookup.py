@@ -21,7 +21,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.facing import camera_yaw, estimate_facing, smoothed_facing
-from toolkit.landmarks.regressor import JointEstimate
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import (
@@ -165,14 +165,14 @@ def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, r
     assert nearest < 0.1
 
 
-def test_fewer_than_five_extrema_without_a_regressor_propose_nothing(body: Body) -> None:
+def test_fewer_than_five_extrema_without_estimated_joints_propose_nothing(body: Body) -> None:
     view = view_of(body, standing_at(3), np.arange(5))
     few = replace(view.extrema, points=view.extrema.points[:4])
     query = ExtremaQuery(small_database(), LookupSettings())
     assert query.poses(replace(view, extrema=few), None, body, 3).shape == (0, skeleton.POSE_SIZE)
 
 
-def test_three_labelled_end_effectors_are_enough_with_a_regressor(body: Body) -> None:
+def test_three_labelled_end_effectors_are_enough_with_estimated_joints(body: Body) -> None:
     pose = standing_at(77)
     view = view_of(body, pose, np.arange(5))
     few = replace(view.extrema, points=view.extrema.points[[4, 1, 2]])

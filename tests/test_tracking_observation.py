@@ -13,8 +13,8 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.landmarks.facing import FacingEstimate, smoothed_facing
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
-from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D
@@ -22,7 +22,7 @@ from toolkit.tracking import observation as room
 from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
 
-OBSERVER = Observer(LandmarkSettings(), 20, 100, None, 100)
+OBSERVER = Observer(LandmarkSettings(), 20, 100, None)
 CENTRE = np.array([0.0, 0.1, -3.0])
 
 
@@ -108,7 +108,7 @@ def test_a_pose_of_before_a_gap_is_a_guess_that_the_frame_does_not_believe(
 
 
 class Votes:
-    """A regressor that says what is in view."""
+    """A network with a fixed estimate of the joints in view."""
 
     def __init__(self, in_view: np.ndarray) -> None:
         self._in_view = in_view
@@ -140,7 +140,7 @@ def test_no_measured_point_belongs_to_what_is_out_of_view_of_somebody_who_is_fol
 def test_what_is_in_view_is_learnt_from_the_votes_of_frames_that_cut_a_person_off(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
-    observer, all_of_them = replace(OBSERVER, regressor=Votes(legless)), np.ones(20)
+    observer, all_of_them = replace(OBSERVER, network=Votes(legless)), np.ones(20)
     half = VIEW_TIME * math.log(2.0)
 
     def after(is_cut: bool, before: np.ndarray | None, elapsed: float = half) -> np.ndarray | None:
@@ -160,7 +160,7 @@ def test_what_is_in_view_does_not_depend_on_whether_a_search_asked_for_votes(
     monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([True]))
     before, found = np.ones(20), []
     for asked in (False, True):
-        seen = replace(OBSERVER, regressor=Votes(legless)).observe(cloud, 0.1, state(in_view=before, timestamp=0.0))
+        seen = replace(OBSERVER, network=Votes(legless)).observe(cloud, 0.1, state(in_view=before, timestamp=0.0))
         if asked:
             assert seen.votes is not None
         found.append(seen.in_view)

@@ -22,7 +22,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
-from toolkit.landmarks.regressor import JointEstimate
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people import evidence
 from toolkit.people.evidence import Evidence

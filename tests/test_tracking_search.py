@@ -19,7 +19,7 @@ from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
-from toolkit.landmarks.regressor import JointEstimate
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.trackers.hybrid import tracker as hybrid
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings

@@ -1,7 +1,7 @@
 """The hybrid tracker from SciPy's Dijkstra, Open3D's kd-trees and NumPy, the oracle of the compiled one.
 
 Plain are the landmarks, the solver and the drawn body; correspondences and lookup are the settings `open3d`, as in
-`configs/baak2013.yaml`. Cleaning, the joint regressor and the arms' chains of balls are the compiled ones.
+`configs/baak2013.yaml`. Cleaning, the joint network and the arms' chains of balls are the compiled ones.
 """
 
 from __future__ import annotations

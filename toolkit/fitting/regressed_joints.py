@@ -11,7 +11,7 @@ from toolkit.body.body import BELOW
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried, pull
 from toolkit.kernels import linear
-from toolkit.landmarks.regressor import JointEstimate
+from toolkit.landmarks.joint_network import JointEstimate
 
 SURE = 0.8
 """Minimum reliability of a vote that is used as evidence."""

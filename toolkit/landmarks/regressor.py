@@ -17,6 +17,7 @@ from toolkit.body import skeleton
 from toolkit.io.archives import Column, check_columns, check_trees
 from toolkit.io.errors import DatabaseError
 from toolkit.kernels.learning import forest
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, marked
 
@@ -51,25 +52,6 @@ def _unchanged(count: int) -> np.ndarray:
 def sureness(variance: np.ndarray) -> np.ndarray:
     """How sure a leaf of these variances of joints (square metres) is, as `JointRegressor.leaf_sureness` has it."""
     return np.rint((forest.SURE - 1) * SURE_SPREAD / np.sqrt(np.maximum(variance, SURE_SPREAD**2))).astype(np.uint8)
-
-
-@dataclass(frozen=True, eq=False)
-class JointEstimate:
-    """Joints as the pixels vote for them.
-
-    Attributes
-    ----------
-    points : float64 (20, 3), metres, level frame
-    confidence : float64 (20,), 0 to 1: how sure the votes are and how much they agree, a weight
-    in_view : float64 (20,), 0 to 1: probability that the joint is inside the image with nothing foreign before it
-    reliability : float64 (20,), 0 to 1: probability that the joint is within 10 cm, calibrated on views that the forest
-        was not trained on
-    """
-
-    points: np.ndarray
-    confidence: np.ndarray
-    in_view: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
-    reliability: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
 
 
 @dataclass(frozen=True, eq=False)

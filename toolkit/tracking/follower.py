@@ -171,7 +171,7 @@ class Follower(FollowedPerson):
 
         Returns
         -------
-        shown : expected number of joints in view, each weighted by its reliability; without a regressor, the share of
+        shown : expected number of joints in view, each weighted by its reliability; without a network, the share of
             the image that the person covers
         facing : float64 (2,), see `voted_facing`
         top : y of the top of the head, see `head_top`

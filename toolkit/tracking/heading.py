@@ -1,7 +1,7 @@
 """Which way a person heads, by all frames around: it tells front from back where the depth of one frame does not.
 
 In real rooms a body seen from behind explains the depth nearly as well as one that faces the camera. But people walk
-forwards; and of many frames there are some in which the regressor is sure of both shoulders.
+forwards; and of many frames there are some in which the joint network is sure of both shoulders.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.database import canonical
 from toolkit.kernels import linear
-from toolkit.landmarks.regressor import JointEstimate
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.tracks import TRACKED
 
 WINDOW = 0.75

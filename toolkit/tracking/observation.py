@@ -20,8 +20,8 @@ from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.facing import estimate_facing, smoothed_facing
 from toolkit.landmarks.graph import Workspace, grid_graph
+from toolkit.landmarks.joint_network import JointEstimate, JointNetwork
 from toolkit.landmarks.landmark_settings import LandmarkSettings
-from toolkit.landmarks.regressor import JointEstimate, JointRegressor
 from toolkit.people.joint_masks import on_cut_out
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
@@ -45,7 +45,7 @@ class Observer:
     landmarks : of the graph and the facing
     extrema : how many geodesic extrema
     samples : measured points of the scene, see `Scene`
-    regressor, vote_samples : the joint regressor, None for no votes, and how many pixels vote
+    network : estimates the joints of a person from one frame; None for no estimate
     guide : what is known besides the depth
     vote_pull : weight of a joint that the votes are sure of against one correspondence, where it is not known yet how
         large the person is or where they stand; 0 = none
@@ -59,8 +59,7 @@ class Observer:
     landmarks: LandmarkSettings
     extrema: int
     samples: int
-    regressor: JointRegressor | None
-    vote_samples: int
+    network: JointNetwork | None
     guide: Guide = field(default_factory=NoGuide)
     vote_pull: float = 0.0
     learning: bool = False
@@ -164,13 +163,9 @@ class Observation:
 
     @cached_property
     def votes(self) -> JointEstimate | None:
-        """The joints as the regressor sees them; None without a regressor."""
-        observer = self.observer
-        return (
-            None
-            if observer.regressor is None
-            else observer.regressor.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
-        )
+        """Joints estimated by the network; None without a network."""
+        network = self.observer.network
+        return None if network is None else network.estimate(self.cloud, self.unobserved)
 
     @cached_property
     def in_view(self) -> np.ndarray | None:
@@ -218,7 +213,7 @@ class Observation:
 
     @cached_property
     def evidence(self) -> list[FrameEvidence]:
-        """What is known of the frame besides its depth, and what the regressor is sure of."""
+        """Evidence besides the depth, and the joints that the network is sure of."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
         unsure = not self.follows or observer.learning

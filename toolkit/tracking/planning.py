@@ -27,7 +27,7 @@ from toolkit.tracking.trajectory_choice import Direction
 from toolkit.tracks import TRACKED
 
 SURVEYED = 0.25
-"""Seconds between the surveyed frames, in which the regressor counts the visible joints."""
+"""Seconds between the surveyed frames, in which the joint network counts the visible joints."""
 MOMENTS, MOMENT_GAP = 4, 1.0
 """Frames with most visible joints, on which sizes are tried; seconds between them, half of all the time where that is
 less: one frame may mislead."""

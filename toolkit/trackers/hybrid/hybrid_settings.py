@@ -34,7 +34,7 @@ class HybridSettings:
         joints, for extrema that merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on
         first frames and after losses: hands at extrema of the cloud, and the best pose turned by 180 degrees), "swarm"
         (likewise, with image joints, which are then evidence in each frame; settings as in configs/swarm.yaml)
-    body : visible part of a person: "auto" (the regressor decides frame by frame), "whole" (all links, unless
+    body : visible part of a person: "auto" (the joint network decides per frame), "whole" (all links, unless
         occluded), "upper" (no legs)
     extrema : number of geodesic extrema per frame, for the lookup and as correspondences of the local optimisation
     candidates : number of retrieved poses that are compared with the frame before one is refined; a comparison costs a
@@ -55,7 +55,6 @@ class HybridSettings:
         by joints, in body estimation of truncated people and after losses; 0 = none
     patience : seconds of consecutive lost frames before the next one is treated as a first frame
     smoothing : time constant and lag of the smoothing of reported poses, seconds; 0 for still pictures
-    vote_samples : number of points that vote for joints; hands are small and need many
     """
 
     tracker: Literal["hybrid", "baak2013"] = "hybrid"
@@ -75,7 +74,6 @@ class HybridSettings:
     vote_pull: float = constant(30.0)
     patience: float = 0.15
     smoothing: float = 0.0
-    vote_samples: int = constant(500)
     sensing: SensingSettings = field(default_factory=SensingSettings)
     landmarks: LandmarkSettings = constant(LandmarkSettings())
     lookup: LookupSettings = constant(LookupSettings())

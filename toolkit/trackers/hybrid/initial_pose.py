@@ -28,7 +28,7 @@ class InitialPoseVerifier:
 
     Candidates are the best of each body size, the best with a clearly different facing, and that one turned by 180
     degrees. Their arms are moved to extrema of the cloud (Lopez-Mendez 2011, 2.2), because a wrong body size often fits
-    better until the arms are right. Turning requires a regressor, because depth alone does not separate front from
+    better until the arms are right. Turning requires the joint network, since depth alone does not separate front from
     back.
 
     Parameters

@@ -14,6 +14,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
+from toolkit.landmarks.joint_network import JointNetwork, joint_network
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
@@ -44,7 +45,7 @@ class HybridTracker(SearchingTracker):
 
     Parameters
     ----------
-    database : poses to look up, with or without a joint regressor
+    database : poses to look up
     settings : see `HybridSettings`
     body : the person's own body if known; default: estimated from the recording
     database_path : path of the database, for `run.json`
@@ -65,7 +66,7 @@ class HybridTracker(SearchingTracker):
         super().__init__(self.settings, body)
         self.database = database_path
         self._poses = database.searched_by(SEARCHES[self.settings.lookup.search])
-        self._regressor = database.regressor if "joints" in self.settings.hypotheses else None
+        self._network: JointNetwork | None = joint_network() if "joints" in self.settings.hypotheses else None
 
     @property
     def stage_names(self) -> tuple[str, ...]:
@@ -95,8 +96,8 @@ class HybridTracker(SearchingTracker):
 
     @property
     def judge(self) -> PersonClassifier | None:
-        """See `JudgesPeople.judge`: the regressor."""
-        return self._regressor
+        """See `JudgesPeople.judge`: the regression forest of the database."""
+        return self._poses.regressor if "joints" in self.settings.hypotheses else None
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """Return the searches of the settings in their order of execution."""
@@ -136,7 +137,7 @@ class HybridTracker(SearchingTracker):
         queries: list[Query] = []
         if "extrema" in self.settings.hypotheses:
             queries.append(ExtremaQuery(self._poses, self.settings.lookup))
-        if self._regressor is not None:
+        if self._network is not None:
             queries.append(self._votes)
         return queries
 
@@ -145,7 +146,7 @@ class HybridTracker(SearchingTracker):
         """Return the observer of this tracker."""
         s = self.settings
         return Observer(
-            s.landmarks, s.extrema, s.fitting.cloud_samples, self._regressor, s.vote_samples,
+            s.landmarks, s.extrema, s.fitting.cloud_samples, self._network,
             self.guide, s.vote_pull, body=s.body, told_joints=bool(self._swarm),
             scene=SCENES[s.fitting.correspondences],
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Swarm tracker: image joints and depth, without motion capture or regressor (Qammaz)."""
+"""Swarm tracker: image joints and depth, without motion capture or joint network (Qammaz)."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class SwarmTracker(SearchingTracker):
     def observer(self) -> Observer:
         """See `SearchingTracker.observer`."""
         s = self.settings
-        return Observer(s.landmarks, s.extrema, s.fitting.cloud_samples, None, 0)
+        return Observer(s.landmarks, s.extrema, s.fitting.cloud_samples, None)
 
 
 register(

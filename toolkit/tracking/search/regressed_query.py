@@ -1,4 +1,4 @@
-"""The database asked by the joints that the regressor sees."""
+"""Lookup by the joints that the network estimates."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ QUERIED: np.ndarray = np.array(
 
 
 class RegressedJointsQuery:
-    """The regressor's joints query the database: the poses whose joints lie nearest to the votes, by confidence.
+    """Lookup of the poses whose joints lie nearest to the estimated ones, weighted by their confidence.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class RegressedJointsQuery:
         if votes is None or self._pull == 0.0:
             return None
         targets = linear.rotated(votes.points, observation.cloud.rotation)
-        # A vote's weight is the fourth power of its certainty; a least squares weight is the second.
+        # The confidence is an inverse variance; a term takes an inverse standard deviation.
         return JointTerm(targets, self._pull * np.sqrt(votes.confidence), VOTE_SIGMA)
 
 

@@ -1,0 +1,154 @@
+"""Joints of one person in a depth image, by a small network.
+
+The step that Baak 2013, 5.5.5 leaves open. A crop of 96 x 96 pixels of 25 mm around the person goes through a residual
+network with anchors (A2J, Xiong 2019); `docs/models.md` describes its training and its errors, `training/` holds the
+scripts. Its sums are exact (`toolkit.sensing.exact_network`), so that the joints are the same to the bit everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.kernels import linear
+from toolkit.kernels.learning import joint_crop
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.exact_network import ExactNetwork
+
+ASSET = Path(__file__).parent / "assets" / "joints.onnx"
+SIZE, STRIDE, PIXEL = 96, 8, 0.025
+"""Pixels of a side of the crop; pixels between anchors; metres of a pixel at the person's median depth."""
+REAL_FACTOR, REAL_FLOOR = 1.4, 0.05
+"""Scale on real frames against the network's own, and metres of it that add: 62 % of errors lie within it on 216 frames
+of UTD-MHAD, 60 % on 72 of MSR Action3D (63 % of an exponential distribution)."""
+WITHIN, RELIABILITY = 0.1, 1.4
+"""Metres: the error below which a joint counts as right, with probability 1 - exp(-RELIABILITY (WITHIN / scale)**1.5):
+fitted between 800 held-out simulated crops and UTD-MHAD without the mean offset of each joint, see `docs/models.md`."""
+STEEPEST = 0.3
+"""Length of the vertical in the image plane below which a camera looks up or down so steeply that it has no roll."""
+VIEW_MARGIN = 0.5
+"""Scales of a joint inside the image at which it is in view with probability 1 / (1 + 1/e)."""
+
+_ARMS = [
+    row for row, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("shoulder", "elbow", "wrist", "hand")
+]
+_LEGS = [row for row, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("hip", "knee", "ankle", "foot")]
+PAIRS: tuple[np.ndarray, np.ndarray] = (np.array(_ARMS), np.array(_LEGS))
+"""Rows of the joints of the arms and of the legs, in which the network may exchange left and right."""
+OPPOSITE: np.ndarray = np.array(
+    [
+        skeleton.REPORTED.index({"left": "right_", "right": "left_"}.get(side, side) + rest)
+        for side, _, rest in (name.partition("_") for name in skeleton.REPORTED)
+    ]
+)
+"""Row of each joint's counterpart on the other side."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointEstimate:
+    """Joints of a person as the network estimates them from one frame.
+
+    Attributes
+    ----------
+    points : float64 (20, 3), metres, level frame
+    confidence : float64 (20,), 0 to 1: weight of a squared distance, the inverse square of the error to expect
+    in_view : float64 (20,), 0 to 1: probability that the joint is inside the image with nothing foreign before it
+    reliability : float64 (20,), 0 to 1: probability that the joint is within 10 cm and on its own side
+    """
+
+    points: np.ndarray
+    confidence: np.ndarray
+    in_view: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
+    reliability: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
+
+
+class JointNetwork:
+    """A joint network, that of the package unless another file is named."""
+
+    def __init__(self, path: Path = ASSET) -> None:
+        side = SIZE // STRIDE
+        self._anchors = (5 * len(skeleton.REPORTED), side, side)
+        self._net = ExactNetwork(path, (1, 3, SIZE, SIZE), ("anchors", "sides"))
+
+    def estimate(self, cloud: Cloud, unobserved: np.ndarray | None = None) -> JointEstimate:
+        """Estimate the joints of a person whose points are `cloud`.
+
+        `unobserved` bool (H, W) are the pixels of the cloud's image in which something nearer hides what is there,
+        where that is known. The image's border needs no mention.
+        """
+        depth, rotation = cloud.depth, cloud.rotation
+        fx, fy, cx, cy = cloud.camera.intrinsics
+        rows, columns = np.divmod(cloud.pixels, depth.shape[1])
+        reference = float(np.median(depth[rows, columns]))
+        middle = np.array([(np.median(columns) - cx) / fx, (np.median(rows) - cy) / fy, reference])
+        down = _down(rotation)
+        unknown = np.zeros((0, 0), dtype=np.bool_) if unobserved is None else np.ascontiguousarray(unobserved)
+        crop = np.empty((3, SIZE, SIZE), dtype=np.float32)
+        joint_crop.crop(depth, unknown, cloud.camera.intrinsics, middle, down, PIXEL, crop)
+        anchors, logits = self._net.run(crop[None])
+
+        places, scales = np.empty((len(skeleton.REPORTED), 3)), np.empty(len(skeleton.REPORTED))
+        joint_crop.joints_of_anchors(anchors.reshape(self._anchors), STRIDE * PIXEL, places, scales)
+        sides = np.array([1.0 / (1.0 + joint_crop.exponential(-abs(float(logit)))) for logit in logits.ravel()])
+        order = np.arange(len(OPPOSITE))
+        for limb, logit in zip(PAIRS, logits.ravel(), strict=True):
+            if logit < 0.0:
+                order[limb] = OPPOSITE[limb]
+        places, scales = places[order], scales[order]
+        across = places[:, 0] * down[1] + places[:, 1] * down[0]
+        along = places[:, 1] * down[1] - places[:, 0] * down[0]
+        z = np.maximum(places[:, 2] + reference, PIXEL)
+        x, y = middle[0] + across / reference, middle[1] + along / reference
+        camera = np.stack([x * z, y * z, z], axis=1)
+        scale = np.sqrt((REAL_FACTOR * scales) ** 2 + REAL_FLOOR**2)
+        pixels = np.stack([x * fx + cx, y * fy + cy], axis=1)
+        in_view = _in_view(pixels, z / fx, scale, depth.shape, unobserved)
+        points, confidence = linear.rotated(camera, rotation.T), (REAL_FLOOR / scale) ** 2
+        return JointEstimate(points, confidence, in_view, _reliability(scale, sides))
+
+
+@cache
+def joint_network() -> JointNetwork:
+    """Load the network of the package once.
+
+    Raises
+    ------
+    ModelError
+        The installed OpenCV cannot run it.
+    """
+    return JointNetwork()
+
+
+def _down(rotation: np.ndarray) -> np.ndarray:
+    """Unit vector (2,) of the image that points downwards, of `R_level_camera`; (0, 1) of a camera without roll."""
+    down = -rotation[1, :2]
+    length = float(np.hypot(down[0], down[1]))
+    return np.array([0.0, 1.0]) if length < STEEPEST else down / length
+
+
+def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
+    """Probability (20,) of an error below `WITHIN`, by the scale (20,) and the probability (2,) of the right sides."""
+    ratio = WITHIN / scale
+    near = 1.0 - np.array([joint_crop.exponential(-RELIABILITY * r * math.sqrt(r)) for r in ratio])
+    for rows, side in zip(PAIRS, sides, strict=True):
+        near[rows] *= side
+    return near
+
+
+def _in_view(
+    pixels: np.ndarray, metres: np.ndarray, scale: np.ndarray, shape: tuple[int, ...], unobserved: np.ndarray | None
+) -> np.ndarray:
+    """Probability (N,) that joints at `pixels` (N, 2), `metres` (N,) a pixel, are in the image and not occluded."""
+    limits = np.array([shape[1], shape[0]]) - 0.5
+    inside = np.minimum(pixels + 0.5, limits - pixels).min(axis=1) * metres
+    odds = np.clip(inside / (VIEW_MARGIN * scale), -20.0, 20.0)
+    chance = np.array([1.0 / (1.0 + joint_crop.exponential(-value)) for value in odds])
+    if unobserved is not None:
+        u, v = np.clip(np.rint(pixels), 0, limits - 0.5).astype(np.int64).T
+        chance = np.where(unobserved[v, u], 0.0, chance)
+    return chance
