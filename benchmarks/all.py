@@ -14,6 +14,7 @@ import os
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -104,6 +105,43 @@ def _minutes(seconds: float | None) -> str:
     return "" if seconds is None else f"{seconds / 60:.1f} min"
 
 
+def list_pending(names: Sequence[str]) -> None:
+    """Print the pending benchmarks of these results with the CPU time of their last run."""
+    for name, command in left({name: COMMANDS[name] for name in names}).items():
+        print(f"{name:20} {_minutes(spent_on(name)):>10}  bench {command}")
+    known = [seconds for seconds in map(spent_on, names) if seconds is not None]
+    together = f"{_minutes(sum(known))} together, {sum(known) / 7200:.1f} hours on two processors"
+    print(f"of {len(names)} results {len(known)} say their processor time: {together}")
+
+
+def measure(names: Sequence[str], data: Path, poses: Callable[[], Path]) -> list[str]:
+    """Measure those of the results that are missing or of other code; return the names of the failed ones.
+
+    Parameters
+    ----------
+    names : keys of `COMMANDS`
+    data : folder of mocap and recordings
+    poses : returns the database of the benchmarks; called only if there is something to measure
+
+    Raises
+    ------
+    DataError
+        A data set is missing; nothing was measured.
+    """
+    due = left({name: COMMANDS[name] for name in names})
+    for command in due.values():
+        check_data(shlex.split(command))
+    database = poses() if due else None
+    typed = {name: shlex.split(command.format(database=database, data=data)) for name, command in due.items()}
+    timed = {name: words for name, words in typed.items() if words[0] in TIMED}
+    failed = [name for name, words in timed.items() if not measured(name, words)]
+    rest = {name: words for name, words in typed.items() if name not in timed}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        failed += [name for name, done in zip(rest, pool.map(measured, rest, rest.values()), strict=True) if not done]
+    print(f"{len(due) - len(failed)} measured, {len(names) - len(due)} left as they are")
+    return failed
+
+
 def main() -> None:
     """Run the pending benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -112,26 +150,9 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="tell what would run")
     add_database_options(parser)
     options = parser.parse_args()
-    due = left({name: COMMANDS[name] for name in options.only})
     if options.list:
-        spent = {name: spent_on(name) for name in options.only}
-        for name, command in due.items():
-            print(f"{name:20} {_minutes(spent[name]):>10}  bench {command}")
-        known = [seconds for seconds in spent.values() if seconds is not None]
-        together = f"{_minutes(sum(known))} together, {sum(known) / 7200:.1f} hours on two processors"
-        print(f"of {len(spent)} results {len(known)} say their processor time: {together}")
-        return
-    for command in due.values():
-        check_data(shlex.split(command))
-    database = poses_of(options) if due else None
-    typed = {name: shlex.split(command.format(database=database, data=options.data)) for name, command in due.items()}
-    timed = {name: words for name, words in typed.items() if words[0] in TIMED}
-    failed = [name for name, words in timed.items() if not measured(name, words)]
-    rest = {name: words for name, words in typed.items() if name not in timed}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        failed += [name for name, done in zip(rest, pool.map(measured, rest, rest.values()), strict=True) if not done]
-    print(f"{len(due) - len(failed)} measured, {len(COMMANDS) - len(due)} left as they are")
-    if failed:
+        list_pending(options.only)
+    elif failed := measure(options.only, options.data, lambda: poses_of(options)):
         sys.exit(f"failed: {', '.join(failed)}")
 
 

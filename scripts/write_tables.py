@@ -13,6 +13,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from benchmarks._data import needed
+from benchmarks._papers import compared as compared_numbers
 from benchmarks.all import COMMANDS
 from tests.support.bootstrap import paired_bootstrap
 
@@ -90,13 +92,28 @@ def listed() -> list[dict[str, Any]]:
     ]
 
 
+def numbers(paper: str) -> list[dict[str, str]]:
+    """Return source, figure with names, the paper's numbers and ours of each figure with at most five numbers."""
+    groups = (list(group) for _, group in groupby(compared_numbers(paper), lambda one: (one.source, one.figure)))
+    return [
+        {
+            "source": group[0].source,
+            "figure": f"{group[0].figure}: {'; '.join(one.name for one in group)}",
+            "paper": ", ".join(one.cells()[0] for one in group),
+            "here": ", ".join(one.cells()[1] for one in group),
+        }
+        for group in groups
+        if len(group) <= 5
+    ]
+
+
 ENVIRONMENT = Environment(
     loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
 )
 ENVIRONMENT.filters |= {"f": fixed, "pct": percent}
 ENVIRONMENT.globals |= {
     "figures": figures, "results": results, "share": share, "column": column, "compared": compared,
-    "in_colour": in_colour, "listed": listed,
+    "in_colour": in_colour, "listed": listed, "numbers": numbers,
 }  # fmt: skip
 TABLES: dict[str, Any] = {
     name: macro for name, macro in vars(ENVIRONMENT.get_template("tables.jinja").module).items() if callable(macro)

@@ -1,4 +1,4 @@
-"""The verb `depthmocap bench`, which runs the benchmark scripts of a checkout."""
+"""The verbs `bench` and `reproduce`, which run the benchmark scripts of a checkout."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from toolkit.io.errors import UsageError
 
 FOLDER = Path(__file__).resolve().parents[3] / "benchmarks"
 
-NO_CHECKOUT = "bench needs a checkout of the repository, which contains benchmarks/"
+NO_CHECKOUT = "benchmarks need a checkout of the repository, which contains benchmarks/"
 CONTEXT = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
 
 
@@ -57,3 +57,13 @@ def bench(
         say("\n".join(benchmarks()) or NO_CHECKOUT)
         return
     _run_benchmark(name, context.args)
+
+
+def reproduce(
+    paper: Annotated[str, typer.Argument(help="baak2013, qammaz, lopez2011 or thesis.", show_default=False)],
+    listed: Annotated[
+        bool, typer.Option("--list", help="Print the pending benchmarks with their minutes; measure nothing.")
+    ] = False,
+) -> None:
+    """Measure the tables and figures of a paper, and print them beside the paper's own numbers."""
+    _run_benchmark("reproduce", [paper, *(["--list"] if listed else [])])

@@ -67,6 +67,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "inertial calibrate": ("depthmocap inertial calibrate run --sensors sensors.npz --output calibration.json",),
     "inertial check": ("depthmocap inertial check run --sensors sensors.npz --output check",),
     "bench": ("depthmocap bench", "depthmocap bench accuracy --split report"),
+    "reproduce": ("depthmocap reproduce baak2013 --list", "depthmocap reproduce thesis"),
 }
 """Verb -> command lines that run without changes if their files exist."""
 

@@ -87,6 +87,7 @@ app.command()(stabilise.stabilise)
 app.add_typer(inertial.app, name="inertial")
 app.command()(export.export)
 app.command(context_settings=bench.CONTEXT)(bench.bench)
+app.command()(bench.reproduce)
 add_examples(app)
 
 

@@ -1,0 +1,126 @@
+"""The papers' own numbers (`papers.yaml`) beside the results of the benchmarks."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from benchmarks._record import RESULTS
+from benchmarks.all import COMMANDS
+from toolkit.io.errors import DataError
+from toolkit.io.files import save_bytes
+from toolkit.io.html import png_of
+from toolkit.io.yaml_reader import read_yaml
+
+NUMBERS = Path(__file__).parent / "papers.yaml"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One number of a paper beside ours.
+
+    Attributes
+    ----------
+    source : table, figure or section of the paper
+    figure : what is measured, with its unit
+    name : of this number among those of the figure
+    paper : number in the paper, or None where it only draws it
+    here : number measured here, in the paper's unit, or None where it is not measured
+    digits : decimals of both
+    """
+
+    source: str
+    figure: str
+    name: str
+    paper: float | None
+    here: float | None
+    digits: int
+
+    def cells(self) -> tuple[str, str]:
+        """Return the paper's number and ours as text."""
+        paper = "drawn" if self.paper is None else f"{self.paper:g}"
+        here = "not measured" if self.here is None else f"{self.here:.{self.digits}f}"
+        return paper, here
+
+
+@cache
+def papers() -> dict[str, list[dict[str, Any]]]:
+    """Return the groups of numbers of each paper."""
+    found: dict[str, list[dict[str, Any]]] = read_yaml(
+        NUMBERS, NUMBERS.name, DataError, "restore it from the repository"
+    )
+    return found
+
+
+def published(paper: str, source: str) -> dict[str, float]:
+    """Return the numbers that a table, figure or section of a paper gives, by name."""
+    values: dict[str, float] = next(group["values"] for group in papers()[paper] if group["source"] == source)
+    return values
+
+
+def results_of(paper: str) -> list[str]:
+    """Return the results that the numbers of a paper need, in the order of `COMMANDS`."""
+    needed = {group["result"] for group in papers()[paper] if "result" in group}
+    return [name for name in COMMANDS if name in needed]
+
+
+def value_at(figures: Any, keys: str) -> Any:
+    """Return the entry of nested figures at keys with slashes between them, or None if there is none."""
+    for key in keys.split("/"):
+        if isinstance(figures, list):
+            figures = figures[int(key)] if int(key) < len(figures) else None
+        else:
+            figures = figures.get(key) if isinstance(figures, Mapping) else None
+    return figures
+
+
+def compared(paper: str, results: Path = RESULTS) -> Iterator[Comparison]:
+    """Yield the numbers of a paper beside those of the results in a folder."""
+    for group in papers()[paper]:
+        figures = _figures(group, results)
+        for name, number in group["values"].items():
+            here = value_at(figures, group["here"].format(name)) if "here" in group else None
+            unit = f", {group['unit']}" if group["unit"] else ""
+            yield Comparison(
+                group["source"],
+                f"{group['says']}{unit}",
+                name.replace("/", ", "),
+                number,
+                None if here is None else group.get("scale", 1) * here,
+                group.get("digits", 1),
+            )
+
+
+def plots(paper: str, drawn: Path, results: Path = RESULTS) -> Iterator[tuple[str, Path]]:
+    """Yield source and path of each picture of a paper's figures; curves are drawn into the folder `drawn`."""
+    for group in papers()[paper]:
+        figures = _figures(group, results)
+        if figures is not None and "curves" in group:
+            path = drawn / f"{group['result']}_curves.png"
+            _draw_curves(group, figures, path)
+        elif (path := results / group.get("plot", "")) == results or not path.is_file():
+            continue
+        yield group["source"], path
+
+
+def _draw_curves(group: Mapping[str, Any], figures: Any, path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    curves = group["curves"]
+    for name, keys in curves["y"].items():
+        axes.plot(value_at(figures, curves["x"]), value_at(figures, keys), lw=1.4, label=name)
+    axes.set(xlabel=curves["x"].split("/")[-1], title=f"{group['source']}: {group['says']}")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    save_bytes(path, png_of(figure))
+
+
+def _figures(group: Mapping[str, Any], results: Path) -> Any:
+    path = results / f"{group.get('result')}.json"
+    return json.loads(path.read_text(encoding="utf-8"))["figures"] if path.is_file() else None

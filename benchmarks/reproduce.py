@@ -1,0 +1,56 @@
+"""Tables and figures of a paper beside the paper's own numbers: `depthmocap reproduce PAPER`.
+
+Results that are missing or of other code are measured first, as by `bench --all`, so the same command resumes. Figures
+that are curves are drawn. `--list` prints the pending benchmarks with the CPU time of their last run.
+`benchmarks/papers.yaml` has the papers' numbers, each with its table, figure or section.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from benchmarks._papers import Comparison, compared, papers, plots, results_of
+from benchmarks._rows import add_database_options, poses_of
+from benchmarks.all import list_pending, measure
+from toolkit.datasets.folder import data_folder
+
+
+def row_of(one: Comparison) -> tuple[str, str, str, str]:
+    """Return the cells of a line of the table."""
+    return one.source, f"{one.figure}: {one.name}", *one.cells()
+
+
+def print_tables(paper: str, drawn: Path) -> None:
+    """Print the numbers of a paper beside the last results, and the paths of its pictures, drawn into a folder."""
+    rows = [("source", "figure", "paper", "here"), *(row_of(one) for one in compared(paper))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for source, figure, own, here in rows:
+        print(f"{source:<{widths[0]}}  {figure:<{widths[1]}}  {own:>{widths[2]}}  {here:>{widths[3]}}")
+    for source, path in plots(paper, drawn):
+        print(f"{source}: {path}")
+
+
+def main() -> None:
+    """Measure what is pending, then print the tables."""
+    parser = argparse.ArgumentParser(
+        prog="depthmocap reproduce", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("paper", choices=papers())
+    parser.add_argument("--list", action="store_true", help="print the pending benchmarks, measure nothing")
+    parser.add_argument("--data", type=Path, default=data_folder(), help="mocap and recordings")
+    add_database_options(parser)
+    options = parser.parse_args()
+    names = results_of(options.paper)
+    if options.list:
+        list_pending(names)
+        return
+    failed = measure(names, options.data, lambda: poses_of(options))
+    print_tables(options.paper, options.work)
+    if failed:
+        sys.exit(f"failed: {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main()
