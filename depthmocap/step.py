@@ -131,7 +131,7 @@ class Tracker:
         SegmentationError
             The person cannot be told from the scene.
         """
-        image = np.asarray(depth)
+        image = np.asarray(np.ma.filled(depth, 0))  # masked = no measurement
         with interrupts_deferred():
             if self._recording is None or self._people is None:
                 self._begin(image, timestamp)
