@@ -129,7 +129,7 @@ def batch_of(data: Crops, rows: torch.Tensor | slice, augment: bool) -> Crops:
 
 def held_out_text(net: JointNetwork, data: Crops, step: int = 250) -> str:
     """Loss and errors on held-out crops in one line."""
-    losses, errors, swapped, seens, scales = [], [], [], [], []
+    losses, errors, swapped, seen_parts, scales = [], [], [], [], []
     net.eval()
     with torch.no_grad():
         for first in range(0, len(data[0]), step):
@@ -139,10 +139,10 @@ def held_out_text(net: JointNetwork, data: Crops, step: int = 250) -> str:
             joints, log_scale = sided(*decoded(anchors), side)
             errors.append((joints - target).norm(dim=-1))
             swapped.append((joints - target[:, OPPOSITE]).norm(dim=-1))
-            seens.append(seen)
+            seen_parts.append(seen)
             scales.append(log_scale.exp())
     net.train()
-    error, other, seen, scale = (torch.cat(parts).numpy() for parts in (errors, swapped, seens, scales))
+    error, other, seen, scale = (torch.cat(parts).numpy() for parts in (errors, swapped, seen_parts, scales))
     exchanged = [100 * (other[:, rows].mean(axis=1) < error[:, rows].mean(axis=1)).mean() for rows in (ARMS, LEGS)]
     return (
         f"loss {np.mean(losses):.3f}; mean error {1000 * error[seen == VISIBLE].mean():.0f} mm visible, "
