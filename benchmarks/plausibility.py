@@ -150,6 +150,11 @@ def _long(path: Path, frames: int) -> Recording:
     return open_recording(path)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Run one part."""
     warnings.simplefilter("ignore")
     run_part(__doc__, {"faults": faults, "limits": limits})
+
+
+if __name__ == "__main__":
+    main()

@@ -53,5 +53,5 @@ def test_a_page_is_shown_as_it_is_unless_the_track_is_newer(
     shown: list[str] = []
     monkeypatch.setattr(webbrowser, "open", lambda address: shown.append(address) or True)
     calls = handed(page, "write_report", folder / "report.html")
-    report_verb.view(folder)
+    report_verb.view(folder, browser=True)
     assert bool(calls) == written and shown == [(folder / "report.html").resolve().as_uri()]

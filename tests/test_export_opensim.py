@@ -58,7 +58,7 @@ def test_without_a_model_the_files_and_the_commands_are_given(
         export_run(run, tmp_path / "walk.bvh", model="a.osim")
 
 
-@pytest.mark.data
+@pytest.mark.data("opensim")
 @pytest.mark.parametrize("model", MODELS)
 def test_opensim_recovers_markers_and_angles(model: str, person: Person, data_folder: Path, tmp_path: Path) -> None:
     pytest.importorskip("opensim")
@@ -72,7 +72,7 @@ def test_opensim_recovers_markers_and_angles(model: str, person: Person, data_fo
             assert np.sqrt(np.mean(difference**2)) < within, (angle, side)
 
 
-@pytest.mark.data
+@pytest.mark.data("opensim")
 def test_what_is_no_model_is_refused(person: Person, tmp_path: Path, data_folder: Path) -> None:
     pytest.importorskip("opensim")
     (tmp_path / "bad.osim").write_text("<none/>")

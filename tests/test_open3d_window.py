@@ -82,7 +82,7 @@ def test_what_is_missing_is_said_with_what_to_do(
 ) -> None:
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr(open3d_ready, "_has_x_display", lambda: missing == "vulkan")
+    monkeypatch.setattr(open3d_ready, "has_x_display", lambda: missing == "vulkan")
     monkeypatch.setattr(open3d_ready, "_vulkan_devices", lambda: 0)
     assert run("view", folder) == 2
     said = capsys.readouterr().err
@@ -91,7 +91,7 @@ def test_what_is_missing_is_said_with_what_to_do(
 
 def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", ":4711")
-    assert not open3d_ready._has_x_display()
+    assert not open3d_ready.has_x_display()
 
 
 def test_time_passes_at_the_speed_that_is_set() -> None:

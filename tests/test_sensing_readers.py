@@ -167,7 +167,7 @@ def test_intrinsics_are_read_from_the_usual_json_forms(tmp_path, table):
         ('{"fx": null, "fy": 1, "cx": 0.5, "cy": 0.5}', "no numbers"),
         ('{"fx": 1e999, "fy": 220, "cx": 87.5, "cy": 71.5}', "more than a float holds"),
         ('{"fx": 220, "fy": 220, "cx": 87.5, "cy": 71.5, "dist": [9, 9, 0, 0, 9]}', "corners"),
-        ('{"fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5}', "absurd"),
+        ('{"fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5}', "implausible"),
         ('{"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240}', "640x480"),
     ],
 )

@@ -119,7 +119,7 @@ def test_nan_and_infinite_depth_is_no_measurement(tmp_path):
     [
         ({"depth": None}, "has no 'depth'"),
         ({"intrinsics": None}, "no intrinsics; give --intrinsics"),
-        ({"intrinsics": np.zeros(4)}, "absurd"),
+        ({"intrinsics": np.zeros(4)}, "implausible"),
         ({"intrinsics": np.full(4, np.nan)}, "not finite"),
         ({"intrinsics": np.zeros(3)}, "3 numbers"),
         ({"depth": np.zeros((4, 4), np.uint16)}, r"shape \(4, 4\)"),

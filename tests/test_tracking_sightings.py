@@ -181,7 +181,8 @@ def test_a_way_that_no_tracker_went_is_one_sentence(tmp_path: Path, field: str, 
     way[0] = a_step(0)
     row = way.packed(a_step(1))
     way.close()
-    kind = np.dtype([("row", row_type(2)), ("cost", "<f8"), ("continues", "?"), ("known", "?")])
+    numbers = [("cost", "<f8"), ("rival_cost", "<f8"), ("direction", "i1"), ("continues", "?"), ("known", "?")]
+    kind = np.dtype([("row", row_type(2)), *numbers])
     odd = np.frombuffer(row.tobytes(), dtype=kind).copy()
     odd["row"][field] = value
     with pytest.raises(TrackError):

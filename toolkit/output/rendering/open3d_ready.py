@@ -32,7 +32,7 @@ def obstacle_to_window() -> str | None:
     """Return the reason for which Open3D cannot open a window here, a clause, or None."""
     if not sys.platform.startswith("linux"):
         return None
-    if not (os.environ.get("WAYLAND_DISPLAY") or _has_x_display()):
+    if not (os.environ.get("WAYLAND_DISPLAY") or has_x_display()):
         return "there is no display; work at the machine's own screen, or through `ssh -X` or `xvfb-run` (package xvfb)"
     return obstacle_to_drawing()
 
@@ -52,7 +52,7 @@ def _vulkan_devices() -> int:
     return count.value
 
 
-def _has_x_display() -> bool:
+def has_x_display() -> bool:
     """True where an X server answers at `DISPLAY`."""
     if not os.environ.get("DISPLAY"):
         return False
