@@ -70,7 +70,7 @@ function listen(data) {
     if (["INPUT", "SELECT", "BUTTON", "SUMMARY"].includes(event.target.tagName) && event.key === " ") return;
     const steps = { ArrowLeft: -1, ArrowRight: 1 };
     if (event.key === " ") clock.toggle();
-    else if (event.key in steps && event.target.tagName !== "INPUT") clock.jump(clock.frame + steps[event.key]);
+    else if (event.key in steps && event.target.type !== "range") clock.jump(clock.frame + steps[event.key]);
     else return;
     event.preventDefault();
   };
