@@ -166,7 +166,7 @@ def improved(fit: Fit, poses: np.ndarray, pose: np.ndarray, scene: Scene) -> tup
     search = ArmSearch(ArmPoses(poses, fit.body, 128), fit.objective, fit.refiner, ArmSettings())
     rng = np.random.default_rng(0)
     state = replace(PersonState.begin(fit.body, sized=True, seed=0), previous=Previous.of_pose(fit.body, pose))
-    best = ScoredHypothesis.of(Hypothesis("local", pose), fit.body, fit.compare(pose, scene), anew=False)
+    best = ScoredHypothesis.of(Hypothesis("local", pose), fit.body, fit.compare(pose, scene), redetected=False)
     return search.propose(SimpleNamespace(scene=scene), state, rng, best).hypotheses
 
 

@@ -64,7 +64,7 @@ def observed(pose: np.ndarray) -> Observation:
 
 
 def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:
-    return ScoredHypothesis.of(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene), anew=True)
+    return ScoredHypothesis.of(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene), redetected=True)
 
 
 def asked(truth: np.ndarray, *, first: bool) -> Proposal:

@@ -51,7 +51,7 @@ def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, 
 
 
 def rival(pose: np.ndarray, distance: float, **how: float) -> ScoredHypothesis:
-    return ScoredHypothesis.of(says("local", pose), BODY, compared(distance, **how), anew=False)
+    return ScoredHypothesis.of(says("local", pose), BODY, compared(distance, **how), redetected=False)
 
 
 # The local hypothesis

@@ -212,28 +212,30 @@ class Follower(FollowedPerson):
         known = [] if went is None else [replace(state, previous=went)]
         bodies = (state.body,) if state.sized else context.sizes
         # A person who was hidden for a moment has not turned round meanwhile.
-        anew = not observation.follows and not known
+        redetected = not observation.follows and not known
         scored: list[ScoredHypothesis] = []
         for told in (*known, *(replace(state, body=body) for body in bodies)):
             for search in self.searches:
                 proposal = search.propose(observation, told, rng, min(scored, key=cost_of, default=None))
                 improved = [hypothesis.improves for hypothesis in proposal.hypotheses]
                 scored = [each for each in scored if each not in improved]
-                scored += [self._scored(each, told.body, observation, anew) for each in proposal.hypotheses]
+                scored += [self._scored(each, told.body, observation, redetected) for each in proposal.hypotheses]
                 if proposal.memory is not None:
                     memory[search.name] = proposal.memory
                 clock.record(search.name)
-        if self._verifier is not None and anew and scored:
+        if self._verifier is not None and redetected and scored:
             scored += self._verifier.verified(observation, scored)
             clock.record(self._verifier.name)
         return scored, replace(state, memory=memory, generator=self.after(rng), turn=_turn(state))
 
-    def _scored(self, hypothesis: Hypothesis, body: Body, observation: Observation, anew: bool) -> ScoredHypothesis:
+    def _scored(
+        self, hypothesis: Hypothesis, body: Body, observation: Observation, redetected: bool
+    ) -> ScoredHypothesis:
         """A hypothesis against the frame (5.4.4, Eq. 5.9), unless the search compared it already."""
         compared = hypothesis.comparison
         if compared is None:
             compared = self.objective.compare(body, hypothesis.pose, observation.scene)
-        return ScoredHypothesis.of(hypothesis, body, compared, anew=anew)
+        return ScoredHypothesis.of(hypothesis, body, compared, redetected=redetected)
 
     def _selected(
         self, winner: ScoredHypothesis, state: PersonState, observation: Observation

@@ -190,7 +190,7 @@ class Observation:
 
     @cached_property
     def withheld(self) -> np.ndarray | None:
-        """Bool (18,): joints whose links are out of view; None if none are, or where the person has to be found anew.
+        """Bool (18,): joints whose links are out of view; None if none are, or where the person is redetected.
 
         A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
         While the body is learnt, what the votes are sure of holds the legs. Who is told how much there is to see does

@@ -164,8 +164,8 @@ class SecondPass:
             poses = self._sink.past(person)["pose"][seen.frames]
             energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
             own = replace(self.evidence[person], unlikely=float(np.median(energies)))
-            somebody = own.lifeless and seen.detected_fraction() >= MIN_DETECTED_FRACTION
-            self.evidence[person] = replace(own, unlikely=0.0) if somebody else own
+            is_person = own.lifeless and seen.detected_fraction() >= MIN_DETECTED_FRACTION
+            self.evidence[person] = replace(own, unlikely=0.0) if is_person else own
 
     def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
         """All rows of a person; where they were out of sight the last pose, before that the first one."""

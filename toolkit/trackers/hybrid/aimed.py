@@ -51,7 +51,7 @@ class AimedArms:
             pose, compared = self._exchange.best(scored.body, pose, compared, proposed, scene)
         if pose is scored.hypothesis.pose:
             return scored
-        return ScoredHypothesis.of(Hypothesis(SOURCE, pose, compared), scored.body, compared, anew=True)
+        return ScoredHypothesis.of(Hypothesis(SOURCE, pose, compared), scored.body, compared, redetected=True)
 
     def _proposed(
         self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray, scene: Scene

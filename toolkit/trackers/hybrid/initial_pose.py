@@ -59,7 +59,7 @@ class InitialPoseVerifier:
             pose = self._refiner.refine(best.body, turned, observation.scene, iterations=iterations)
             compared = self._objective.compare(best.body, pose, observation.scene)
             hypothesis = Hypothesis(best.hypothesis.source, pose, compared)
-            both.append(ScoredHypothesis.of(hypothesis, best.body, compared, anew=True))
+            both.append(ScoredHypothesis.of(hypothesis, best.body, compared, redetected=True))
         return min(both, key=cost_of)
 
 

@@ -57,9 +57,9 @@ class ScoredHypothesis:
     cost: float
 
     @classmethod
-    def of(cls, hypothesis: Hypothesis, body: Body, comparison: Comparison, *, anew: bool) -> ScoredHypothesis:
-        """Return a hypothesis with its cost; `anew` is True if the person is detected again."""
-        cost = comparison.distance + UNLIKELY * comparison.energy if anew else comparison.distance
+    def of(cls, hypothesis: Hypothesis, body: Body, comparison: Comparison, *, redetected: bool) -> ScoredHypothesis:
+        """Return a hypothesis with its cost; `redetected` is True if the person is detected again."""
+        cost = comparison.distance + UNLIKELY * comparison.energy if redetected else comparison.distance
         return cls(hypothesis, body, comparison, cost)
 
 
