@@ -1,4 +1,4 @@
-"""A page in a headless Chromium, steered over its debugging pipe: what it says, what it asks for, how it looks."""
+"""Page in a headless Chromium over its debugging pipe: console errors, requested addresses, pixels."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ FLAGS = (
     "--autoplay-policy=no-user-gesture-required", "--window-size=1280,900",
 )  # fmt: skip
 PATIENCE = 90.0
-"""Seconds: a machine that many share is slow to start a browser."""
+"""Seconds until a page counts as hung; a shared machine starts a browser slowly."""
 
 
 class Page:
-    """One tab: `errors` holds what went wrong in it, `requests` every address that it asked for."""
+    """One tab. `errors` are its console errors, `requests` the addresses that it requested."""
 
     def __init__(self, to_browser: int, from_browser: int) -> None:
         self._out, self._in, self._rest, self._number = to_browser, from_browser, b"", 0
@@ -46,7 +46,7 @@ class Page:
         self.wait_for("document.readyState === 'complete' && location.href !== 'about:blank'")
 
     def evaluate(self, expression: str) -> Any:
-        """The value of a JavaScript expression; a promise is awaited."""
+        """Return the value of a JavaScript expression; a promise is awaited."""
         options = {"expression": expression, "awaitPromise": True, "returnByValue": True, "userGesture": True}
         answer = self._call("Runtime.evaluate", options)
         if "exceptionDetails" in answer:
@@ -101,7 +101,7 @@ class Page:
 
 @contextmanager
 def browser() -> Iterator[Page]:
-    """A new page in a browser of its own; the test is skipped where no Chromium is installed."""
+    """Return a new page in its own browser; skip the test where no Chromium is installed."""
     program = next((found for name in NAMES if (found := shutil.which(name))), None)
     if program is None:
         pytest.skip(f"no {NAMES[0]} is installed")
@@ -109,7 +109,7 @@ def browser() -> Iterator[Page]:
     from_browser, written_by_browser = os.pipe()
 
     def as_three_and_four() -> None:
-        os.dup2(read_by_browser, 13)  # out of the way first: 3 or 4 may be one of the two
+        os.dup2(read_by_browser, 13)  # move the pipe's ends away first: one of them may be 3 or 4
         os.dup2(written_by_browser, 14)
         os.dup2(13, 3)
         os.dup2(14, 4)

@@ -1,4 +1,4 @@
-"""Fixtures that every room's tests share."""
+"""Fixtures that all tests share."""
 
 from __future__ import annotations
 
@@ -22,35 +22,37 @@ QUICK = frozenset({
     "test_track", "test_tracking_follower", "test_tracking_lookup", "test_tracking_observation",
     "test_tracking_planning", "test_tracking_search", "test_tracking_smoothing",
 })  # fmt: skip
-"""Modules whose tests answer at once: the heart, with parts made up where they would be slow."""
+"""Modules whose tests need under a second each; slow parts are replaced by fakes."""
 LONGEST = (
-    "test_stabilising", "test_same_tracks", "test_inertial_road", "test_examples", "test_tour",
+    "test_stabilising", "test_same_tracks", "test_inertial_workflow", "test_examples", "test_tour",
     "test_tracking_passes", "test_pipeline_batch", "test_tracking_hybrid", "test_people", "test_bad_input",
     "test_demo", "test_tracking_particles", "test_database_builder", "test_damaged_files",
-    "test_retrieval_search_files", "test_interrupted_writes", "test_main_road",
+    "test_retrieval_search_files", "test_interrupted_writes", "test_real_workflow",
 )  # fmt: skip
-"""Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
-os.environ["OPENBLAS_NUM_THREADS"] = "1"  # its threads would spin on the processor of the other worker
+"""Modules with the longest tests, longest first. They start first so that no worker ends with one alone."""
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # threads of BLAS would compete with the other test worker
 settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("suite")
 
 
 @cache
 def _absent(names: tuple[str, ...]) -> str | None:
-    """Return the sentence that brings the data sets of a test into the data folder; None if all are there."""
+    """Return the sentence that names the missing data sets and the command that fetches them; None if all are
+    present.
+    """
     folder = datasets_folder()
     missing = [name for name in names if not data_set_of(name).is_present(folder)]
     return f"needs data sets: depthmocap data fetch {' '.join(missing)}" if missing else None
 
 
 def pytest_configure() -> None:
-    """Refuse a `DEPTHMOCAP_DATA` that is no folder, with which all tests of data would be skipped."""
+    """Reject a `DEPTHMOCAP_DATA` that is no folder; all tests with data would be skipped."""
     if (named := os.environ.get(VARIABLE)) and not Path(named).is_dir():
         raise pytest.UsageError(f"{VARIABLE} names {named}, which is no folder")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what `make quick` runs, and put the longest modules first."""
+    """Mark the tests of `make quick`, and put the longest modules first."""
     places = {name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: places.get(item.path.stem, len(LONGEST)))
     for item in items:
@@ -62,7 +64,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def done_once_or_not_at_all() -> Iterator[None]:
-    """What tests write need not outlive a power cut; the command line is made of its verbs once and not per call."""
+    """Skip `fsync`, and build the command line's parser once instead of in each call."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda handle: None)
         patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
@@ -71,7 +73,7 @@ def done_once_or_not_at_all() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A database of 800 poses of the bundled motions, without a regressor: made once for all workers."""
+    """Return a database of 800 poses of the bundled motions, without a regressor; made once for all workers."""
     from database_builder.build import Sampling, build_database
 
     own = tmp_path_factory.getbasetemp()
@@ -85,7 +87,7 @@ def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def cut_recordings(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of two recordings of UTD-MHAD with their skeletons, the first 24 frames of each."""
+    """Return a folder of two recordings of UTD-MHAD with their skeletons, the first 24 frames of each."""
     from scipy.io import loadmat, savemat
 
     folder = tmp_path_factory.mktemp("utd_mhad")
@@ -98,5 +100,5 @@ def cut_recordings(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) 
 
 @pytest.fixture(scope="session")
 def data_folder() -> Path:
-    """Return the data folder; the marker `data` of a test names what has to be in it."""
+    """Return the data folder; the marker `data` of a test names the data sets that it needs."""
     return datasets_folder()

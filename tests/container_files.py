@@ -13,16 +13,16 @@ import numpy as np
 from tests.sensing_scenes import TOF, person_alone
 
 ACCELERATION = (0.0, -9.81 * np.cos(0.2), -9.81 * np.sin(0.2))
-"""At rest, in the frame of a camera tilted downwards by 0.2 rad."""
+"""Acceleration at rest in the frame of a camera tilted downwards by 0.2 rad."""
 
 
 def frames(count: int = 3) -> list[np.ndarray]:
-    """Depth images of somebody who walks sideways, uint16 (144, 176), millimetres."""
+    """Return depth images of a person who walks sideways, uint16 (144, 176), millimetres."""
     return [person_alone(TOF, 0.1 * i) for i in range(count)]
 
 
 class RosWriter:
-    """Writes one depth topic and what belongs to it by `rosbags`, as ROS 1 bag, ROS 2 folder or mcap."""
+    """Writer of one depth topic with its camera info by `rosbags`, as ROS 1 bag, ROS 2 folder or mcap."""
 
     def __init__(self, path: Path) -> None:
         from rosbags.rosbag1 import Writer as Writer1
@@ -94,7 +94,7 @@ class RosWriter:
 
 
 def ros_recording(path: Path, count: int = 3, topic: str = "/camera/depth/image_raw") -> Path:
-    """A recording as ROS drivers write it: raw 16-bit images, `CameraInfo`, accelerations."""
+    """Write a recording as ROS drivers do: raw 16-bit images, `CameraInfo`, accelerations."""
     with RosWriter(path) as writer:
         for i, depth in enumerate(frames(count)):
             writer.camera(topic.rsplit("/", 1)[0] + "/camera_info", 5.0 + 0.1 * i)
@@ -104,7 +104,7 @@ def ros_recording(path: Path, count: int = 3, topic: str = "/camera/depth/image_
 
 
 def realsense_recording(path: Path, count: int = 4) -> Path:
-    """What the RealSense SDK records of a device made of software."""
+    """Write a recording of the RealSense SDK's software device."""
     import time
 
     import pyrealsense2 as rs
@@ -139,7 +139,7 @@ def realsense_recording(path: Path, count: int = 4) -> Path:
 
 
 def element(identifier: int, content: bytes) -> bytes:
-    """One EBML element; sizes have eight bytes."""
+    """Return one EBML element; sizes have eight bytes."""
     name = identifier.to_bytes((identifier.bit_length() + 7) // 8, "big")
     return name + (len(content) | 1 << 56).to_bytes(8, "big") + content
 
@@ -149,7 +149,7 @@ def whole(identifier: int, value: int) -> bytes:
 
 
 def mkv_track(number: int, name: str, code: bytes, size: tuple[int, int], codec: str = "V_MS/VFW/FOURCC") -> bytes:
-    """A track's description."""
+    """Return the description of a track."""
     bitmap = struct.pack("<IiiHH4sIiiII", 40, *size, 1, 16, code, 0, 0, 0, 0, 0)
     video = element(0xE0, whole(0xB0, size[0]) + whole(0xBA, size[1])) if size[0] else b""
     return element(
@@ -160,12 +160,12 @@ def mkv_track(number: int, name: str, code: bytes, size: tuple[int, int], codec:
 
 
 def mkv_block(track: int, shift: int, content: bytes, flags: int = 0) -> bytes:
-    """A simple block; `shift` counts from its cluster's time."""
+    """Return a simple block; `shift` counts from the time of its cluster."""
     return element(0xA3, bytes([0x80 | track]) + struct.pack(">hB", shift, flags) + content)
 
 
 def calibration() -> dict[str, Any]:
-    """A factory calibration: no lens distortion, an accelerometer whose x, y, z are the camera's z, x, y."""
+    """Return a factory calibration without lens distortion; the accelerometer's x, y, z are the camera's z, x, y."""
     flat = [0.5, 0.5, 0.5, 0.5, *[0.0] * 10]
     still = {"Rotation": np.eye(3).ravel().tolist(), "Translation": [0, 0, 0]}
     turned = {"Rotation": [0, 0, 1, 1, 0, 0, 0, 1, 0], "Translation": [0, 0, 0]}
@@ -181,7 +181,7 @@ MKV_SIZE = (320, 288)
 
 
 def mkv_frames(count: int = 3) -> list[np.ndarray]:
-    """Depth images of the recorder's smallest mode, uint16 (288, 320), millimetres; 65000 marks nothing."""
+    """Return depth images of the recorder's smallest mode, uint16 (288, 320), millimetres; 65000 means unmeasured."""
     images = [np.full(MKV_SIZE[::-1], 65000, np.uint16) for _ in range(count)]
     for i, depth in enumerate(frames(count)):
         images[i][100:244, 60:236] = np.where(depth > 0, depth, np.uint16(65000))
@@ -196,7 +196,7 @@ def mkv_recording(
     known: dict[str, Any] | None = None,
     times_us: Sequence[int] = (0, 33_333, 66_666),
 ) -> Path:
-    """A file in the layout of the Azure Kinect recorder, with accelerations; its clock begins at `start_us`."""
+    """Write a file in the layout of the Azure Kinect recorder, with accelerations; its clock begins at `start_us`."""
     entries = [mkv_track(i, name, code, MKV_SIZE) for i, (name, code) in enumerate(tracks, start=1)]
     entries.append(mkv_track(9, "IMU", b"", (0, 0), "S_K4A/IMU"))
     attached = element(0x466E, b"calibration.json") + element(0x465C, json.dumps(known or calibration()).encode())

@@ -17,12 +17,12 @@ from toolkit.mocap.clip import PoseClip
 
 
 def neutral() -> Body:
-    """The body of all these tests."""
+    """Return the body of all these tests."""
     return load_body("neutral")
 
 
 def random_poses(rng: np.random.Generator, count: int, reach: float = 0.4) -> np.ndarray:
-    """Poses within `reach` times the limits, anywhere in a room, facing anywhere, float64 (count, P)."""
+    """Return poses within `reach` times the joint limits, at random places and headings, float64 (count, P)."""
     limits = skeleton.POSE_LIMITS.copy()
     limits[skeleton.ROOT_POSITION] = (-3.0, 3.0)
     limits[skeleton.ROOT_ROTATION] = (-0.5, 0.5)
@@ -32,7 +32,7 @@ def random_poses(rng: np.random.Generator, count: int, reach: float = 0.4) -> np
 
 
 def moving_clip(name: str, seed: int, frames: int = 60) -> PoseClip:
-    """A smooth random motion at 30 frames a second."""
+    """Return a smooth random motion at 30 frames a second."""
     rng = np.random.default_rng(seed)
     keys = random_poses(rng, 4)
     keys[:, skeleton.ROOT_ROTATION] *= 0.1
@@ -43,7 +43,7 @@ def moving_clip(name: str, seed: int, frames: int = 60) -> PoseClip:
 
 @cache
 def small_database(count: int = 200, seed: int = 0) -> PoseDatabase:
-    """Random canonical poses with the offsets that a camera sees."""
+    """Return random canonical poses with the offsets that a camera sees."""
     poses = canonicalise(random_poses(np.random.default_rng(seed), count))[0]
     return PoseDatabase.of_poses(
         poses, neutral(), PoseOrigins(["random"], ["0"], np.zeros(count), np.arange(count), np.zeros(count))
@@ -51,7 +51,7 @@ def small_database(count: int = 200, seed: int = 0) -> PoseDatabase:
 
 
 def write_bvh(path: Path, seed: int, frames: int = 30) -> None:
-    """A BVH of our own joint tree (metres, rotations z, x, y) whose joints all sway."""
+    """Write a BVH file of our joint tree (metres, rotations z, x, y) in which all joints sway."""
     body = neutral()
     lines = ["HIERARCHY"]
 
@@ -85,7 +85,7 @@ def write_bvh(path: Path, seed: int, frames: int = 30) -> None:
 
 
 def known_without(joints: tuple[str, ...], *, floor: bool = False) -> np.ndarray:
-    """Bool (SIZE,): all variables are known but the angles of `joints`, and the height unless a `floor` is.
+    """Return bool (SIZE,): all variables but the angles of `joints`, and but the height unless `floor` is set.
 
     Joints are those of `skeleton.JOINT_NAMES`, for example `left_hip`.
     """

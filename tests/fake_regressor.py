@@ -1,4 +1,4 @@
-"""Parts of a tracker that do what a test says, and remember what they were asked."""
+"""Fakes of a tracker's parts with given answers, which keep their inputs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IN_VIEW = np.linspace(0.1, 1.0, 20)
 
 
 def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
-    """A standing pose (P,) at `x` metres to the right, 3 m away, with some of its entries by name."""
+    """Return a standing pose (P,) at `x` metres to the right, 3 m away, with some entries by name."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[skeleton.ROOT_POSITION] = (x, 0.0, -3.0)
     for name, angle in angles.items():
@@ -31,13 +31,13 @@ def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
 
 
 def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Comparison:
-    """A comparison of that distance whose samples all lie `gaps` metres off."""
+    """Return a comparison of this distance whose samples all lie `gaps` metres away."""
     drawn = np.zeros(4, dtype=np.int64)
     return Comparison(distance, distance, np.zeros(1), np.full(4, gaps), drawn, energy, None, None)
 
 
 def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
-    """A frame that shows extrema on a line, and whatever else is given."""
+    """Return an observation with extrema on a line and the given attributes."""
     points = np.arange(3.0 * extrema, dtype=np.float32).reshape(extrema, 3)
     seen = {
         "scene": object(),
@@ -58,7 +58,7 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
 
 @dataclass
 class FakeObserver:
-    """Shows the same frame whatever is there."""
+    """Observer that returns the same observation for each sighting."""
 
     shown: Any = field(default_factory=observation)
     states: list[PersonState] = field(default_factory=list)
@@ -84,7 +84,7 @@ class FakeObserver:
 
 @dataclass
 class FakeObjective:
-    """Distances by where the root stands: `distances[x]`, so that a test says who is near."""
+    """Objective whose cost depends on the root's x: `distances[x]`."""
 
     distances: Mapping[float, float] = field(default_factory=dict)
     bounds: list[float] = field(default_factory=list)
@@ -99,13 +99,13 @@ class FakeObjective:
         return WORSE if distance > bound else compared(distance)
 
     def confidence(self, comparison: Comparison) -> np.ndarray:
-        """Sure of everything by how near it is."""
+        """Return a confidence that falls with the distance."""
         return np.full(len(skeleton.REPORTED), 1.0 - comparison.distance)
 
 
 @dataclass
 class FakeSearch:
-    """Answers with what it is given; `answer` may depend on the question."""
+    """Search with a given answer, which may be a function of its inputs."""
 
     name: str
     answer: Proposal | Callable[[PersonState, ScoredHypothesis | None], Proposal]
@@ -123,7 +123,7 @@ class FakeSearch:
 
 @dataclass
 class FakeRefiner:
-    """Moves every pose by `step` along x and remembers what was asked."""
+    """Refiner that moves each pose by `step` along x and keeps its inputs."""
 
     step: float = 0.0
     calls: list[SimpleNamespace] = field(default_factory=list)
@@ -140,5 +140,5 @@ class FakeRefiner:
 
 
 def says(source: str, pose: np.ndarray, distance: float | None = None, **how: bool) -> Hypothesis:
-    """A hypothesis, compared already if a distance is given."""
+    """Return a hypothesis, with its comparison if a distance is given."""
     return Hypothesis(source, pose, None if distance is None else compared(distance), **how)

@@ -1,4 +1,4 @@
-"""A tracker that finds nobody, but remembers: every result depends on all frames before it."""
+"""Tracker without a person whose results depend on all earlier frames."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class FakeSettings:
 
 
 class FakeTracker:
-    """Its followers' pose is a running mean of the depth; `seconds` a frame; frame `broken` cannot be used."""
+    """Fake tracker. Its pose is a running mean of the depth; a frame takes `seconds`; frame `broken` raises an error."""
 
     stage_names = ("prepare", "fit")
     source_names = ("local", "database")
@@ -70,8 +70,9 @@ class FakeTracker:
 
 @dataclass(frozen=True)
 class FakeRecipe(TrackerRecipe):
-    """Builds a fake tracker; each process that builds one leaves a mark, and dies of it where `deadly` says so, or has
-    only `space` bytes left on its disk for a file.
+    """Recipe of a fake tracker. A process that builds one leaves a file, is killed if `deadly` names it, and can
+    write at
+    most `space` bytes to a file.
     """
 
     marks: str = ""
@@ -94,7 +95,7 @@ class FakeRecipe(TrackerRecipe):
 
 
 class FakeLearner:
-    """Counts what it is shown, for `FakeTracker.learnt`; whoever it has seen stands before the camera."""
+    """Learner that counts its frames, for `FakeTracker.learnt`; each person stands in front of the camera."""
 
     def __init__(self, tracker: FakeTracker) -> None:
         self._tracker, self._seen = tracker, 0
@@ -165,7 +166,7 @@ def fake_body(scale: float) -> Body:
 
 
 def write_recording(path: Path, frames: int = 12) -> Path:
-    """A recording whose frames all differ."""
+    """Write a recording whose frames all differ."""
     depth = np.zeros((frames, *CAMERA.shape), dtype=np.uint16)
     for i in range(frames):
         depth[i, 20:40, 30:50] = 2000 + 7 * i * i % 1000

@@ -1,4 +1,4 @@
-"""Formats that the project reads: a writer of a small file and the reader of its content, for each."""
+"""Formats that the project reads: a writer of a small file and a reader of its content for each."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Format:
 
 
 def digest(value: Any) -> str:
-    """Return the SHA-256 of everything that a value holds."""
+    """Return the SHA-256 of all content of a value."""
     total = hashlib.sha256()
     for piece in _pieces(value):
         total.update(piece)
@@ -144,7 +144,7 @@ def _read_index(path: Path) -> Any:
 
 
 def _person_state(path: Path) -> Any:
-    """A person's state, and a step of the kernels that it would reach."""
+    """Return a person's state and the result of a step with it."""
     state = PersonState.restore(load_checkpoint(path, "person"))
     moved = None if state.pose is None else state.body.joint_positions(state.pose[None])
     return state.export(), moved, state.rng().random()
@@ -177,7 +177,7 @@ BONES = "export:\n" + "".join(
 
 
 def _sensors(name: str, text: str) -> Format:
-    """A text file of some sensor's software."""
+    """Write a text file of a sensor's software."""
     return Format(text_file(name, text), read_file)
 
 

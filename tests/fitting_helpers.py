@@ -1,4 +1,4 @@
-"""One body before one camera, with everything that a fit needs."""
+"""One body in front of one camera, with all parts of a fit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from toolkit.sensing.camera import Camera
 
 
 def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) of the pixels with depth (H, W) > 0, camera frame, metres, and their flat indices (N,)."""
+    """Return points (N, 3) of the pixels with depth (H, W) > 0, camera frame, metres, and their flat indices (N,)."""
     v, u = np.nonzero(depth > 0)
     z = depth[v, u].astype(np.float64)
     fx, fy, cx, cy = intrinsics
@@ -26,7 +26,7 @@ def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarra
 
 
 def vertex_jacobian(body: Body, pose: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Derivative of the chosen vertices by the pose by central differences of fourth order: float64 (V, 3, P)."""
+    """Return the derivative of chosen vertices by the pose, fourth-order central differences: float64 (V, 3, P)."""
     out = np.empty((len(vertices), 3, len(pose)))
     for entry, change in enumerate(1e-3 * np.eye(len(pose))):
         near, far = (
@@ -37,7 +37,7 @@ def vertex_jacobian(body: Body, pose: np.ndarray, vertices: np.ndarray) -> np.nd
 
 
 def whole_image(placed: PlacedBody) -> tuple[np.ndarray, np.ndarray]:
-    """Depth and triangle of a drawn body in the whole image of its camera: (H, W) each, 0 and -1 without."""
+    """Return depth and triangle of a drawn body in the whole image: (H, W) each, 0 and -1 outside of it."""
     shape, (part, numbers, intrinsics) = placed.placer.camera.shape, placed.drawn
     left, top = np.rint(placed.placer.intrinsics[2:] - intrinsics[2:]).astype(int)
     window = slice(top, top + part.shape[0]), slice(left, left + part.shape[1])

@@ -20,7 +20,7 @@ FIVE = ("left_shin", "right_shin", "left_forearm", "right_forearm", "pelvis")
 
 @lru_cache(maxsize=8)
 def poses_of(name: str = "knee_to_elbow") -> np.ndarray:
-    """Poses (T, P) of a bundled motion at 30 frames a second."""
+    """Return poses (T, P) of a bundled motion at 30 frames a second."""
     return procedural_clips([name], rate=RATE, body=subject_body("neutral"), seed=0)[0].poses
 
 
@@ -36,7 +36,7 @@ def sensors_of(
 
 
 def write_run(folder: Path, poses: np.ndarray, state: np.ndarray | None = None) -> Path:
-    """A finished run folder whose track holds these poses, on the neutral body."""
+    """Write a finished run folder whose track has these poses, on the neutral body."""
     count = len(poses)
     body = ShapeSpace.load().body([])
     track = Track(

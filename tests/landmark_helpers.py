@@ -1,4 +1,4 @@
-"""A plain figure of boxes and drawn bodies before a camera, for the tests of the landmarks."""
+"""A plain figure of boxes and drawn bodies in front of a camera, for the tests of the landmarks."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 
 
 def cloud_of(depth: np.ndarray) -> Cloud:
-    """Cloud of a depth image (metres) seen by `CAMERA`, which looks horizontally."""
+    """Return the cloud of a depth image (metres) of `CAMERA`, which looks horizontally."""
     return Cloud.from_depth(depth, CAMERA, LEVEL)
 
 
 def paint(depth: np.ndarray, low: tuple[float, float], high: tuple[float, float], z: float) -> None:
-    """Draw an upright rectangle, corners (x, y) in metres, level frame, at `z` metres, over what is farther."""
+    """Draw an upright rectangle, corners (x, y) in metres, level frame, at `z` metres, over farther pixels."""
     u = [CAMERA.cx + CAMERA.fx * x / z for x in (low[0], high[0])]
     v = [CAMERA.cy - CAMERA.fy * y / z for y in (high[1], low[1])]
     part = depth[max(round(v[0]), 0) : round(v[1]) + 1, max(round(u[0]), 0) : round(u[1]) + 1]
@@ -27,7 +27,7 @@ def paint(depth: np.ndarray, low: tuple[float, float], high: tuple[float, float]
 
 
 def figure(z: float = 2.6) -> np.ndarray:
-    """Depth image (240, 320) of a flat person with both arms stretched out to the sides."""
+    """Return the depth image (240, 320) of a flat person with both arms stretched out to the sides."""
     depth = np.zeros((240, 320), dtype=np.float32)
     paint(depth, (-0.2, -0.35), (0.2, 0.3), z)  # torso
     paint(depth, (-0.08, 0.3), (0.08, 0.55), z)  # head
@@ -39,7 +39,7 @@ def figure(z: float = 2.6) -> np.ndarray:
 
 
 def body_cloud(body: Body, pose: np.ndarray) -> Cloud:
-    """Cloud of a body in a pose (P,), level frame, as `CAMERA` sees it without noise."""
+    """Return the cloud of a body in a pose (P,), level frame, without noise."""
     vertices_camera = body.vertex_positions(pose) @ LEVEL
     projected = np.empty_like(vertices_camera)
     raster.project(vertices_camera, np.asarray(CAMERA.intrinsics, dtype=np.float64), projected)

@@ -1,4 +1,4 @@
-"""A body of joints with the least possible mesh, and small mocap files, for the mocap tests."""
+"""A body of joints with the smallest possible mesh, and small mocap files, for the mocap tests."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SITES_REST = {
 
 
 def stick_body() -> Body:
-    """An adult whose mesh is two triangles around each end effector: enough for joints, sites and tips."""
+    """Return an adult whose mesh is two triangles at each end effector: enough for joints, sites and tips."""
     rest = dict(SPINE_REST)
     for name, (x, y, z) in LEFT_REST.items():
         rest[f"left_{name}"] = (x, y, z)
@@ -144,7 +144,9 @@ fore 20 70
 
 
 def renamed(clip: Clip, names: dict[str, str], tips: dict[str, str]) -> Clip:
-    """The clip with other joint names, and with a joint more at the end site of each joint (old name) in `tips`."""
+    """Return the clip with other joint names, and an additional joint at the end site of each joint (old name) in
+    `tips`.
+    """
     parents, offsets, joints = list(clip.parents), list(clip.offsets), [names[name] for name in clip.joint_names]
     ends = {names[joint]: tip for joint, tip in clip.end_sites.items()}
     for carrier, tip in tips.items():
@@ -163,7 +165,7 @@ def renamed(clip: Clip, names: dict[str, str], tips: dict[str, str]) -> Clip:
 
 
 def with_rest_pose(clip: Clip, world_at_rest: np.ndarray) -> Clip:
-    """The same motion on a skeleton whose rest pose has the joints turned by `world_at_rest` (J, 3, 3)."""
+    """Return the same motion on a skeleton whose rest pose has the joints rotated by `world_at_rest` (J, 3, 3)."""
     _, world = clip.world()
     turned = world @ np.swapaxes(world_at_rest, -1, -2)
     local, offsets = turned.copy(), clip.offsets.copy()
@@ -176,7 +178,7 @@ def with_rest_pose(clip: Clip, world_at_rest: np.ndarray) -> Clip:
 
 
 def in_world(clip: Clip, turn: np.ndarray) -> Clip:
-    """The same motion and rest pose in a file whose axes are turned by `turn` (3, 3)."""
+    """Return the same motion and rest pose in a file whose axes are rotated by `turn` (3, 3)."""
     return replace(
         clip,
         rotations=turn @ clip.rotations @ turn.T,

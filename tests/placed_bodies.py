@@ -1,4 +1,4 @@
-"""A standing body before a camera, and what evidence says of it."""
+"""A standing body in front of a camera, and the normal equations of a term."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from toolkit.fitting.placed import NormalSystem, PlacedBody
 
 
 def pose(**entries: float) -> np.ndarray:
-    """Standing 2.5 m before the camera, some entries changed by so much."""
+    """Return a pose 2.5 m in front of the camera with some entries changed."""
     found = np.zeros(skeleton.POSE_SIZE)
     found[2] = -2.5
     for name, value in entries.items():
@@ -19,7 +19,7 @@ def pose(**entries: float) -> np.ndarray:
 
 
 def normal(evidence: FrameEvidence, body: PlacedBody) -> NormalSystem:
-    """The normal equations of the evidence alone."""
+    """Return the normal equations of the term alone."""
     system = NormalSystem()
     system.reset(body.origins[0])
     evidence.attract(system, body)

@@ -1,4 +1,4 @@
-"""Strides by loops over frames, from heels, balls, ankles and the pelvis alone: the measure of `biomechanics.gait`.
+"""Strides by loops over frames, from heels, balls, ankles and pelvis: the reference for `biomechanics.gait`.
 
 Zeni 2008: a foot touches down where its heel is farthest ahead of the pelvis and lifts off where its ball is farthest
 behind. The person is known and walks in all frames, and frames are equally long apart.
@@ -13,7 +13,7 @@ import numpy as np
 
 
 class PlainStride(NamedTuple):
-    """Touch-down, toe-off and next touch-down, seconds; length, width and step, metres (NaN where not known)."""
+    """Touch-down, toe-off and next touch-down, seconds; length, width and step, metres (NaN if unknown)."""
 
     side: int
     start: float
@@ -25,7 +25,7 @@ class PlainStride(NamedTuple):
 
 
 def plain_strides(soles: np.ndarray, ankles: np.ndarray, pelvis: np.ndarray, rate: float) -> list[PlainStride]:
-    """Strides in order of side and start, from soles (T, 2, 2, 3), ankles (T, 2, 3) and pelvis (T, 3), y up."""
+    """Return strides by side and start, from soles (T, 2, 2, 3), ankles (T, 2, 3) and pelvis (T, 3), y up."""
     count, step = len(pelvis), 1.0 / rate
     course = [0.0] * count, [0.0] * count
     for axis, own in zip((0, 2), course, strict=True):
@@ -75,13 +75,13 @@ def plain_strides(soles: np.ndarray, ankles: np.ndarray, pelvis: np.ndarray, rat
 
 
 def middle(ordered: list[float]) -> float:
-    """Median of numbers in order."""
+    """Return the median of numbers in order."""
     half = len(ordered) // 2
     return ordered[half] if len(ordered) % 2 else 0.5 * (ordered[half - 1] + ordered[half])
 
 
 def blurred(values: list[float], deviation: float) -> list[float]:
-    """Values under a Gaussian of so many frames that reaches four deviations; beyond the ends they are mirrored."""
+    """Return values filtered by a Gaussian of a standard deviation in frames, cut at four deviations, ends mirrored."""
     count, reach = len(values), int(4.0 * deviation + 0.5)
     weights = {k: math.exp(-0.5 * (k / deviation) ** 2) for k in range(-reach, reach + 1)}
     total = sum(weights.values())
@@ -96,7 +96,7 @@ def blurred(values: list[float], deviation: float) -> list[float]:
 
 
 def summits(values: list[float], prominence: float, apart: int, rate: float) -> list[float]:
-    """Seconds of the maxima that stand out by so much, of those nearer than `apart` frames the higher."""
+    """Return seconds of the maxima of at least a prominence; of those nearer than `apart` frames the higher."""
     count = len(values)
     inner = [t for t in range(1, count - 1) if values[t - 1] < values[t] > values[t + 1]]
     kept: list[int] = []

@@ -1,4 +1,6 @@
-"""The 40 relational quantities of whole motions in plain NumPy (thesis 2.2): the twin of `kernels.motion.relations`."""
+"""The 40 relational quantities of whole motions in plain NumPy (thesis 2.2): reference for
+`kernels.motion.relations`.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,7 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 
 def plain_quantities(motion: Motion) -> np.ndarray:
-    """Float64 (40, T), F1 to F40."""
+    """Return float64 (40, T), F1 to F40."""
     g = Geometry(motion)
     rows = [
         *((g.vplane("neck", "right_hip", "left_hip", f"{s}_wrist", 250)) for s in ("right", "left")),
@@ -117,7 +119,9 @@ class Geometry:
         return np.sqrt(np.max([np.square(a - b).sum(axis=0) for a, b in combinations(ground, 2)], axis=0))
 
     def shoulder_turn(self) -> np.ndarray:
-        """How far the left shoulder is before the right one, along the forward normal of the hips and the neck."""
+        """Return the distance of the left shoulder in front of the right one, along the forward normal of hips and
+        neck.
+        """
         normal = self.normal("right_hip", "left_hip", "neck")
         return _dot(normal, self["left_shoulder"] - self["right_shoulder"])
 

@@ -18,7 +18,7 @@ _SIDE = {
 
 
 def standing() -> dict[str, np.ndarray]:
-    """Named joints of a person who stands with hanging arms, metres."""
+    """Return named joints of a person who stands with hanging arms, metres."""
     pose = {name: np.array(place) for name, place in _SPINE.items()}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         pose |= {f"{side}_{joint}": np.array(place) * [sign, 1.0, 1.0] for joint, place in _SIDE.items()}
@@ -26,13 +26,15 @@ def standing() -> dict[str, np.ndarray]:
 
 
 def still(pose: dict[str, np.ndarray], frames: int = 8, rate: float = 120.0) -> Motion:
-    """A motion that holds one pose."""
+    """Return a motion that holds one pose."""
     joints = np.stack([pose[name] for name in NAMED_JOINTS])
     return Motion("still", np.repeat(joints[None], frames, axis=0), rate)
 
 
 def random_motion(seed: int, seconds: float = 2.0, rate: float = 120.0, reach: float = 0.35) -> Motion:
-    """Every joint swings around its place in the standing figure; equal seeds give equal movements at all rates."""
+    """Return a motion in which each joint swings about its rest position; equal seeds give equal motions at all
+    rates.
+    """
     rng = np.random.default_rng(seed)
     joints = np.stack([standing()[name] for name in NAMED_JOINTS])
     time = np.arange(int(round(seconds * rate))) / rate

@@ -1,4 +1,4 @@
-"""The command as it is typed; run folders of made-up tracks, of one person or of several."""
+"""Calls of the command, and run folders of synthetic tracks of one or several people."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from toolkit.tracks.runs import PersonSummary, save_people
 TURN = np.diag([1.0, -1.0, -1.0])
 """R_level_camera of a camera that looks horizontally, its own inverse."""
 KNOWN_SIZE = ("--set", "shape.seconds=0", "--set", "sizes=[-0.6]")
-"""Of `track`: people are as tall as simulated ones, so that no other size is looked for, and no body learnt."""
+"""Options of `track` for people with the stature of the simulated ones: one size, no body learning."""
 
 
 def run(*words: object) -> int:
-    """Exit code of the command."""
+    """Return the exit code of the command."""
     with pytest.raises(SystemExit) as stop:
         main([str(word) for word in words])
     return int(stop.value.code or 0)
@@ -35,7 +35,9 @@ def write_run(
     recording: str = "/r.npz",
     contact: np.ndarray | None = None,
 ) -> Path:
-    """A finished run of these poses (T, P); in the first `absent` frames nobody is there. `contact` (T, 2) carries."""
+    """Write a finished run of poses (T, P) without a person in the first `absent` frames; `contact` (T, 2) are foot
+    contacts.
+    """
     turn = TURN.ravel().tolist()
     info = RunInfo(recording, "ab", {}, skeleton.fingerprint(), [shape], 1.1, "", turn, {}, "0")
     joints = (info.body().joint_positions(poses) @ TURN).astype(np.float32)
@@ -50,7 +52,9 @@ def write_run(
 
 
 def write_people(run: Path, poses: np.ndarray) -> Path:
-    """A run of two people of other shapes who do the same a metre apart; the second comes after the first frame."""
+    """Write a run of two people with other shapes and the same motion a metre apart; the second enters after one
+    frame.
+    """
     beside = poses.copy()
     beside[:, 0] += 1.0
     write_run(run / "person_01", poses)

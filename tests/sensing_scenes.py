@@ -19,13 +19,13 @@ ARMS_DOWN = 1.2  # rad below the T-pose
 
 @lru_cache(maxsize=1)
 def neutral() -> tuple[Body, float]:
-    """The neutral body and the height of its hips above the floor, metres."""
+    """Return the neutral body and the height of its hips above the floor, metres."""
     body = load_body("neutral")
     return body, -float(body.vertices[:, 1].min())
 
 
 def standing(x: float, distance: float, height: float) -> np.ndarray:
-    """A pose in the level frame of a camera `height` metres above the floor, facing it, with the arms down."""
+    """Return a pose with hanging arms that faces a camera `height` metres above the floor, level frame."""
     pose = np.zeros(POSE_SIZE)
     pose[:3] = x, neutral()[1] - height, -distance
     pose[POSE_NAMES.index("left_shoulder_rz")] = -ARMS_DOWN
@@ -34,7 +34,7 @@ def standing(x: float, distance: float, height: float) -> np.ndarray:
 
 
 def up_of_tilt(tilt: float) -> np.ndarray:
-    """The vertical in the frame of a camera tilted downwards by `tilt` radians."""
+    """Return the vertical in the frame of a camera tilted downwards by `tilt` radians."""
     return np.array([0.0, -np.cos(tilt), -np.sin(tilt)])
 
 
@@ -68,7 +68,7 @@ def scene(
     wall: float | None = None,
     floor: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A depth image, uint16 (H, W) millimetres, and who is where: int (H, W), 0 room, 1.. the people.
+    """Return a depth image, uint16 (H, W) millimetres, and the person of each pixel, int (H, W): 0 room, 1.. people.
 
     `people` stand at (x, distance) in front of a camera `height` metres above the floor; the wall is at a distance too.
     """
@@ -77,5 +77,5 @@ def scene(
 
 
 def person_alone(camera: Camera, x: float = 0.0, distance: float = 3.0) -> np.ndarray:
-    """Depth of one person and nothing else, uint16 (H, W), millimetres."""
+    """Return the depth of one person without surroundings, uint16 (H, W), millimetres."""
     return scene(camera, ((x, distance),))[0]

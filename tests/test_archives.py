@@ -1,4 +1,4 @@
-"""The project's NPZ files: there and back, and what is said of every kind of bad one."""
+"""The project's NPZ files: round trip, and the error for each kind of bad file."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def archive(path: Path, members: dict[str, bytes], method: int = zipfile.ZIP_DEF
 
 
 def header(text: str, data: bytes = b"") -> bytes:
-    """An NPY file of version 1.0 with this header."""
+    """Return an NPY file of version 1.0 with this header."""
     return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode() + data
 
 
@@ -54,7 +54,7 @@ def test_arrays_come_back_in_this_machine_s_byte_order(
         assert read[name].dtype.isnative and read[name].dtype == array.dtype.newbyteorder("=")
 
 
-def test_the_checksum_knows_names_types_shapes_and_values_but_no_order() -> None:
+def test_the_checksum_covers_names_types_shapes_and_values_but_no_order() -> None:
     array = np.arange(6, dtype=np.int32)
     same = [checksum_of({"a": array, "b": array}), checksum_of({"b": array, "a": array})]
     others = [{"a": array}, {"a": array.astype(np.uint32), "b": array}, {"a": array.reshape(2, 3), "b": array}]
@@ -89,7 +89,7 @@ def _method(path: Path) -> None:
 
 
 def _hide(path: Path) -> None:
-    """A length in the first entry of the directory that swallows the second one as its comment."""
+    """Return a directory entry whose length covers the second entry as its comment."""
     data = bytearray(archive(path, {"a.npy": npy(np.zeros(3)), "b.npy": npy(np.zeros(3))}).read_bytes())
     entry, end = data.index(b"PK\x01\x02"), data.index(b"PK\x05\x06")
     data[entry + 32 : entry + 34] = (end - data.rindex(b"PK\x01\x02")).to_bytes(2, "little")
@@ -97,7 +97,7 @@ def _hide(path: Path) -> None:
 
 
 class Evil:
-    """Runs code where it is unpickled."""
+    """Class that runs code when it is unpickled."""
 
     def __reduce__(self) -> tuple[Callable[[str], None], tuple[str]]:
         return os.mkdir, ("unpickled",)

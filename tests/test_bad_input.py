@@ -1,4 +1,4 @@
-"""Every verb with every kind of bad input: exit code 1 or 2 and one sentence, nothing written, nothing waited for."""
+"""Each verb with each kind of bad input: exit code 1 or 2 and one sentence, no output, no waiting."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ VERBS: dict[str, tuple[str, ...]] = {
 
 
 def _npz_of(header: str, data: bytes = b"") -> bytes:
-    """An NPZ file of one array under a header that may be anything."""
+    """Return an NPZ file of one array with any header."""
     text = header.encode() + b"\n"
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -68,7 +68,7 @@ def _npz_of(header: str, data: bytes = b"") -> bytes:
 
 @cache
 def bomb() -> bytes:
-    """An array of 64 MB in a small file."""
+    """Return an array of 64 MB in a small file."""
     return _npz_of("{'descr': '|u1', 'fortran_order': False, 'shape': (67108864,), }", bytes(1 << 26))
 
 
@@ -105,7 +105,7 @@ def test_bad_input_is_one_sentence(verb: str, tmp_path: Path, capsys: pytest.Cap
             if len(name) > 255 and kind != "missing":
                 continue
             if (verb, kind) == ("track, settings", "empty"):
-                continue  # the usual ones
+                continue  # typical values
             folder = tmp_path / f"{name[:8]} {kind}"
             folder.mkdir()
             make(folder / name)
@@ -172,7 +172,7 @@ OUT_OF_RANGE: dict[str, str] = {
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of a recording, its run, a database, classes, and tables that cannot be."""
+    """Return a folder with a recording, its run, a database, classes and impossible tables."""
     folder = tmp_path_factory.mktemp("files")
     small_database(12).save(folder / "poses.npz")
     write_recording(folder / "take.npz")

@@ -1,4 +1,4 @@
-"""Angles, strides, contacts and rises of motions of which they are known."""
+"""Angles, strides, contacts and rises of motions with exact truth."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_angles_make_the_rotation_again(sequence: str) -> None:
             np.testing.assert_allclose(again, single, atol=1e-9)
 
 
-def test_through_gimbal_lock_the_angles_are_continuous_and_it_is_said() -> None:
+def test_angles_are_continuous_and_marked_through_gimbal_lock() -> None:
     steps = np.linspace(-60.0, 60.0, 121)
     turned = Rotation.from_euler("YXY", np.column_stack([np.full(121, 30.0), -np.abs(steps), np.full(121, 10.0)]), True)
     angles, locked = sequence_angles(turned.as_matrix(), "YXY", np.ones(121, dtype=bool))
@@ -118,7 +118,7 @@ def test_what_is_known_of_a_walk_by_where_feet_stay_is_its_plan(walk: Walk) -> N
         assert known[name] == pytest.approx(plan[name], abs=off), name
 
 
-def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:
+def test_no_strides_in_a_short_walk_or_while_standing() -> None:
     poses, _ = walking(BODY, Walk(), 0.9, RATE)
     for rows, note in (
         (poses, "no whole stride was walked"),
@@ -132,7 +132,7 @@ def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:
     assert not nobody.strides and nobody.note == "the person does not walk"
 
 
-def test_no_stride_spans_the_time_in_which_somebody_was_away() -> None:
+def test_no_stride_spans_an_absence() -> None:
     poses, _ = walking(BODY, Walk(), 6.0, RATE)
     known = np.ones(len(poses), dtype=bool)
     known[80:100] = False
@@ -143,7 +143,7 @@ def test_no_stride_spans_the_time_in_which_somebody_was_away() -> None:
     assert found.walking < 5.4 and found.mean("length") == pytest.approx(Walk().stride_length, abs=0.02)
 
 
-def test_feet_that_carry_are_told_from_feet_that_swing() -> None:
+def test_stance_feet_are_separated_from_swinging_feet() -> None:
     poses, truth = walking(BODY, Walk(), 4.0, RATE)
     placed, times = soles(BODY, poses), np.arange(len(poses)) / RATE
     everywhere = np.ones(len(poses), dtype=bool)
@@ -164,14 +164,14 @@ def test_feet_that_slid_are_held_where_they_rest_and_the_rest_of_the_body_stays(
     assert slides[1] < 0.4 * slides[0]
     legs = [i for i, name in enumerate(skeleton.POSE_NAMES) if "hip" in name or "knee" in name or "ankle" in name]
     rest = np.setdiff1d(np.arange(skeleton.POSE_SIZE), legs)
-    np.testing.assert_allclose(held.track.pose[:, rest], noisy[:, rest], atol=0.02)  # who walks is not still
+    np.testing.assert_allclose(held.track.pose[:, rest], noisy[:, rest], atol=0.02)  # a walking person is not still
     truth = BODY.joint_positions(true)
     feet = [skeleton.REPORTED.index(name) for name in ("left_foot", "right_foot")]
     off = [np.linalg.norm(BODY.joint_positions(p) - truth, axis=2)[:, feet].mean() for p in (noisy, held.track.pose)]
     assert off[1] < off[0]
 
 
-def test_somebody_who_stands_still_does_not_tremble_and_who_walks_is_left_as_found(tmp_path: Path) -> None:
+def test_a_standing_person_is_steadied_and_a_walking_one_unchanged(tmp_path: Path) -> None:
     still = np.repeat(rising(BODY, Rising(count=0, stand=2.0), RATE)[:1], 60, axis=0)
     walk = walking(BODY, Walk(), 2.0, RATE)[0]
     rng, off = np.random.default_rng(0), {}

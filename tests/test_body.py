@@ -20,7 +20,7 @@ LEFT_RIGHT = [
 
 
 def random_pose(rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
-    """A pose within the limits, anywhere in space and orientation."""
+    """Return a pose within the limits at a random place and orientation."""
     low, high = skeleton.POSE_LIMITS.T
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[6:] = rng.uniform(spread * low[6:], spread * high[6:])
@@ -30,7 +30,7 @@ def random_pose(rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
 
 
 def chain_by_matrices(body: Body, pose: np.ndarray) -> np.ndarray:
-    """Homogeneous transform (18, 4, 4) of every joint, multiplied out from SciPy rotations."""
+    """Return homogeneous transforms (18, 4, 4) of the joints, multiplied from SciPy rotations."""
     vectors = np.zeros((len(skeleton.JOINTS), 3))
     for name, value in zip(skeleton.POSE_NAMES[3:], pose[3:], strict=True):
         joint, _, axis = name.rpartition("_r")
@@ -101,7 +101,7 @@ def test_limits_are_mirror_images_and_admit_the_rest_pose() -> None:
 
 
 def mirrored_pose(pose: np.ndarray) -> np.ndarray:
-    """The pose seen in a mirror at x = 0: left and right change places, turns about y and z change sign."""
+    """Return the pose mirrored at x = 0: sides exchanged, rotations about y and z negated."""
     values = dict(zip(skeleton.POSE_NAMES, pose, strict=True))
     out = []
     for name in skeleton.POSE_NAMES:

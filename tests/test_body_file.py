@@ -27,7 +27,7 @@ CAMERA = camera_for(5000)
 
 
 def own() -> Body:
-    """Somebody with offsets."""
+    """Return a body with offsets."""
     space = ShapeSpace.load()
     count = len(space.skin_joints)
     return space.body([0.5, -1.0], offsets=0.01 * np.sin(np.arange(count)))
@@ -92,7 +92,7 @@ def test_every_tracker_without_a_database_takes_a_body(tmp_path: Path, config: s
 
 
 def recorded(path: Path, degrees: float) -> Path:
-    """A recording of the neutral body in a T-pose."""
+    """Return a recording of the neutral body in a T-pose."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[2], pose[4] = -2.8, np.radians(degrees)
     rng = np.random.default_rng(0)

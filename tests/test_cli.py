@@ -41,7 +41,7 @@ VERBS = (
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
-    """A fake tracker in the place of the hybrid one; what it was asked for stands in `asked`."""
+    """Replace the hybrid tracker by a fake; its arguments are in `asked`."""
     tracker = FakeTracker()
     tracker.asked = None  # type: ignore[attr-defined]
 
@@ -117,7 +117,9 @@ def test_a_failure_is_exit_code_1_and_one_sentence(
     assert last.startswith("depthmocap: ") and words in last and "Traceback" not in errors
 
 
-def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]) -> None:
+def test_track_writes_a_run_and_prints_its_path(
+    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
+) -> None:
     recording = write_recording(tmp_path / "take.npz")
     main_arguments = ["track", recording, "--database", "d.npz", "--output", tmp_path / "run"]
     assert run(*main_arguments, "--set", "extrema=10", "--segment", "person") == 0
@@ -127,7 +129,7 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert fake.asked == asked  # type: ignore[attr-defined]
 
 
-def test_ctrl_c_is_exit_code_1_and_says_how_to_go_on(
+def test_ctrl_c_is_exit_code_1_and_names_the_command_that_resumes(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording, output = write_recording(tmp_path / "take.npz"), tmp_path / "run"
@@ -160,7 +162,7 @@ def test_evaluate_prints_one_table_and_writes_files(
 
 
 def commands() -> Iterator[tuple[str, Any]]:
-    """Every command with its verb, those of groups as `group command`."""
+    """Return each command with its verb, those of groups as `group command`."""
     root = typer.main.get_command(app)
     for name, command in root.commands.items():  # type: ignore[attr-defined]
         if hasattr(command, "commands"):
@@ -179,10 +181,10 @@ def test_every_help_screen_ends_with_examples_that_can_be_typed() -> None:
             words = shlex.split(line)
             start = 1 + len(verb.split())
             assert words[:start] == ["depthmocap", *verb.split()]
-            command.make_context(verb, words[start:])  # raises for an option or an argument that there is not
+            command.make_context(verb, words[start:])  # raises for an unknown option or argument
 
 
-def test_a_finished_run_is_replaced_only_when_that_is_said(
+def test_a_finished_run_is_replaced_only_with_overwrite(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording = write_recording(tmp_path / "take.npz")

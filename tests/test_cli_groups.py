@@ -31,7 +31,7 @@ seen: list[tuple[object, ...]] = []
 def look(
     place: Annotated[str, typer.Argument()], who: Who, seed: Annotated[int, typer.Option()] = 1, where: Where = Where()
 ) -> None:
-    """Look at somebody."""
+    """Process a person."""
     seen.append((place, who, seed, where))
 
 

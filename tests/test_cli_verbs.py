@@ -1,4 +1,4 @@
-"""What the thin verbs hand on: the words of a command as arguments of the function that does the work."""
+"""Arguments that the thin verbs pass to the function that does the work."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from toolkit.output.report import page
 
 @pytest.fixture
 def handed(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[dict[str, Any]]]:
-    """Puts a recorder in the place of a function of a module; what it was called with, call by call."""
+    """Replace a function of a module by a recorder; return its calls."""
 
     def watch(module: Any, name: str, result: Any) -> list[dict[str, Any]]:
         calls: list[dict[str, Any]] = []

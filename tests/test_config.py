@@ -76,7 +76,7 @@ def test_overrides_win_over_the_file(tmp_path: Path) -> None:
         ({"name": 1}, "text"),
     ],
 )
-def test_a_wrong_setting_is_one_sentence_that_says_what_there_is(values: dict[str, Any], message: str) -> None:
+def test_a_wrong_setting_is_one_sentence_with_the_valid_names(values: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         READER.read(values, Outer, "")
 

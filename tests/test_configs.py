@@ -1,4 +1,4 @@
-"""The settings files that people start from."""
+"""Settings files in `configs/`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CONFIGS = Path(__file__).parents[1] / "configs"
 
 
 def settings_by_name(values: dict[str, Any], section: str = "") -> dict[str, Any]:
-    """Values by dotted name."""
+    """Return values by dotted name."""
     found: dict[str, Any] = {}
     for name, value in values.items():
         found |= settings_by_name(value, f"{section}{name}.") if isinstance(value, dict) else {section + name: value}
@@ -27,7 +27,7 @@ def settings_by_name(values: dict[str, Any], section: str = "") -> dict[str, Any
 
 
 def settings_classes(kind: type) -> list[type]:
-    """A settings class and those inside it."""
+    """Return a settings class and the nested ones."""
     inner = [type(getattr(kind(), field.name)) for field in fields(kind)]
     return [kind, *(found for part in inner if is_dataclass(part) for found in settings_classes(part))]
 
@@ -60,7 +60,7 @@ VARIANTS = [(HybridSettings, "baak2013"), (SwarmTrackerSettings, "qammaz"), (Par
 
 @pytest.mark.parametrize(("kind", "variant"), VARIANTS)
 def test_what_is_written_beside_a_run_makes_the_same_settings_again(kind: type, variant: str, tmp_path: Path) -> None:
-    """Constants that a variant changes stand there too; those of the parent's own default keep it."""
+    """Constants that a variant changes are in the file; those equal to the parent's default keep it."""
     changed = {"fitting.iterations": 9}
     for settings in (load_settings(kind, variant), load_settings(kind, None, changed)):
         (tmp_path / "config.yaml").write_text(settings_text(settings), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Parts of container readers, each for itself: Matroska's index, ROS messages, a Kinect's calibration and colour."""
+"""Parts of container readers: Matroska index, ROS messages, calibration and colour of a Kinect."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_blocks_come_back_by_track_in_the_order_of_time(
 
 
 def ros1(*fields: tuple[str, Any]) -> bytes:
-    """Fields one after the other, little-endian, texts with their length in front."""
+    """Return fields one after the other, little-endian, strings with a length prefix."""
     return b"".join(
         struct.pack("<I", len(value)) + value if code == "s" else struct.pack(f"<{code}", value)
         for code, value in fields
@@ -66,7 +66,7 @@ def ros1(*fields: tuple[str, Any]) -> bytes:
 
 
 def cdr(*fields: tuple[str, Any], big: bool = False) -> bytes:
-    """The same in ROS 2's form: numbers aligned to their size, texts ended by a zero."""
+    """Return the same for ROS 2: numbers aligned to their size, strings with a final zero."""
     order, out = ">" if big else "<", b""
     for code, value in fields:
         size = 4 if code == "s" else struct.calcsize(code)
@@ -79,7 +79,7 @@ def cdr(*fields: tuple[str, Any], big: bool = False) -> bytes:
 
 
 HEADER = {False: [("I", 1)], True: []}
-"""The running number that ROS 1 has in front."""
+"""Sequence number of ROS 1 headers."""
 
 
 def message(two: bool, *fields: tuple[str, Any]) -> bytes:
@@ -100,7 +100,7 @@ def test_a_camera_is_that_of_the_message(two: bool) -> None:
 
 
 def image(pixels: np.ndarray, encoding: bytes, *, big: bool = False, padding: int = 0) -> bytes:
-    """A picture's message whose rows end in `padding` bytes that are none of its pixels."""
+    """Return an image message whose rows end in `padding` bytes."""
     stored = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<"))
     rows = [row.tobytes() + b"\xee" * padding for row in stored]
     head = [("I", len(pixels)), ("I", pixels.shape[1]), ("s", encoding), ("B", big), ("I", len(rows[0]))]
@@ -145,7 +145,7 @@ def stored(**changes: Any) -> str:
 
 
 def test_colour_is_looked_up_where_each_measured_pixel_lies() -> None:
-    """Against one point at a time; what the colour camera does not see, and what is not measured, is black."""
+    """Against one point at a time; pixels out of the colour camera's view, and unmeasured ones, are black."""
     depth_camera = Camera(40.0, 40.0, 15.5, 11.5, 32, 24)
     color_camera = Camera(50.0, 52.0, 19.0, 15.0, 40, 30)
     turn, shift = cv2.Rodrigues(np.array([0.02, -0.05, 0.1]))[0], np.array([-0.2, 0.03, 0.01])

@@ -12,7 +12,7 @@ from tests.file_formats import FORMATS, digest
 from toolkit.io.errors import DepthMocapError
 
 CHANGES = 4
-"""Changes of each kind for one format."""
+"""Number of changes of each kind per format."""
 INSERTED = (b"\x00", b"-1", b"nan", b"1e308", b"9" * 400, b"[" * 2000, b"null", b"\n")
 
 

@@ -1,4 +1,4 @@
-"""The builder end to end: mocap in, one file out, and what bad mocap and bad outputs do."""
+"""Database builder end to end: mocap in, one file out; bad mocap and bad outputs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def build_database(
     sources: Sequence[Path | PoseClip] | None, output: Path, *, threshold: float = build.THRESHOLD,
     max_poses: int | None = None, mirror: bool = False, seated: bool = False, **options: Any,
 ) -> build.BuildReport:  # fmt: skip
-    """Without mirror images, people who sit and a regressor, unless a test asks for them."""
+    """Build without mirror images, seated people and regressor unless a test sets them."""
     sampling = build.Sampling(threshold, max_poses, mirror, seated)
     return build.build_database(sources, output, sampling, **{"parts": None, **options})
 
@@ -133,7 +133,7 @@ def test_a_full_disk_is_one_sentence_and_the_forest_is_kept_in_the_place_of_its_
     grown: list[int] = []
 
     def full(path: Path, flags: int) -> None:
-        """There is room for the images or for the forest, and none for the database."""
+        """Limit the file size: images or forest fit, the database does not."""
         if path.name.startswith(".poses-") or (path.name.startswith(".forest-") and list(work.glob("images-*"))):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         on_disk(path, flags)

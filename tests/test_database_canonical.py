@@ -14,7 +14,7 @@ REPORTED = skeleton.REPORTED.index
 
 
 def swap_sides(points: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """The points of the mirrored person under their new names, mirrored at x = 0."""
+    """Return the points of the mirrored person under their new names, mirrored at x = 0."""
     partner = {"left": "right", "right": "left"}
     order = [names.index("_".join([partner.get(n.split("_")[0], n.split("_")[0]), *n.split("_")[1:]])) for n in names]
     return points[..., order, :] * [-1.0, 1.0, 1.0]

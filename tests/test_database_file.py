@@ -1,4 +1,4 @@
-"""The database file: there and back, and what is said of a bad one."""
+"""Change values of the file at `path` and remove its checksum, as other programs write it; None removes a value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Poses in bounded memory: nothing is thinned while all fit, and what is thinned still covers everything."""
+"""Pose pool in bounded memory: nothing is thinned while all poses fit; thinned poses still cover all others."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIZES = (70, 1, 130, 99)
 
 
 def sources(seed: int = 0) -> list[CanonicalPoses]:
-    """Sources of some length, the second half of each the mirror images of the first."""
+    """Return sources of some length; the second half of each mirrors the first."""
     rng, found = np.random.default_rng(seed), []
     for k, size in enumerate(SIZES):
         poses = random_poses(rng, 2 * size).astype(np.float32)
@@ -39,7 +39,7 @@ def test_what_fits_is_selected_plainly() -> None:
 
 
 @pytest.mark.parametrize("part", [50, 64, 600])
-def test_every_row_knows_where_it_comes_from(part: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_row_has_its_origin(part: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pool, "PART", part)
     made = filled(0.05, None)
     rows, given = made.select().rows, sources()

@@ -1,4 +1,4 @@
-"""The pose prior given the situation: conditionals of Gaussians, situations, its file, and what it learns."""
+"""Pose prior conditioned on the situation: conditional Gaussians, situations, file, learning."""
 
 from __future__ import annotations
 
@@ -92,14 +92,14 @@ def test_variables_are_the_joint_angles_the_vertical_and_the_height_of_the_pelvi
     values = variables(poses, body)
     assert np.array_equal(values[:, : skeleton.POSE_SIZE - 6], poses[:, 6:])
     assert np.linalg.norm(values[:, UP], axis=1) == pytest.approx(np.ones(30))
-    assert variables(canonicalise(poses)[0], body) == pytest.approx(values, abs=1e-9)  # wherever one stands
+    assert variables(canonicalise(poses)[0], body) == pytest.approx(values, abs=1e-9)  # independent of the place
     rest = variables(np.zeros(skeleton.POSE_SIZE), body)
     assert rest[UP] == pytest.approx([0.0, 1.0, 0.0]) and rest[HEIGHT] == pytest.approx(1.0)
     small = variables(poses, body.scaled(0.6))
     assert small == pytest.approx(values)
 
 
-def test_people_who_stand_sit_crouch_and_lie_are_told_apart() -> None:
+def test_standing_sitting_crouching_and_lying_are_separate_situations() -> None:
     body = neutral()
 
     def share(situation: str, poses: np.ndarray) -> float:
@@ -116,7 +116,7 @@ def test_people_who_stand_sit_crouch_and_lie_are_told_apart() -> None:
     assert share("lying", lying) == 1.0
 
 
-def test_a_learnt_prior_knows_by_the_thighs_and_by_the_floor_who_sits() -> None:
+def test_a_learnt_prior_recognises_sitting_by_thighs_and_floor() -> None:
     body = neutral()
     learnt = np.concatenate([poses_of(("walk", "wave", "boxing", "idle"), body), poses_of(SEATED_MOTIONS, body)])
     prior = learn_prior(learnt, body)
@@ -129,7 +129,7 @@ def test_a_learnt_prior_knows_by_the_thighs_and_by_the_floor_who_sits() -> None:
         for poses, name in ((seated, "seated"), (standing, "standing")):
             sure = [prior.expected(v, known).situations[SITUATIONS.index(name)] for v in variables(poses, body)]
             assert np.mean(sure) > 0.8, (hidden, name)
-    # Bent knees for those who sit, straight ones for those who stand.
+    # bent knees for seated people, straight ones for standing people
     knee = skeleton.POSE_NAMES.index("left_knee_rx") - 6
     for poses, low, high in ((seated, 0.9, 2.0), (standing, -0.1, 0.5)):
         found = [prior.expected(v, known_without(shins)) for v in variables(poses, body)]

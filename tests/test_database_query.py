@@ -1,4 +1,4 @@
-"""The query of the database against brute force, by every provider, whole and partial."""
+"""Database query against brute force, by each provider, whole and partial."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from toolkit.kernels.cloud import nearest
 
 
 def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """All distances (M, N) over the coordinates that count, float64."""
+    """Return all distances (M, N) over the used coordinates, float64."""
     difference = queries[:, None].astype(np.float64) - features[None].astype(np.float64)
     return np.sqrt((difference**2 * used[:, None]).sum(axis=2))
 
@@ -102,7 +102,7 @@ def test_a_query_that_cannot_work_is_refused(
 @pytest.mark.parametrize("rows", [5, 1024, 2500])
 def test_the_weighted_nearest_rows_are_those_of_a_sort(rows: int) -> None:
     rng = np.random.default_rng(rows)
-    # Whole numbers, so that there are ties and float32 is exact.
+    # whole numbers: ties occur and float32 is exact
     columns = rng.integers(-3, 4, (4, rows)).astype(np.float32)
     query, weights = rng.integers(-3, 4, 4).astype(np.float32), np.array([1, 0, 2, 1], dtype=np.float32)
     distances, indices = np.empty(5, dtype=np.float32), np.empty(5, dtype=np.int64)

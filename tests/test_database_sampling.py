@@ -12,7 +12,7 @@ from toolkit.io.errors import DatabaseError, UsageError
 
 
 def plain_selection(points: np.ndarray, threshold: float, max_count: int) -> np.ndarray:
-    """Farthest-first as one writes it down, float32 throughout."""
+    """Return a farthest-first selection by the definition, float32 throughout."""
     selected = [0]
     nearest = np.sum((points - points[0]) ** 2, axis=1)
     while len(selected) < max_count:
@@ -25,7 +25,7 @@ def plain_selection(points: np.ndarray, threshold: float, max_count: int) -> np.
 
 
 def walk_of_poses(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Points along smooth random curves, as frames of mocap lie, float32 (count, 60)."""
+    """Return points along smooth random curves, similar to frames of mocap, float32 (count, 60)."""
     steps = rng.normal(size=(count, 8)).cumsum(axis=0) @ rng.normal(size=(8, 60))
     return (0.01 * steps + 0.002 * rng.normal(size=(count, 60))).astype(np.float32)
 

@@ -22,7 +22,7 @@ FILES = {"depth/a b.png": b"\x89PNG first", "take.bvh": b"HIERARCHY\r\nMOTION\r\
 
 
 class Server(NamedTuple):
-    """A server of files: contents by address, addresses that were requested, and how it answers badly."""
+    """Server of files: contents by address, requested addresses, and faults."""
 
     contents: dict[str, bytes]
     requested: list[str]
@@ -117,7 +117,7 @@ def test_a_bad_answer_is_not_kept_and_the_next_fetch_goes_on(
     assert len(server.requested) == before + 2 and not data_set.missing(tmp_path)
 
 
-def test_without_a_network_the_error_says_so(
+def test_without_a_network_the_error_names_the_cause(
     server: Server, data_set: DataSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(registry, "GITHUB", "http://127.0.0.1:9/{repository}/{commit}/")
@@ -170,7 +170,7 @@ def test_two_fetches_at_once_download_each_file_once(server: Server, data_set: D
     assert not data_set.missing(tmp_path)
 
 
-def test_a_data_set_without_an_address_says_what_to_do(data_set: DataSet, tmp_path: Path) -> None:
+def test_a_data_set_without_an_address_has_instructions(data_set: DataSet, tmp_path: Path) -> None:
     by_hand = replace(data_set, repository=None, commit=None, licence="no copies", steps="Ask the authors.")
     with pytest.raises(DataError, match=r"no copies.*Ask the authors.*example\.org/small"):
         fetch_data_set(by_hand, tmp_path)
@@ -230,7 +230,7 @@ def test_no_two_data_sets_disagree_on_a_file() -> None:
 
 
 @pytest.mark.data(*DATA_SETS)
-def test_the_data_folder_holds_what_the_registry_says(data_folder: Path) -> None:
+def test_the_data_folder_matches_the_registry(data_folder: Path) -> None:
     for entry in DATA_SETS.values():
         assert not entry.missing(data_folder), entry.name
 

@@ -1,4 +1,4 @@
-"""The pose database of the package: what it is made of, how large it is, and what happens without it."""
+"""Pose database of the package: sources, size, and behaviour without it."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ def test_it_is_small_and_comes_with_its_notice() -> None:
     assert "mocap.cs.cmu.edu" in notice and "NSF EIA-0196217" in notice
 
 
-def test_it_knows_rooms_people_who_sit_and_what_it_was_made_of(database: PoseDatabase) -> None:
+def test_it_contains_rooms_seated_people_and_its_sources(database: PoseDatabase) -> None:
     assert database.regressor is not None and database.prior is not None
     assert database.regressor.calibration.shape[1] > 2 and len(np.unique(database.regressor.leaf_person)) > 100
     own = {name.rstrip("_0123456789") for name in database.sources if not name.endswith((".bvh", ".amc"))}
     assert {*DATABASE_MOTIONS, *SEATED_MOTIONS} == own
-    assert not own & {*SUBJECT_MOTIONS, *SEATED_SUBJECT_MOTIONS}  # who is simulated in tests and in the demo
+    assert not own & {*SUBJECT_MOTIONS, *SEATED_SUBJECT_MOTIONS}  # subjects of tests and demo
     assert all(len(digest) == 64 for digest in database.hashes) and len(set(database.hashes)) == len(database.hashes)
     assert len(database) > 5000 and database.body_name == "neutral" and not database.notes["skipped"]
 
 
 @pytest.mark.data("cmu-mocap", "cmu-mocap-more")
-def test_its_mocap_is_that_of_the_shared_cmu_folders_and_of_nobody_else(database: PoseDatabase) -> None:
+def test_its_mocap_is_that_of_the_listed_cmu_folders_only(database: PoseDatabase) -> None:
     files = [p for folder in ("mocap/cmu", "mocap_more/cmu") for p in (MOCAP.parent / folder).rglob("*.*")]
-    known = {path.name: {sha256_of(path), digest_of(path)} for path in files}  # git may have changed line ends
+    known = {path.name: {sha256_of(path), digest_of(path)} for path in files}  # git may convert line ends
     named = {Path(name).name: digest for name, digest in zip(database.sources, database.hashes, strict=True)}
     mocap = {name: digest for name, digest in named.items() if name.endswith((".bvh", ".amc"))}
     assert mocap.keys() == {name for name in known if name.endswith((".bvh", ".amc"))}
@@ -51,7 +51,7 @@ def test_its_mocap_is_that_of_the_shared_cmu_folders_and_of_nobody_else(database
     assert counts.sum() == len(database)
 
 
-def test_an_installation_without_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_an_installation_without_it_has_a_clear_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(default, "DEFAULT_DATABASE", tmp_path / "default.npz")
     with pytest.raises(DatabaseError, match="--database"):
         default.default_database_path()

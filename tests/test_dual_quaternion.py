@@ -1,4 +1,4 @@
-"""Dual quaternion skinning against its definition written out."""
+"""Dual quaternion skinning against its definition."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from toolkit.simulation.skinning import quaternion_of, skin_dual
 
 
 def random_pose(seed: int) -> np.ndarray:
-    """A pose within the limits."""
+    """Return a pose within the limits."""
     rng = np.random.default_rng(seed)
     pose = rng.normal(0.0, 1.0, skeleton.POSE_SIZE)
     pose[6:] = rng.uniform(*skeleton.POSE_LIMITS[6:].T)
@@ -20,19 +20,19 @@ def random_pose(seed: int) -> np.ndarray:
 
 
 def skinned(body: Body, pose: np.ndarray) -> np.ndarray:
-    """The mesh of a pose, (V, 3)."""
+    """Return the mesh of a pose, (V, 3)."""
     placed, out = body.place(pose), np.empty_like(body.vertices)
     skin_dual(body.vertices, body.skin_joints, body.skin_weights, body.joints, placed.rotations, placed.origins, out)
     return out
 
 
 def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Of quaternions w, x, y, z."""
+    """Return the product of quaternions w, x, y, z."""
     return np.array([p[0] * q[0] - p[1:] @ q[1:], *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
 
 
 def plain(body: Body, pose: np.ndarray, vertex: int) -> np.ndarray:
-    """One vertex by Kavan 2008, Eq. 5: the normalised sum of dual quaternions, applied."""
+    """Return one vertex by Kavan 2008, Eq. 5: the normalised sum of dual quaternions, applied."""
     placed, real, dual = body.place(pose), np.zeros(4), np.zeros(4)
     first = None
     for j, weight in zip(body.skin_joints[vertex], body.skin_weights[vertex], strict=True):

@@ -1,4 +1,4 @@
-"""The family of errors."""
+"""Error classes."""
 
 from __future__ import annotations
 

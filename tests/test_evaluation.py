@@ -28,7 +28,7 @@ FRAMES = 6
 
 
 def standing(frames: int = FRAMES) -> np.ndarray:
-    """Joints (frames, 20, 3) of somebody at 2.5 m who sways, camera frame (y down), facing the camera."""
+    """Return joints (frames, 20, 3) of a person at 2.5 m who sways, camera frame (y down), facing the camera."""
     side = {"left": 1.0, "right": -1.0}
     at = {"pelvis": (0, 0), "spine": (0, -0.2), "neck": (0, -0.5), "head": (0, -0.7)}
     for name, s in side.items():
@@ -41,7 +41,7 @@ def standing(frames: int = FRAMES) -> np.ndarray:
 
 
 def write_run(folder: Path, joints_found: np.ndarray, *, name: str = "take", **recorded: np.ndarray) -> Path:
-    """A recording of an empty-looking scene and a run folder of a track on it."""
+    """Write a recording without a visible person and a run folder of a track on it."""
     depth = np.zeros((len(standing()), *CAMERA.shape), dtype=np.uint16)
     depth[:, 20:40, 30:50] = 2500
     recording = folder / f"{name}.npz"
@@ -251,7 +251,7 @@ def write_people(folder: Path, found: list[np.ndarray], truth: np.ndarray) -> Pa
         run.mkdir(exist_ok=True)
         single.rename(run / f"person_{i + 1:02d}")
         people.append(PersonSummary(i + 1, f"person_{i + 1:02d}", 0, FRAMES - 1, 1.7, 1.0, 0.0, 0.0))
-    for person in people[:-1]:  # the recording was written anew for each
+    for person in people[:-1]:  # the recording has a new modification time each time
         shutil.copy(run / people[-1].folder / "run.json", run / person.folder)
     save_people(run, people)
     return run
@@ -266,7 +266,7 @@ def test_people_of_a_run_are_matched_with_the_truth_whatever_their_order(tmp_pat
     assert evaluate.find_runs([run.parent]) == [run] and evaluate.find_runs([run]) == [run]
 
 
-def test_whoever_is_in_the_truth_and_was_not_found_is_a_metre_off(tmp_path: Path) -> None:
+def test_a_missed_person_counts_one_metre(tmp_path: Path) -> None:
     truth = np.stack([standing(), standing() + np.float32([0.8, 0, 0])])
     truth[1, :2] = np.nan
     table = evaluate.evaluate_runs([write_people(tmp_path, [standing()], truth)])
@@ -275,7 +275,7 @@ def test_whoever_is_in_the_truth_and_was_not_found_is_a_metre_off(tmp_path: Path
     assert table.rows[1].a100 == 0.0 and table.rows[1].lost == 1.0
 
 
-def test_one_track_on_a_recording_of_several_is_compared_with_whom_it_follows(tmp_path: Path) -> None:
+def test_one_track_of_several_people_is_compared_with_its_person(tmp_path: Path) -> None:
     right = standing() + np.float32([0.8, 0, 0])
     table = evaluate.evaluate_runs([write_run(tmp_path, right, joints=np.stack([standing(), right]))], surface=False)
     assert len(table) == 1 and table.rows[0].error_mm == pytest.approx(0.0, abs=1e-2)

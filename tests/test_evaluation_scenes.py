@@ -1,4 +1,4 @@
-"""Scores of scenes: which joints are seen, who is who, what a confidence is worth."""
+"""Scores of scenes: visible joints, identities, calibration of confidences."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def track_of(joints: np.ndarray, state: np.ndarray | int = TRACKED, confidence: 
 
 
 def moved(x: float, frames: int = 4) -> np.ndarray:
-    """The person standing `x` metres to the right for some frames: (T, 20, 3)."""
+    """Return the person standing `x` metres to the right for some frames: (T, 20, 3)."""
     return np.tile(PERSON + [x, 0.0, 0.0], (frames, 1, 1))
 
 
@@ -104,7 +104,7 @@ def test_tracks_that_change_places_are_two_switches() -> None:
     assert (found.switches, found.misses, found.false) == (2, 0, 0)
 
 
-def test_whoever_need_not_be_followed_is_not_missed_and_a_track_on_them_is_not_false() -> None:
+def test_an_optional_person_is_neither_missed_nor_a_false_track() -> None:
     distances = np.array([[[0.1]], [[np.nan]]])
     found = identities_of(distances, np.zeros((2, 1), bool), np.array([[True], [False]]))
     assert (found.misses, found.false) == (0, 0)
@@ -142,7 +142,7 @@ def test_joints_that_are_not_seen_do_not_enter_the_error_but_the_calibration() -
     assert figures["ece"] == pytest.approx(abs(0.8 - 15 / 20), abs=1e-6)
 
 
-def test_a_person_comes_when_they_are_seen_and_is_found_when_a_track_says_so() -> None:
+def test_a_delay_lasts_from_visibility_to_the_first_tracked_frame() -> None:
     truth = moved(0.0, frames=12)[None].copy()
     truth[0, :2] = np.nan
     late = np.where(np.arange(12) < 8, EMPTY, TRACKED)
@@ -154,7 +154,7 @@ def test_a_person_comes_when_they_are_seen_and_is_found_when_a_track_says_so() -
     assert scene_figures([never])["error_mm"] == pytest.approx(1000.0)
 
 
-def test_a_track_of_nobody_is_counted_in_an_empty_room() -> None:
+def test_a_false_track_is_counted_in_an_empty_room() -> None:
     empty = recording_of(np.empty((0, 4, 20, 3)))
     figures = scene_figures([score_scene(empty, []), score_scene(empty, [track_of(moved(0.0))])])
     assert (figures["recordings"], figures["recordings_tracked"], figures["false"]) == (2, 1, 4)

@@ -1,4 +1,4 @@
-"""Evaluation that looks at every depth frame: a body that is known exactly, drawn into a recording."""
+"""Evaluation on each depth frame: an exactly known body drawn into a recording."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def body() -> Body:
 
 
 def pose(**angles: float) -> np.ndarray:
-    """A T-pose 2.8 m before the camera with some entries changed."""
+    """Return a T-pose 2.8 m in front of the camera with some entries changed."""
     made = np.zeros(skeleton.POSE_SIZE)
     made[2] = -2.8
     for name, value in angles.items():
@@ -46,7 +46,7 @@ def joints_of(body: Body, at: np.ndarray) -> np.ndarray:
 
 
 def evaluated(folder: Path, body: Body, true: np.ndarray, found: np.ndarray) -> RunScores:
-    """Scores of a run that found one pose where another is true, in every frame."""
+    """Return scores of a run with one pose in each frame where another is true."""
     depth = (1000 * render_depth(body, true, CAMERA, ROTATION)).round().astype(np.uint16)
     recording, run, times = folder / "take.npz", folder / "run", np.arange(FRAMES) / 30
     save_recording(

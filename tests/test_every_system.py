@@ -1,4 +1,4 @@
-"""Nothing here needs POSIX: all modules are imported, and a folder is locked, where its modules are absent."""
+"""Portability: all modules import, and a folder is locked, without the modules of POSIX."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_everything_is_imported_and_a_folder_locked_without_the_modules_of_posix
     assert done.stdout == "imported and locked\n", done.stderr
 
 
-def test_what_only_posix_has_is_asked_for_before_it_is_used() -> None:
+def test_posix_only_features_are_checked_before_use() -> None:
     unasked = []
     for path in SOURCES:
         text = path.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The examples run as a newcomer runs them, one after the other in a folder of their own, in one process."""
+"""The examples run one after the other in one folder and one process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exported poses come back: through our reader, through pybvh, through a table."""
+"""Exported poses read back: by our reader, by pybvh, from a table."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def random_poses(count: int) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of two people, six frames at 25 a second; the second one comes after the first frame."""
+    """Write a run of two people, six frames at 25 a second; the second one enters after the first frame."""
     return write_people(tmp_path_factory.mktemp("runs") / "run", random_poses(6))
 
 
@@ -88,7 +88,7 @@ def test_a_rig_is_known_again_by_its_names_and_moves_as_the_body_does(tmp_path: 
     known = load_rig(clip)
     assert known.name.removesuffix("_bvh") == rig
     positions, placed = clip.world()[0], placed_joints(poses)
-    ours = {*skeleton.JOINT_NAMES} - {"lumbar"}  # a rig with two joints below the chest may name either
+    ours = {*skeleton.JOINT_NAMES} - {"lumbar"}  # a rig with two joints below the chest may use either name
     for name in ours & set(known.joints):
         found = positions[:, clip.index(known.joints[name])]
         np.testing.assert_allclose(found, placed[:, skeleton.JOINT_NAMES.index(name)], atol=1e-5)
@@ -142,7 +142,7 @@ def test_a_trc_holds_the_markers_of_the_level_frame(runs: Path, tmp_path: Path) 
     assert found[skeleton.REPORTED.index("head"), 1] > found[skeleton.REPORTED.index("pelvis"), 1] - 2
 
 
-def test_a_c3d_holds_everybody_and_marks_who_is_absent(runs: Path, tmp_path: Path) -> None:
+def test_a_c3d_contains_all_people_and_marks_absences(runs: Path, tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
     assert export_run(runs, tmp_path / "track.c3d", origin="camera") == (tmp_path / "track.c3d",)
     file = ezc3d.c3d(str(tmp_path / "track.c3d"))
@@ -155,7 +155,7 @@ def test_a_c3d_holds_everybody_and_marks_who_is_absent(runs: Path, tmp_path: Pat
     assert np.isnan(points[0, 20:]).all() and np.isfinite(points[0, :20]).all()
 
 
-def test_a_json_says_everything_that_the_track_says(runs: Path, tmp_path: Path) -> None:
+def test_a_json_contains_the_whole_track(runs: Path, tmp_path: Path) -> None:
     export_run(runs, tmp_path / "track.json")
     document = json.loads((tmp_path / "track.json").read_text())
     assert document["joint_names"] == list(skeleton.REPORTED)
@@ -195,7 +195,7 @@ def test_an_unknown_suffix_and_a_rig_for_a_table_are_refused(runs: Path, tmp_pat
         export_run(runs, tmp_path / "track.csv", rig="mixamo")
 
 
-def test_a_run_in_which_nobody_was_found_cannot_be_exported(tmp_path: Path) -> None:
+def test_a_run_without_people_cannot_be_exported(tmp_path: Path) -> None:
     save_people(tmp_path, [])
     assert person_runs(tmp_path) == ()
     with pytest.raises(UsageError, match="no person was found"):

@@ -1,4 +1,4 @@
-"""Angles, OpenSim motions and gait as files, and the page that shows them."""
+"""Angles, OpenSim motions and gait as files, and their page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from toolkit.tracks.runs import load_persons
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Somebody who walks for 3 s, absent in the first two frames."""
+    """Write a run of a person who walks for 3 s, absent in the first two frames."""
     poses, _ = walking(load_body("neutral"), Walk(), 3.0, 30.0)
     return write_run(tmp_path_factory.mktemp("walk") / "run", poses, shape=0.0, absent=2, rate=30.0)
 
@@ -71,7 +71,7 @@ def test_the_gait_of_a_run_is_a_file_of_figures(run: Path, tmp_path: Path) -> No
 
 @pytest.fixture(scope="module")
 def sliding(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Somebody who walks, as a tracker finds it: feet that carry slide and tremble."""
+    """Write a run of a walking person with sliding, trembling stance feet."""
     poses, contact = walking(load_body("neutral"), Walk(), 3.0, 30.0)
     poses[:, 3:] += np.random.default_rng(0).normal(scale=0.015, size=poses[:, 3:].shape)
     return write_run(tmp_path_factory.mktemp("sliding") / "run", poses, shape=0.0, rate=30.0, contact=contact)
@@ -93,7 +93,7 @@ def test_the_gait_of_a_file_and_of_a_page_is_that_of_the_track_with_what_rests_h
 
 
 def ranges(figures: dict[str, Any]) -> set[str]:
-    """All ranges of motion as a page writes them."""
+    """Return all ranges of motion as written on a page."""
     sides = [row[side] for row in figures["ranges_deg"] for side in ("left", "right")]
     return {f"{low:.0f} to {high:.0f}" for low, high in sides}
 

@@ -1,4 +1,4 @@
-"""A GLB file moves exactly as the toolkit's own body does, by another road; the Khronos validator finds nothing."""
+"""A GLB file moves exactly as the toolkit's body, by a second reader; the Khronos validator finds no error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
 class Glb:
-    """A plain reader: node matrices by the specification, joint matrices, weighted sums."""
+    """Reader of GLB: node matrices by the specification, joint matrices, weighted sums."""
 
     def __init__(self, path: Path) -> None:
         data = path.read_bytes()
@@ -72,7 +72,7 @@ class Glb:
         return world
 
     def vertices(self, mesh: int, frame: int) -> np.ndarray:
-        """Skinned vertices (V, 3) of a mesh."""
+        """Return skinned vertices (V, 3) of a mesh."""
         node = next(node for node in self.document["nodes"] if node.get("mesh") == mesh)
         skin = self.document["skins"][node["skin"]]
         inverse = self.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)

@@ -18,7 +18,7 @@ from toolkit.output.export.run import export_run
 from toolkit.tracks.runs import Person, load_persons
 
 MODELS = {"rajagopal/RajagopalLaiUhlrich2023.osim": True, "gait2392/gait2392_thelen2003muscle.osim": False}
-"""Models, and whether they have arms."""
+"""Models, and True for those with arms."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Exports that stand on the ground, blank what is not there, and come back from AMASS."""
+"""Exports on the ground, blanks for absent frames, and AMASS round trip."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from toolkit.tracks.runs import load_persons
 
 
 def standing(tmp_path: Path, *, floor: float | None = None, absent: int = 0) -> Path:
-    """A run of somebody who stands 3 m before a camera 1.2 m above the floor, which may know that."""
+    """Write a run of a person who stands 3 m from a camera 1.2 m above the floor, which may be known."""
     run = tmp_path / "run"
     poses = np.zeros((8, skeleton.POSE_SIZE))
     write_run(run, poses, absent=absent)
@@ -54,7 +54,7 @@ def test_a_standing_person_stands_at_the_origin_of_the_file(tmp_path: Path, floo
     assert read_clip(clip_path).root_positions[:, 1].min() > 0.7
 
 
-def test_a_bvh_holds_the_nearest_pose_where_nobody_is_there_and_its_notes_say_so(tmp_path: Path) -> None:
+def test_a_bvh_repeats_the_nearest_pose_in_absent_frames_and_notes_it(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", random_poses(6), absent=2)
     export_run(run, tmp_path / "a.bvh")
     found = read_clip(tmp_path / "a.bvh").rotations
@@ -65,7 +65,7 @@ def test_a_bvh_holds_the_nearest_pose_where_nobody_is_there_and_its_notes_say_so
     assert "ground at y = 0" in notes["axes"]
 
 
-def test_who_is_in_no_frame_is_blank_in_tables_and_refused_where_a_format_cannot_say_so(
+def test_an_always_absent_person_is_blank_in_tables_and_rejected_by_other_formats(
     tmp_path: Path,
 ) -> None:
     run = write_run(tmp_path / "run", random_poses(3), absent=3)

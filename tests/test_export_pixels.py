@@ -1,4 +1,4 @@
-"""Whose pixel is whose, the clouds cut out by it, and the viewer's file."""
+"""Person of each pixel, the segmented clouds, and the viewer's file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FRAMES = 4
 
 
 def true_run(run: Path, recording: Path, simulation: Simulation, person: int, absent: int = 0) -> None:
-    """A run folder that says of a simulated person what is true."""
+    """Write a run folder with a simulated person's true poses."""
     body, poses = simulation.performers[person].body, simulation.performers[person].poses
     turn = level_rotation(simulation.view.up_camera)
     info = RunInfo(
@@ -50,7 +50,7 @@ def true_run(run: Path, recording: Path, simulation: Simulation, person: int, ab
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Simulation]:
-    """A run of two people beside each other, the first one absent in its first frame, and the simulation."""
+    """Write a run of two people side by side, the first absent in its first frame; return it and the simulation."""
     folder = tmp_path_factory.mktemp("two")
     body: Body = ShapeSpace.load().body([0.0])
     clip = PoseClip("boxing", perform("boxing", body).poses[:FRAMES], 30.0, "boxing")
@@ -75,7 +75,7 @@ def test_a_body_index_map_has_the_ids_of_people_json(two: tuple[Path, Simulation
         assert image.mode == "L"
         labels = np.asarray(image)
         truth = np.where(frame.person < 0, BACKGROUND, frame.person + 1)
-        truth[(truth == 1) & (i == 0)] = BACKGROUND  # not there in the run's first frame
+        truth[(truth == 1) & (i == 0)] = BACKGROUND  # absent in the run's first frame
         assert (labels == truth).mean() > 0.95
         assert set(np.unique(labels)) == ({2, BACKGROUND} if i == 0 else {1, 2, BACKGROUND})
         assert (labels[frame.depth == 0] == BACKGROUND).all()

@@ -1,4 +1,4 @@
-"""`depthmocap joints --fetch` gets the pose model, or says what a machine without network can do."""
+"""`depthmocap joints --fetch`: download of the pose model, and its message without network."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def test_another_wheel_is_refused_and_nothing_is_kept(tmp_path: Path, data: Path
     assert not (data / pose_model.MODEL_FILE).exists()
 
 
-def test_without_a_network_the_error_says_how_to_bring_the_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_network_the_error_explains_the_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     with pytest.raises(ModelError, match=r"could not download mediapipe.*--wheel FILE"):
         fetch_pose_model()

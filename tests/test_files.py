@@ -1,4 +1,4 @@
-"""Outputs never damage inputs, locks name their owner, text is read without trust."""
+"""Outputs never damage inputs, locks name their owner, text is not trusted."""
 
 from __future__ import annotations
 

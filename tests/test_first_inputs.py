@@ -1,4 +1,4 @@
-"""Files that a newcomer tries first: read where possible, else one sentence with what to type."""
+"""Files that a newcomer tries first: read if possible, else one sentence with the command to type."""
 
 from __future__ import annotations
 

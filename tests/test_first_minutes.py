@@ -1,4 +1,4 @@
-"""What somebody meets who tries the program for the first time."""
+"""Messages of a first use of the program."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from toolkit.database import default
 
 @pytest.fixture
 def costly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What costs time, in the order in which it was asked for."""
+    """Record the costly calls in their order."""
     asked: list[str] = []
 
     def poses() -> str:

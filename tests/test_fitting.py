@@ -34,7 +34,7 @@ def entry(name: str) -> int:
 
 
 def standing(**angles: float) -> np.ndarray:
-    """A person 2.7 m before the camera with the arms half raised, whose other angles (radians) are given."""
+    """Return a person 2.7 m from the camera with the arms half raised and given other angles (radians)."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[:3] = 0.05, -0.05, -2.7
     angles = {"left_shoulder_rz": -0.6, "right_shoulder_rz": 0.5, "left_elbow_ry": -0.5, "right_elbow_ry": 0.7} | angles
@@ -48,7 +48,7 @@ def cloud_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL) ->
 
 
 def scene_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL, settings=SETTINGS) -> Scene:
-    """What the camera sees of a pose; the end effectors stand for the extrema."""
+    """Return the scene of a pose; the end effectors are the extrema."""
     cloud = cloud_of(body, pose, rotation)
     tips = body.end_effector_positions(pose)
     near = cKDTree(cloud.points).query(tips)[1]
@@ -56,7 +56,7 @@ def scene_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL, se
 
 
 def joint_error(body: Body, pose: np.ndarray, truth: np.ndarray) -> float:
-    """Mean distance of the reported joints, metres."""
+    """Return the mean distance of the reported joints, metres."""
     return float(np.linalg.norm(body.joint_positions(pose) - body.joint_positions(truth), axis=1).mean())
 
 
@@ -194,7 +194,7 @@ def test_a_prior_holds_what_the_image_does_not_show(body: Body) -> None:
 
 
 def test_no_measured_point_belongs_to_a_link_that_is_out_of_view(body: Body) -> None:
-    """What the shins do not explain then, counts against the pose; and they stay as they were."""
+    """Points that the shins then do not explain count against the pose; the shins do not move."""
     settings = replace(SETTINGS, contact_weight=0.0)
     fit, truth = Fit(body, CAMERA, HORIZONTAL, settings), standing(left_knee_rx=0.2, right_knee_rx=0.3)
     start = standing(left_knee_rx=0.6, right_knee_rx=0.7)

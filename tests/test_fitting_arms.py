@@ -1,4 +1,4 @@
-"""Arms of other poses for a tracked one: the balls of a body, what they cost, their fit, and the search itself."""
+"""Arms of other poses for a tracked one: the balls of a body, their cost and fit, and the search."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def fit(body: Body) -> Fit:
 
 @pytest.fixture(scope="module")
 def poses() -> np.ndarray:
-    """Arms all over the place, and legs of no account."""
+    """Return poses with arms anywhere; their legs do not matter."""
     rng = np.random.default_rng(0)
     poses = np.zeros((400, skeleton.POSE_SIZE))
     poses[:, 6:] = 0.6 * rng.uniform(*skeleton.POSE_LIMITS[6:].T, (400, skeleton.POSE_SIZE - 6))
@@ -84,7 +84,7 @@ def test_an_arm_in_the_trunk_is_pushed_out(body: Body) -> None:
 
 
 def chain_and_measured(seed: int, body: Body, poses: np.ndarray) -> tuple[limbs.Chain, limbs.Measured, np.ndarray]:
-    """The left arm, an image with a square of depth and a hole, and samples around where an arm might be."""
+    """Return the left arm, an image with a square of depth and a hole, and samples around places of an arm."""
     rng = np.random.default_rng(seed)
     arm = ArmPoses(poses, body, 20).of(body)[0]
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
@@ -139,7 +139,7 @@ def test_balls_follow_the_chain(body: Body, poses: np.ndarray) -> None:
 def test_the_fit_finds_an_arm_again_and_keeps_its_limits(body: Body, poses: np.ndarray) -> None:
     chain, measured, angles = chain_and_measured(0, body, poses)
     rng = np.random.default_rng(1)
-    nothing = np.full(CAMERA.shape, 9.0, dtype=np.float32)  # a wall behind the arm: the balls may not come before it
+    nothing = np.full(CAMERA.shape, 9.0, dtype=np.float32)  # a wall behind the arm: the balls may not be in front of it
     before, after = [], []
     for true in angles[:10]:
         balls = np.empty((1, len(chain.radii), 3))
@@ -162,7 +162,7 @@ def test_the_fit_finds_an_arm_again_and_keeps_its_limits(body: Body, poses: np.n
 
 
 def improved(fit: Fit, poses: np.ndarray, pose: np.ndarray, scene: Scene) -> tuple[Hypothesis, ...]:
-    """What the search for arms says of a followed person whose best hypothesis is `pose`."""
+    """Return the arm search's answer for a person whose best hypothesis is `pose`."""
     search = ArmSearch(ArmPoses(poses, fit.body, 128), fit.objective, fit.refiner, ArmSettings())
     rng = np.random.default_rng(0)
     state = replace(PersonState.begin(fit.body, sized=True, seed=0), previous=Previous.of_pose(fit.body, pose))

@@ -26,7 +26,7 @@ TILTED = level_rotation(np.array([0.1, -1.0, -0.2]))
 
 
 def some_pose(seed: int, place: tuple[float, float, float] = (0.1, 0.1, 2.4), spread: float = 0.5) -> np.ndarray:
-    """A pose within `spread` of the limits, turned a little, with its root at `place` in the camera frame."""
+    """Return a pose within `spread` of the limits, rotated slightly, with its root at `place` in the camera frame."""
     rng = np.random.default_rng(seed)
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[skeleton.ROOT_POSITION] = TILTED @ np.array(place)
@@ -44,7 +44,7 @@ def body() -> Body:
     return load_body("slim_male")
 
 
-# The body before the camera
+# Body in front of the camera
 
 
 # The z-buffer
@@ -56,7 +56,7 @@ def test_the_z_buffer_shows_what_open3d_hits(body: Body, seed: int, place: tuple
     pose = some_pose(seed, place)
     posed, hits = placed(body, pose), cast(body.vertex_positions(pose) @ TILTED, body.faces, CAMERA)
     assert (hits.depth > 0).sum() > 300
-    # A ray that meets an edge of the mesh may be decided either way.
+    # a ray that meets an edge of the mesh may hit either face
     depth, triangle = whole_image(posed)
     assert (np.abs(depth - hits.depth) > 1e-3).sum() <= 2
     assert (triangle != hits.triangles).sum() <= 2
@@ -87,7 +87,7 @@ def test_triangles_that_face_away_or_reach_behind_the_camera_are_not_drawn() -> 
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
-    """Depth image, intrinsics, query, reach and number wanted; also wide angles and queries out of the image."""
+    """Draw depth image, intrinsics, query, radius and count; also wide angles and queries outside the image."""
     height, width = draw(st.integers(1, 24)), draw(st.integers(1, 30))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     fx, fy = (size * np.exp(rng.uniform(np.log(0.1), np.log(20.0))) for size in (width, height))
@@ -161,12 +161,12 @@ def test_medians_of_the_nearest_points_are_those_of_brute_force(body: Body, coun
     [
         ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 2.0, True),
         ((0.0, 0.0, 2.0), (0.0, 0.0, 1.0), 2.0, False),  # faces away
-        ((0.0, 0.0, 2.0), (1.0, 0.0, -0.05), 2.0, False),  # seen too flatly
-        ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.9, False),  # something is before it
+        ((0.0, 0.0, 2.0), (1.0, 0.0, -0.05), 2.0, False),  # seen at too flat an angle
+        ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.9, False),  # occluded
         ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.98, True),  # within the tolerance
         ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 0.0, True),  # nothing drawn there
         ((3.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.0, False),  # beyond the border of the image, where nothing is observed
-        ((0.2, 0.0, 2.0), (0.0, 0.0, -1.0), 0.0, False),  # on a pixel that says nothing
+        ((0.2, 0.0, 2.0), (0.0, 0.0, -1.0), 0.0, False),  # on an unobserved pixel
         ((0.0, 0.0, -2.0), (0.0, 0.0, 1.0), 0.0, False),  # behind the camera
         ((0.5, 0.0, 1.0), (-1.0, 0.0, 0.0), 0.0, True),  # faces the camera, not the image plane
     ],
@@ -223,7 +223,7 @@ def test_the_mean_distance_to_the_nearest_vertex_is_capped() -> None:
 
 
 def rigid_jacobians(posed: PlacedBody, points: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Derivative (N, 3, P) of points (N, 3) that hang rigidly on joints (N,), camera frame."""
+    """Return the derivative (N, 3, P) of points (N, 3) rigidly attached to joints (N,), camera frame."""
     out = np.zeros((len(points), 3, skeleton.POSE_SIZE))
     out[:, :, :3] = posed.placer.from_level
     for k, i in enumerate(skeleton.DOF_JOINT):
@@ -233,13 +233,13 @@ def rigid_jacobians(posed: PlacedBody, points: np.ndarray, joints: np.ndarray) -
 
 
 def blended_jacobians(posed: PlacedBody, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Derivative (N, 3, P) of points (N, 3) that move as a blend of the joints that carry mesh `vertices` (N,)."""
+    """Return the derivative (N, 3, P) of points (N, 3) blended from the joints of mesh `vertices` (N,)."""
     weights, joints = posed.body.skin_weights[vertices], posed.body.skin_joints[vertices]
     return sum(weights[:, s, None, None] * rigid_jacobians(posed, points, joints[:, s]) for s in range(joints.shape[1]))
 
 
 def dense(jacobians: np.ndarray, residuals: np.ndarray, metrics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """J'MJ and J'Me."""
+    """Return J'MJ and J'Me."""
     return (
         np.einsum("nap,nab,nbq->pq", jacobians, metrics, jacobians),
         np.einsum("nap,nab,nb->p", jacobians, metrics, residuals),
@@ -247,7 +247,7 @@ def dense(jacobians: np.ndarray, residuals: np.ndarray, metrics: np.ndarray) -> 
 
 
 def metrics_of(residuals: np.ndarray, normals: np.ndarray, weights: np.ndarray, sigma: float) -> np.ndarray:
-    """Robust metrics (N, 3, 3) with a plane part of 1 and a point part of 0.3."""
+    """Return robust metrics (N, 3, 3) with a plane part of 1 and a point part of 0.3."""
     robust = weights / (1.0 + (residuals**2).sum(axis=1) / sigma**2) ** 2
     return robust[:, None, None] * (np.einsum("na,nb->nab", normals, normals) + 0.3 * np.eye(3))
 
@@ -293,7 +293,7 @@ def test_blended_vertices_give_the_gradient_and_bound_the_curvature_from_above(b
     assert system.vector == pytest.approx(vector, abs=1e-9 * np.abs(vector).max())
     excess = np.linalg.eigvalsh(system.matrix - matrix)
     assert excess.min() > -1e-9 * scale and excess.max() > 1e-6 * scale
-    # The blended point stands for the points that its joints would put there; true skinning differs a little.
+    # the blended point replaces the points of its joints; true skinning differs slightly
     jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, vertex_jacobian(body, pose, chosen))
     _, true_vector = dense(jacobians, residuals, metrics)
     assert np.linalg.norm(system.vector - true_vector) < 0.02 * np.linalg.norm(true_vector)
@@ -347,7 +347,7 @@ def test_the_normal_equations_do_not_depend_on_the_reference_point(body: Body) -
 
 @st.composite
 def quadratics(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Matrix, vector, pose, limits and damping of a problem with a feasible start."""
+    """Return matrix, vector, pose, limits and damping of a problem with a feasible start."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     size = draw(st.integers(1, 12))
     half = rng.normal(size=(size + 2, size))
@@ -381,7 +381,7 @@ def test_the_bounded_step_is_feasible_and_optimal_where_it_is_free(problem) -> N
         assert step == pytest.approx(lsq_linear(root, target, (low - 1e-15, high + 1e-15), tol=1e-13).x, abs=1e-7)
 
 
-# What a joint rests on
+# Support of a joint
 
 
 @settings(deadline=None)

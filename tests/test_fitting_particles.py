@@ -33,7 +33,7 @@ def upper() -> UpperBody:
 
 
 def pose_of(**angles: float) -> np.ndarray:
-    """Somebody who faces the camera, arms down to the sides unless said otherwise: pose (P,)."""
+    """Return the pose (P,) of a person who faces the camera, arms down by default."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[:3] = [0.0, -0.45, -1.5]
     for name, value in ({"left_shoulder_rz": -0.9, "right_shoulder_rz": 0.9} | angles).items():
@@ -75,7 +75,7 @@ def filtered(
     first: int = 0,
     **settings: float,
 ) -> np.ndarray:
-    """The estimate after some frames of the same picture."""
+    """Return the estimate after some frames of the same image."""
     filtering, rng = UpperFilter(ParticleSettings(**settings)), np.random.default_rng(seed)  # type: ignore[arg-type]
     particles, pose = np.repeat(start[None], filtering.settings.count, axis=0), start
     for turn in range(frames):
@@ -192,7 +192,7 @@ def test_impossible_settings_are_named(values: dict[str, float], message: str) -
 
 
 def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None:
-    """Weights and resampling are those of the filter; the toy's costs are the exact -log likelihood."""
+    """Weights and resampling are the filter's; the example's costs are the exact -log likelihood."""
     rng, count, q, r = np.random.default_rng(0), 20_000, 0.3, 0.5
     states, mean, variance, truth = rng.normal(0.0, 1.0, count), 0.0, 1.0, 0.3
     for _ in range(10):

@@ -1,4 +1,4 @@
-"""The loop of a fit, the comparison and the estimate of a shape with parts made up: what each is asked and adds."""
+"""The loop of a fit, the comparison and the shape estimate with fake parts: inputs and results of each."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ def placer() -> Placer:
 
 @pytest.fixture(scope="module")
 def scene(placer: Placer) -> Scene:
-    """The standing body as the camera sees it."""
+    """Return the standing body as seen by the camera."""
     return scene_of(placer, None)
 
 
 def scene_of(placer: Placer, unobserved: np.ndarray | None) -> Scene:
-    """The standing body, of which only what is not `unobserved` was measured."""
+    """Return the standing body, measured only where not `unobserved`."""
     depth = whole_image(placer.place(BODY, standing()))[0].astype(np.float32)
     if unobserved is not None:
         depth[unobserved] = 0.0
@@ -74,7 +74,7 @@ def test_the_part_of_an_image_that_holds_a_person_has_their_points_to_the_bit() 
 def test_a_joint_is_as_sure_as_its_support_and_the_whole_pose_allow(
     placer: Placer, scene: Scene, seen: float, distance: float
 ) -> None:
-    """The back of a body is never seen: a support of one half is as much as there can be."""
+    """The back of a body is never seen: a support of one half is the maximum."""
     gaps = np.full(len(placer.chosen), np.nan)
     elbow = skeleton.REPORTED.index("left_elbow")
     around = np.flatnonzero(placer.around_joints[elbow])
@@ -104,7 +104,7 @@ def test_a_joint_of_which_nothing_was_observed_is_more_likely_wrong_than_right(p
 
 @dataclass
 class FakeMesh:
-    """Pairs that a body of other coefficients would give, at chosen vertices."""
+    """Pairs of a body with other coefficients, at chosen vertices."""
 
     wanted: np.ndarray
     pose: np.ndarray
@@ -118,7 +118,7 @@ class FakeMesh:
 
 
 def estimates(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray], weight: float) -> list[np.ndarray]:
-    """Coefficients after each frame, in which the person looks like one of `shapes`."""
+    """Return coefficients after each frame, in which the person looks like one of `shapes`."""
     pose = standing()
     mesh = FakeMesh(shapes[0], pose, placer, weight)
     estimator = ShapeEstimator(ShapeSpace.load().body(), settings, placer, [mesh])
@@ -142,7 +142,7 @@ def test_a_frame_that_shows_nothing_of_the_body_leaves_the_likeliest_of_its_size
 
 
 def expected(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray], weight: float) -> list[np.ndarray]:
-    """The same by dense least squares: along normals of the body as it was, old frames forgotten, the mean as prior."""
+    """Return the same by dense least squares: along normals of the old body, with forgetting, the mean as prior."""
     space, pose, vertex = ShapeSpace.load(), standing(), placer.chosen
     size = space.size
     matrix, vector, coefficients = np.zeros((size, size)), np.zeros(size), np.zeros(size)

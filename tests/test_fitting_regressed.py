@@ -1,4 +1,4 @@
-"""Joints that the network is sure of, as evidence."""
+"""Joints of which the network is certain, as evidence."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def placed(**angles: float) -> PlacedBody:
 
 
 def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstimate:
-    """Votes at the joints of the standing body, some of them shifted; nobody is sure of the others."""
+    """Return votes at the joints of the standing body, some of them shifted, the others uncertain."""
     points = BODY.joint_positions(pose())
     sure = np.zeros(20)
     for joint, by in shift.items():
@@ -33,7 +33,7 @@ def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstima
     return JointEstimate(points, sure, np.ones(20), sure)
 
 
-def test_within_ten_centimetres_a_vote_says_nothing() -> None:
+def test_within_ten_centimetres_a_vote_has_no_pull() -> None:
     evidence = VotedJoints(votes({HEAD: np.array([0.0, 0.9 * WITHIN, 0.0])}), LEVEL, 30.0)
     assert evidence.cost(placed()) == 0.0
     assert not normal(evidence, placed()).vector.any()
@@ -44,8 +44,8 @@ def test_a_pose_costs_what_its_sure_joints_are_too_far_on_average() -> None:
     assert VotedJoints(votes(shifts), LEVEL, 1.0).cost(placed()) == pytest.approx((0.15 - WITHIN + CAP) / 2)
 
 
-def test_a_vote_pulls_as_the_gradient_of_what_it_costs_says() -> None:
-    """Near the ten centimetres the Geman-McClure weight is 1: half the square of what a joint is too far."""
+def test_the_pull_of_a_vote_is_the_gradient_of_its_cost() -> None:
+    """Near 10 cm the Geman-McClure weight is 1: half the squared excess distance."""
     evidence = VotedJoints(votes({HAND: np.array([0.02, 0.11, -0.03])}), LEVEL, 4.0)
     vector, step = normal(evidence, placed()).vector, 1e-5
 

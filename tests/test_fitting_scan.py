@@ -1,4 +1,4 @@
-"""A body from views of a T-pose."""
+"""Body from views of a T-pose."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TURNS = (0.0, 90.0, 180.0, 270.0)
 
 
 def view(body: Body, degrees: float, arms: float = 0.0) -> ScanView:
-    """Somebody with their arms out, or hanging by an angle, turned to their left."""
+    """Return a view of a person with stretched arms, or lowered by an angle, rotated to the left."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[:3], pose[4] = (0.03, -0.1, -2.8), np.radians(degrees + 4.0)
     pose[skeleton.POSE_NAMES.index("left_shoulder_rz")] = -arms
@@ -29,7 +29,7 @@ def view(body: Body, degrees: float, arms: float = 0.0) -> ScanView:
 
 @pytest.fixture(scope="module")
 def person() -> Body:
-    """Somebody of the shape space with a belly that it does not know."""
+    """Return a body with a belly outside the shape space."""
     space = ShapeSpace.load()
     plain = space.body([0.6, -0.8, 0.7, 0.5])
     belly = np.exp(-((plain.vertices - [0.0, 0.12, 0.1]) ** 2).sum(axis=1) / (2 * 0.08**2))
@@ -38,7 +38,7 @@ def person() -> Body:
 
 @pytest.fixture(scope="module")
 def scan(person: Body) -> Scan:
-    """Their scan."""
+    """Return the scan of the person."""
     return fit_scan([view(person, degrees) for degrees in TURNS])
 
 

@@ -1,4 +1,4 @@
-"""Joints that were seen in the image, as evidence."""
+"""Joints seen in the image as evidence."""
 
 from __future__ import annotations
 
@@ -28,23 +28,25 @@ def placed(**angles: float) -> PlacedBody:
 
 
 def joints(**angles: float) -> np.ndarray:
-    """The joints in a pose, (20, 3), camera frame."""
+    """Return the joints in a pose, (20, 3), camera frame."""
     return BODY.joint_positions(pose(**angles)) @ LEVEL
 
 
 def seen(points: np.ndarray, confidence: np.ndarray | float = 1.0) -> Joints2D:
-    """Where the camera sees points (20, 3)."""
+    """Return the pixels of points (20, 3)."""
     pixels = CAMERA.project(points).astype(np.float32)
     return Joints2D(pixels, np.full(20, confidence, dtype=np.float32) * np.ones(20, dtype=np.float32))
 
 
 def only(chosen: list[int], confidence: float = 1.0) -> np.ndarray:
-    """Confidence (20,) in some joints alone."""
+    """Return confidence (20,) in some joints only."""
     return np.where(np.isin(np.arange(20), chosen), confidence, 0.0)
 
 
 def plain_cost(points: np.ndarray, sighted: Joints2D) -> float:
-    """What joints (20, 3) cost, joint by joint, by the angle between ray and joint; the better of both sides."""
+    """Return the cost of joints (20, 3), joint by joint, by the angle between ray and joint; the better of both
+    sides.
+    """
     costs = []
     for side in (range(20), skeleton.OTHER_SIDE):
         total = weights = 0.0
@@ -72,7 +74,7 @@ def test_a_pose_costs_what_its_joints_are_beside_their_rays_joint_by_joint() -> 
 
 
 @pytest.mark.parametrize("confidence", [0.0, MIN_JOINT_CONFIDENCE - 0.01])
-def test_what_the_detector_is_not_sure_of_says_nothing(confidence: float) -> None:
+def test_an_uncertain_detection_has_no_weight(confidence: float) -> None:
     evidence = SightedJoints(seen(joints() + [0.3, 0.0, 0.0], confidence), CAMERA)
     assert evidence.cost(placed()) == 0.0
     assert not normal(evidence, placed()).vector.any()
@@ -86,8 +88,8 @@ def test_a_detector_that_took_the_back_for_the_front_costs_nothing() -> None:
     assert SightedJoints(sighted, CAMERA).cost(placed()) > 0.005
 
 
-def test_a_joint_pulls_as_the_gradient_of_what_it_costs_says() -> None:
-    """Near the five centimetres the Geman-McClure weight is 1: half the square of what a joint is too far."""
+def test_the_pull_of_a_joint_is_the_gradient_of_its_cost() -> None:
+    """Near 5 cm the Geman-McClure weight is 1: half the squared excess distance."""
     points = joints() + [0.035, 0.045, 0.0]
     chosen = [HAND, skeleton.REPORTED.index("head")]
     evidence, step = SightedJoints(seen(points, only(chosen, 0.7)), CAMERA), 1e-5

@@ -1,4 +1,4 @@
-"""The particle swarm: what it finds, and what it never does."""
+"""Particle swarm: results and invariants."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def rastrigin(positions):
 
 
 class Watched:
-    """A cost function that keeps every generation it was asked for."""
+    """Cost function that keeps each generation."""
 
     def __init__(self, costs):
         self.costs, self.asked = costs, []

@@ -1,4 +1,4 @@
-"""What somebody hands over can do nothing: run folders, states, databases, indices and names of all kinds."""
+"""Untrusted inputs cannot run code: run folders, states, databases, indices and all kinds of names."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ READ = ("run.json", "config.yaml", "track.npz", "state.npz", "people.json")
 
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recording and a run that ended in the middle of it, with its state."""
+    """Return a folder with a recording and a run interrupted in the middle, with its state."""
     folder = tmp_path_factory.mktemp("stopped")
     recording = write_recording(folder / "take.npz")
     memory, pipeline.MEMORY_SECONDS = pipeline.MEMORY_SECONDS, -1.0
@@ -45,7 +45,7 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def begun(stopped: Path, tmp_path: Path) -> Path:
-    """A copy of the run that can be gone on with."""
+    """Return a copy of the run that can be resumed."""
     shutil.copytree(stopped / "run", tmp_path / "run")
     return tmp_path / "run"
 
@@ -142,7 +142,7 @@ def test_a_recording_of_links_that_lead_out_of_it_is_refused(tmp_path: Path) -> 
         open_recording(tmp_path / "take")
 
 
-def test_a_recording_without_any_measurement_is_said(tmp_path: Path) -> None:
+def test_a_recording_without_measurements_is_reported(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "take.npz", 3)
     with np.load(path) as arrays:
         values = {name: arrays[name] for name in arrays.files if name != CHECKSUM}
@@ -177,7 +177,7 @@ def test_names_of_files_do_nothing(
 
 
 def main_of(*words: str) -> int:
-    """Exit code of a command."""
+    """Return the exit code of a command."""
     try:
         main(list(words))
     except SystemExit as stop:

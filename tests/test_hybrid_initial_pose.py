@@ -1,4 +1,4 @@
-"""First frames: the pose of the fork, hands brought to where the cloud ends, and both ways round, finished alike."""
+"""First frames: pose of the fork, hands moved to the cloud's ends, both headings, refined alike."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ FORWARD = pose_of(left_elbow_ry=-1.6, right_elbow_ry=1.6, left_shoulder_rz=-0.9,
 
 
 def observed(pose: np.ndarray) -> Observation:
-    """A frame of somebody in a pose, without legs."""
+    """Return a frame of a person in a pose, without legs."""
     depth = np.empty(CAMERA.shape)
     kernel.draw(pose, BODIES.of(BODY).whole, np.array(CAMERA.intrinsics), depth)
     observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, None)
@@ -68,7 +68,7 @@ def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:
 
 
 def asked(truth: np.ndarray, *, first: bool) -> Proposal:
-    """What the search says of a frame of `truth`."""
+    """Return the search's answer for a frame of `truth`."""
     search, observation = HeadHandSearch(HeadHandSettings(), FIT.objective, FIT.refiner, BODIES), observed(truth)
     state = PersonState(
         BODY, True, observation._state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
@@ -87,7 +87,7 @@ def test_on_a_first_frame_a_fork_gives_a_pose_of_its_own() -> None:
     assert np.linalg.norm(off, axis=1).max() < 0.12
 
 
-def test_while_somebody_is_followed_the_fork_says_nothing() -> None:
+def test_a_tracked_person_gets_no_fork_hypothesis() -> None:
     both = pose_of(left_shoulder_rz=0.2, right_shoulder_rz=-0.2, left_elbow_ry=-0.8, right_elbow_ry=0.8)
     assert asked(both, first=False).hypotheses == ()
 
@@ -140,7 +140,7 @@ def test_who_was_taken_back_to_front_is_turned_round_where_joints_were_estimated
     assert abs(float(body_facing(wrong.hypothesis.pose))) > 3.0
 
 
-def test_whoever_is_seen_as_they_are_is_not_turned() -> None:
+def test_a_correct_heading_is_not_turned() -> None:
     observation = observed(FORWARD)
     observation.votes = JointEstimate(np.zeros((20, 3)), np.zeros(20))
     right = rival(FORWARD, observation)

@@ -1,4 +1,4 @@
-"""Calibration: both solvers against others, its properties, what it refuses, and its file."""
+"""Calibration: both solvers against references, properties, rejected inputs, and its file."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def take_of(name="knee_to_elbow", limbs=FIVE, noise="none", seed=0, motion: Trac
 
 
 def offsets_of(simulated, take, **changes) -> tuple[list[float], list[float]]:
-    """Errors in degrees of the worlds and of the mountings."""
+    """Return errors of the worlds and of the mountings, degrees."""
     found = calibrate([take], CalibrationSettings(**changes))
     worlds = found.takes[take.motion.name].worlds
     return (
@@ -56,7 +56,7 @@ def offsets_of(simulated, take, **changes) -> tuple[list[float], list[float]]:
 
 
 def with_wrong_frames(motion: TrackedMotion, seed: int = 0) -> TrackedMotion:
-    """One stretch of 30 % of the frames turned by 40 to 120 degrees."""
+    """Return the motion with a stretch of 30 % of the frames rotated by 40 to 120 degrees."""
     rng = np.random.default_rng(seed)
     count = len(motion.times)
     rows = slice(count // 3, count // 3 + round(0.3 * count))
@@ -167,7 +167,7 @@ def test_the_clock_is_improved_by_what_the_calibration_leaves_over():
 
 
 def upright_motion(tilt: float) -> TrackedMotion:
-    """Somebody who turns on the spot and nods by so many degrees."""
+    """Return a person who turns on the spot and nods by an angle in degrees."""
     motion = motion_of()
     count = len(motion.times)
     times = motion.times[:, None]
@@ -191,7 +191,7 @@ def sensors_on(motion: TrackedMotion, limbs=("pelvis", "chest"), noise: float = 
 
 
 @pytest.mark.parametrize(("tilt", "status"), ((40.0, GOOD), (14.0, WEAK), (1.0, REFUSED)))
-def test_the_status_says_whether_the_motion_determined_the_heading(tilt, status):
+def test_the_status_reports_an_undetermined_heading(tilt, status):
     motion = upright_motion(tilt)
     take = CalibrationSequence(motion, sensors_on(motion), Clock(0.0))
     if status == REFUSED:
@@ -219,7 +219,7 @@ def test_a_mounting_is_good_only_if_sensor_and_track_agree_in_half_of_the_frames
         assert "% of the frames" in sensor.reason or status == GOOD
 
 
-def test_without_a_second_axis_nothing_is_told():
+def test_without_a_second_axis_there_is_no_calibration():
     motion = upright_motion(0.5)
     take = CalibrationSequence(motion, sensors_on(motion), Clock(0.0))
     for method in ("robust", "thesis"):
@@ -240,7 +240,7 @@ def test_a_sensor_that_does_not_belong_to_the_track_is_refused():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_vertical_of_all_takes_starts_a_calibration_whatever_the_first_of_them_says(seed):
+def test_the_vertical_of_all_sequences_starts_a_calibration(seed):
     rng = np.random.default_rng(seed)
     mounting, psis = random_turns(rng, 1)[0], rng.uniform(-3, 3, 4)
     upright_only = quat.exponential(np.array([0.0, 1.0, 0.0]) * rng.uniform(-0.05, 0.05, (60, 1)))

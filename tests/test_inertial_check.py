@@ -32,7 +32,7 @@ ELBOW = skeleton.POSE_NAMES.index("left_shoulder_rz")
 
 
 def wrong_poses(start: float = 2.0, end: float = 3.2, by: float = 1.4, entry: int = ELBOW) -> np.ndarray:
-    """The motion with one entry wrong for a while."""
+    """Return the motion with one entry wrong for a while."""
     poses = poses_of().copy()
     poses[round(start * RATE) : round(end * RATE), entry] += by
     return poses
@@ -44,7 +44,7 @@ def curve(values) -> Distances:
 
 
 def test_one_wrong_offset_shrinks_an_error_and_two_hide_it():
-    """The example of Fig. 7.14."""
+    """Example of Fig. 7.14."""
     curves, right = example_of_offsets()
     true, one, two = curves.values()
     assert true[right].max() < 1e-6

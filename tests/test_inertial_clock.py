@@ -24,7 +24,7 @@ from toolkit.simulation.simulate import simulate_recording
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def test_sensors_without_flaws_say_the_truth():
+def test_sensors_without_errors_are_exact():
     simulated, motion = sensors_of(), motion_of()
     for stream in simulated.sensors:
         found, known = stream.at(motion.times[:-1])
@@ -100,7 +100,7 @@ def test_the_clock_is_found_against_true_poses(name, noise):
     assert abs(clock.offset - simulated.offset - middle) < 0.01
 
 
-def test_the_ratio_of_clocks_is_found_where_it_is_free_and_said():
+def test_the_ratio_of_clocks_is_found_if_free_and_reported():
     simulated = sensors_of("semaphore")
     slow = [replace(stream, times=1.6 * stream.times, gyro=stream.gyro / 1.6) for stream in simulated.sensors]
     clock = synchronise(motion_of("semaphore"), Sensors(tuple(slow)), SyncSettings(rates=RATES))

@@ -1,4 +1,4 @@
-"""Readers of sensor files, against tiny files written by hand: a good one and bad ones per format."""
+"""Readers of sensor files against small handwritten files: a good one and bad ones per format."""
 
 from __future__ import annotations
 

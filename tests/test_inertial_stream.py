@@ -1,4 +1,4 @@
-"""Streams of sensors: what is marked, left out, refused; the canonical file there and back."""
+"""Sensor streams: marked, omitted and rejected rows; round trip of the canonical file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_the_canonical_file_there_and_back(tmp_path):
         np.testing.assert_array_equal(ours.valid, theirs.valid)
 
 
-def test_the_twin_in_text_says_the_same(tmp_path):
+def test_the_csv_twin_has_the_same_content(tmp_path):
     sensors = sensors_of(noise="mtx").sensors
     sensors.save(tmp_path / "sensors.csv")
     again = read_file(tmp_path / "sensors.csv")
@@ -107,7 +107,7 @@ def test_foreign_names_of_parts_of_the_body_are_known(foreign, ours):
     assert limb_named(foreign) == ours
 
 
-def test_a_placement_says_where_sensors_sit_and_which_are_wanted(tmp_path):
+def test_a_placement_gives_limbs_and_selected_sensors(tmp_path):
     streams = tuple(checked_stream(name, TIMES, rotations=turning()) for name in ("00A1", "00B2", "00C3"))
     (tmp_path / "placement.yaml").write_text("00A1: left_shin\n00C3: pelvis\n")
     sensors = placed(Sensors(streams), load_placement(tmp_path / "placement.yaml"))

@@ -1,4 +1,4 @@
-"""Furnished rooms: surfaces of pieces, what stands where, space that is kept free."""
+"""Furnished rooms: surfaces and places of pieces, free space."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_every_piece_stands_on_the_floor_and_is_as_large_as_furniture(kind: str)
 
 
 @pytest.mark.parametrize("kind", SEATS)
-def test_a_seat_is_as_high_as_it_is_told(kind: str) -> None:
+def test_a_seat_has_the_given_height(kind: str) -> None:
     for seat in (0.3, 0.5):
         parts = PIECES[kind](np.random.default_rng(3), seat)  # type: ignore[call-arg]
         points = parts[0].mesh.vertices

@@ -32,7 +32,7 @@ WRITTEN = (
     "pose database", "motion classes", "keyframe index", "track npz", "run json", "tracker state", "body npz",
     "recording npz", "sensors npz", "sensors csv", "sensor calibration json",
 )  # fmt: skip
-"""Formats whose files the project itself writes."""
+"""Formats that the project writes."""
 PICTURE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
 
 

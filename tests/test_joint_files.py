@@ -1,4 +1,4 @@
-"""Joints from folders of JSON, and where a run takes its joints from."""
+"""Joints from folders of JSON, and the source of a run's joints."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ FORMATS = {75: BODY_25, 54: COCO_18, 51: COCO_17, 99: POSE_MODEL}
 
 
 def truth(seed: int = 0) -> np.ndarray:
-    """Pixels and confidences of the 20 joints, (20, 3)."""
+    """Return pixels and confidences of the 20 joints, (20, 3)."""
     rng = np.random.default_rng(seed)
     return np.column_stack([rng.uniform(3, 60, 20), rng.uniform(3, 44, 20), rng.uniform(0.4, 1.0, 20)])
 
 
 def written(rows: np.ndarray, points: Points, numbers: int) -> list[float]:
-    """Joints (20, 3) as a detector of some format would write them: every point of a joint where the joint is."""
+    """Return joints (20, 3) in a detector's format: each point of a joint is at the joint."""
     flat = np.zeros((numbers // 3, 3))
     for name, sources in points.items():
         flat[list(sources)] = rows[skeleton.REPORTED.index(name)]
@@ -47,12 +47,12 @@ def written(rows: np.ndarray, points: Points, numbers: int) -> list[float]:
 
 
 def person(rows: np.ndarray) -> dict[str, Any]:
-    """A person as OpenPose writes them."""
+    """Return a person in OpenPose's format."""
     return {"pose_keypoints_2d": written(rows, BODY_25, 75)}
 
 
 def folder_of(path: Path, *frames: Any) -> Path:
-    """A folder of JSON, one file for each frame; text is written as it is."""
+    """Write a folder of JSON, one file for each frame; text is written unchanged."""
     path.mkdir(exist_ok=True)
     for i, frame in enumerate(frames):
         text = frame if isinstance(frame, str) else json.dumps(frame)
@@ -61,7 +61,7 @@ def folder_of(path: Path, *frames: Any) -> Path:
 
 
 def one(rows: np.ndarray) -> dict[str, Any]:
-    """A file that holds one person."""
+    """Return a file with one person."""
     return {"people": [person(rows)]}
 
 
@@ -118,7 +118,7 @@ def test_joints_found_at_another_size_are_scaled_to_the_depth(tmp_path: Path) ->
 
 
 def take(path: Path, *, color: bool = False, joints: bool = False) -> Recording:
-    """A recording of somebody who stands still, three frames."""
+    """Write a recording of a person who stands still, three frames."""
     depth = np.zeros((3, *CAMERA.shape), dtype=np.uint16)
     depth[:, 5:45, 20:40] = 2000
     save_recording(
@@ -134,7 +134,7 @@ def take(path: Path, *, color: bool = False, joints: bool = False) -> Recording:
 
 @pytest.fixture
 def no_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A user without the pose model."""
+    """Simulate a user without the pose model."""
     monkeypatch.setenv("DEPTHMOCAP_DATA", str(tmp_path / "data"))
     return tmp_path / "data"
 
@@ -184,12 +184,12 @@ def test_a_choice_that_cannot_work_is_refused(choice: JointChoice, recordings: i
 
 
 class JointTracker(FakeTracker):
-    """A tracker that has a use for joints."""
+    """Tracker that uses joints."""
 
     joints_wanted = "required"
 
 
-def test_a_run_says_which_joints_it_was_told(tmp_path: Path) -> None:
+def test_a_run_stores_the_source_of_its_joints(tmp_path: Path) -> None:
     recording = take(tmp_path / "take.npz", joints=True)
     track_recording(recording, JointTracker(), tmp_path / "given", warm_up=False)
     track_recording(recording, JointTracker(), tmp_path / "none", warm_up=False, joints=JointChoice("none"))

@@ -27,7 +27,7 @@ STANDING = pose(left_shoulder_rz=-0.2, right_shoulder_rz=0.9)
 
 @pytest.fixture(scope="module")
 def cloud() -> Cloud:
-    """A person who stands 2.5 m before the camera with the right arm raised to the side."""
+    """Return the cloud of a person who stands 2.5 m from the camera with the right arm raised to the side."""
     return body_cloud(BODY, STANDING)
 
 

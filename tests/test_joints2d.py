@@ -1,4 +1,4 @@
-"""Joints in the image: stored, flipped, turned, undistorted, given to people and lifted into space."""
+"""Image joints: stored, flipped, rotated, undistorted, assigned to people and lifted into space."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ LEFT_KNEE = skeleton.REPORTED.index("left_knee")
 
 
 def rows_at(u: float, v: float, confidence: float = 0.9) -> np.ndarray:
-    """All joints in a bunch around one pixel, (20, 3)."""
+    """Return all joints near one pixel, (20, 3)."""
     rows = np.full((20, 3), confidence)
     rows[:, 0], rows[:, 1] = u + 0.1 * np.arange(20), v
     return rows
 
 
 def stored(path: Path, rows: np.ndarray | None, camera: Camera = CAMERA, count: int = 3) -> Path:
-    """A small recording with joints."""
+    """Write a small recording with joints."""
     depth = np.zeros((count, *camera.shape), dtype=np.uint16)
     depth[:, 10:40, 20:30] = 2000
     save_recording(path, depth=depth, camera=camera, timestamps=np.arange(count) / 30, joints_2d=rows)
@@ -99,30 +99,30 @@ def test_turned_images_turn_their_joints_with_the_depth(tmp_path: Path, degrees:
 
 
 def sighting(number: int, columns: slice, camera: Camera = CAMERA) -> Sighting:
-    """A person 2 m away in some columns of the image."""
+    """Return a person 2 m away in some columns of the image."""
     depth = np.zeros(camera.shape, dtype=np.float32)
     depth[5:45, columns] = 2.0
     return Sighting(number, depth, None, camera)
 
 
 def person_at(u: float) -> Joints2D:
-    """A person's joints around one column."""
+    """Return a person's joints around one column."""
     return Joints2D.of_rows(rows_at(u, 20))
 
 
 def given_to(people: tuple[Joints2D, ...], sightings: list[Sighting]) -> tuple[Sighting, ...]:
-    """What becomes of the joints of a frame."""
+    """Return the joints of a frame as assigned."""
     frame = Frame(np.zeros(CAMERA.shape, dtype=np.uint16), 0.0, people)
     return GivenJoints(CAMERA).add(frame, sightings)
 
 
-def test_everybody_gets_the_joints_on_their_own_cut_out() -> None:
+def test_each_person_gets_the_joints_on_its_mask() -> None:
     one, two = given_to((person_at(41), person_at(11)), [sighting(1, slice(8, 20)), sighting(2, slice(38, 50))])
     assert one.joints is not None and two.joints is not None
     assert abs(one.joints.pixels[0, 0] - 11) < 1e-4 and abs(two.joints.pixels[0, 0] - 41) < 1e-4
 
 
-def test_joints_of_somebody_else_are_nobodys() -> None:
+def test_joints_of_an_undetected_person_are_unassigned() -> None:
     (alone,) = given_to((person_at(55),), [sighting(1, slice(8, 20))])
     assert alone.joints is None
 

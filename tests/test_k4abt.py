@@ -1,4 +1,4 @@
-"""The Azure Kinect SDK's JSON: its joint frames by a second route, and there and back."""
+"""The Azure Kinect SDK's JSON: its joint frames against a second source, and its round trip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled kernels: those of the package, else those of the user's cache; changed sources never run old code."""
+"""Compiled kernels: the package's, else the user cache's; changed sources never run old code."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ RUN = (
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
-    """An installation with two kernels in two files; the compiled code of one contains that of the other."""
+    """Return an installation with two kernels in two files; the compiled code of one contains that of the other."""
     kernels = tmp_path / "toolkit" / "kernels"
     kernels.mkdir(parents=True)
     for name in ("__init__.py", "cache.py", "cache_files.py"):
@@ -62,11 +62,11 @@ for line in sys.stdin:
         sys.exit()
     print(f"ended {os.wait()[1]}", flush=True)
 """
-"""A process that has Numba and no kernel, and forks: importing Numba takes longer than all that is tested."""
+"""Process with Numba and no kernel that forks, because importing Numba takes longer than the tests."""
 
 
 class Starter:
-    """Starts processes that have Numba already."""
+    """Starter of processes that have imported Numba."""
 
     def __init__(self) -> None:
         variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "NUMBA_CACHE_DIR")}
@@ -76,7 +76,7 @@ class Starter:
         )  # fmt: skip
 
     def said(self, installation: Path, code: str, **environment: str) -> list[str]:
-        """The lines that code prints in a new process, which imports the kernels of an installation."""
+        """Return the lines that code prints in a new process with the installation's kernels."""
         assert self.process.stdin is not None and self.process.stdout is not None
         home = str(installation / "home")
         own = {"HOME": home, "XDG_CACHE_HOME": home} | environment
@@ -104,7 +104,7 @@ Run = Callable[..., tuple[int, int, Path]]
 
 @pytest.fixture
 def run(starter: Starter) -> Run:
-    """What the outer kernel returns in a new process, whether it came from the cache, and where that lies."""
+    """Return the outer kernel's result in a new process, whether it came from the cache, and the cache's path."""
 
     def found(installation: Path, **environment: str) -> tuple[int, int, Path]:
         value, hits, path = starter.said(installation, RUN, **environment)
@@ -156,7 +156,7 @@ RUN_WITH_LOG = "import logging, sys\nlogging.basicConfig(stream=sys.stdout, form
 
 @pytest.fixture
 def shipped(installed: Path, starter: Starter) -> Path:
-    """The installation with compiled kernels in its package, which cannot be written."""
+    """Return an installation with compiled kernels in a read-only package."""
     compile_into_package(installed, starter)
     folder = installed / "toolkit" / "kernels" / "compiled"
     for path in folder.iterdir():
@@ -265,7 +265,7 @@ def test_help_answers_without_numba() -> None:
 
 
 class _Trap:
-    """What a pickle of a stranger does."""
+    """Class whose pickle runs code."""
 
     def __init__(self, mark: Path) -> None:
         self.mark = mark
@@ -283,7 +283,7 @@ DAMAGES: dict[str, Callable[[bytes, Path], bytes]] = {
 }
 
 
-def test_what_cannot_be_read_is_compiled_anew_and_never_unpickled(installed: Path, run: Run) -> None:
+def test_an_unreadable_cache_is_recompiled_and_never_unpickled(installed: Path, run: Run) -> None:
     folder = run(installed)[2]
     for number, (name, damage) in enumerate((*DAMAGES.items(), ("a trap", DAMAGES["a trap"]))):
         for path in folder.glob(f"*.{'nbi' if number % 2 else 'nbc'}"):

@@ -1,4 +1,4 @@
-"""The component tree of a function on a graph, against Higra and against a plain threshold decomposition."""
+"""Component tree of a function on a graph, against Higra and a plain threshold decomposition."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 
 def table_of(edges: list[tuple[int, int]], count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Edges as the table of the kernels: rows of neighbours, and the rows that go on (two places in a row)."""
+    """Return edges as the kernels' table: rows of neighbours, and continuation rows (two places in a row)."""
     lists: list[list[int]] = [[] for _ in range(count)]
     for a, b in edges:
         lists[a].append(b)
@@ -37,7 +37,7 @@ def table_of(edges: list[tuple[int, int]], count: int) -> tuple[np.ndarray, np.n
 def summits_of(
     values: np.ndarray, neighbours: np.ndarray, more: np.ndarray, sizes: np.ndarray
 ) -> dict[int, tuple[float, float]]:
-    """Dynamics and area of every summit by its node."""
+    """Return dynamics and area of each summit by its node."""
     order = np.argsort(-values, kind="stable").astype(np.int64)
     parents = np.empty(len(values), dtype=np.int64)
     component_tree.max_tree(values, order, neighbours, more, parents)
@@ -49,7 +49,7 @@ def summits_of(
 def plain_summits(
     values: np.ndarray, edges: list[tuple[int, int]], sizes: np.ndarray
 ) -> dict[int, tuple[float, float]]:
-    """The same by thresholding at every level and looking which components have merged."""
+    """Return the same by thresholding at each level and merging components."""
     alive: dict[int, float] = {}
     found: dict[int, tuple[float, float]] = {}
     for level in sorted(set(values), reverse=True):
@@ -103,14 +103,14 @@ def test_summits_are_those_of_a_threshold_decomposition_ties_included(seed: int,
     sizes = rng.uniform(0.5, 2.0, 25)
     found = summits_of(values, *table_of(edges, 25), sizes)
     plain = plain_summits(values, edges, sizes)
-    # A plateau has one summit; one that ends in the very level in which it begins is none.
+    # a plateau has one summit; one that ends in the level in which it begins has none
     assert found.keys() == plain.keys()
     for node, (dynamics, area) in plain.items():
         assert found[node] == pytest.approx((dynamics, area))
 
 
 def higra_dynamics(values: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Dynamics of the regional maxima, sorted."""
+    """Return dynamics of the regional maxima, sorted."""
     graph = hg.UndirectedGraph(len(values))
     graph.add_edges(edges[:, 0].copy(), edges[:, 1].copy())
     tree, altitudes = hg.component_tree_max_tree(graph, values)

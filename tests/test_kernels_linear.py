@@ -1,4 +1,4 @@
-"""Linear algebra in a fixed order: right, and the same wherever an array lies in memory."""
+"""Linear algebra in a fixed order: correct, and equal at all memory alignments."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RNG = np.random.default_rng(5)
 
 
 def shifted(array: np.ndarray, offset: int) -> np.ndarray:
-    """A copy that begins `offset` bytes after a multiple of 64."""
+    """Return a copy that begins `offset` bytes after a multiple of 64."""
     memory = np.empty(array.nbytes + 128, dtype=np.uint8)
     start = -memory.ctypes.data % 64 + offset
     copy = memory[start : start + array.nbytes].view(array.dtype).reshape(array.shape)

@@ -1,4 +1,4 @@
-"""What particles cost, against pictures drawn anew and against ray casting; and which of them go on."""
+"""Cost of particles against separately drawn images and ray casting; resampling."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def tile_of(seen: np.ndarray, window: tuple[int, int, int, int] = (10, 110, 20, 
 
 
 def plain_cost(drawn: np.ndarray, tile: Tile) -> float:
-    """Eq. 3's first two terms, written with whole images."""
+    """Return Eq. 3's first two terms from whole images."""
     v0, v1, u0, u1 = tile.window
     drawn, seen = drawn[v0:v1, u0:u1], tile.seen[v0:v1, u0:u1].astype(np.float64)
     measured, there, known = seen > 0, drawn > 0, ~np.isnan(seen)
@@ -57,7 +57,7 @@ def plain_cost(drawn: np.ndarray, tile: Tile) -> float:
 
 
 def drawn_balls(balls: np.ndarray, radii: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Balls cast one after the other over a picture, each by all rays."""
+    """Return balls cast one after the other over an image, each by all rays."""
     v, u = np.indices(depth.shape)
     rays = np.stack([(u - SMALL.cx) / SMALL.fx, (v - SMALL.cy) / SMALL.fy, np.ones(depth.shape)], axis=2)
     a, nearest = (rays**2).sum(axis=2), np.where(depth > 0, depth, np.inf)
@@ -82,11 +82,11 @@ def test_a_drawn_rig_is_the_mesh_as_rays_see_it(upper: UpperBody) -> None:
     hits = cast(body.vertex_positions(pose) @ LEVEL, faces, SMALL).depth.reshape(SMALL.shape)
     both = (depth > 0) & (hits > 0)
     assert both.sum() > 2000 and ((depth > 0) == (hits > 0)).mean() > 0.995
-    # Faces seen from behind, at the cut through the hips, are drawn by rays only.
+    # faces seen from behind, at the cut through the hips, are drawn by rays only
     assert np.quantile(np.abs(depth - hits)[both], 0.999) < 1e-4
 
 
-def test_arms_over_a_base_cost_as_much_as_the_whole_picture_drawn_anew(upper: UpperBody) -> None:
+def test_arms_over_a_base_cost_as_much_as_the_whole_drawn_image(upper: UpperBody) -> None:
     rng = np.random.default_rng(2)
     poses = np.array([some_pose(rng) for _ in range(4)])
     seen = np.empty(SMALL.shape)

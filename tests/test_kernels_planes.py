@@ -12,7 +12,7 @@ TOLERANCE = 0.02
 
 
 def scene(seed: int, noise: float = 0.004) -> tuple[np.ndarray, np.ndarray]:
-    """600 points near a plane, in the order of a scan, among 900 others; and the plane (4,)."""
+    """Return 600 points near a plane, in scan order, among 900 others; and the plane (4,)."""
     rng = np.random.default_rng(seed)
     frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     on = np.column_stack([rng.uniform(-1, 1, (600, 2)), rng.normal(0.0, noise, 600)]) @ frame.T
@@ -21,7 +21,7 @@ def scene(seed: int, noise: float = 0.004) -> tuple[np.ndarray, np.ndarray]:
 
 
 def brute_support(points: np.ndarray, trials: int, seed: int) -> np.ndarray:
-    """Members of the best of the sampled planes, one NumPy statement per plane."""
+    """Return the members of the best sampled plane, one NumPy statement per plane."""
     best = np.empty(0, dtype=np.int64)
     for a, b, c in points[np.random.default_rng(seed).integers(len(points), size=(trials, 3))]:
         normal = np.cross(b - a, c - a)

@@ -16,7 +16,7 @@ FREE = np.array([[-100.0, 100.0]] * 3)
 
 
 def bones_of(side: str, shoulder_limits: np.ndarray | None = None) -> tuple[ArmBones, np.ndarray]:
-    """Bones of an arm of the neutral body, and the hand from the elbow with a straight wrist."""
+    """Return the bones of an arm of the neutral body, and the hand from the elbow with a straight wrist."""
     body, joint = load_body(), skeleton.JOINT_NAMES.index
     shoulder, elbow, wrist = (body.joints[joint(f"{side}_{name}")] for name in ("shoulder", "elbow", "wrist"))
     entries = [skeleton.POSE_NAMES.index(f"{side}_{name}") for name in ("shoulder_rx", "elbow_ry")]
@@ -25,7 +25,7 @@ def bones_of(side: str, shoulder_limits: np.ndarray | None = None) -> tuple[ArmB
 
 
 def hand_of(bones: ArmBones, fore: np.ndarray, arm: np.ndarray) -> np.ndarray:
-    """Forward kinematics: the hand from the shoulder."""
+    """Return the hand from the shoulder by forward kinematics."""
     elbow = Rotation.from_euler("y", arm[3])
     return Rotation.from_rotvec(arm[:3]).apply(bones.upper + elbow.apply(fore))
 
@@ -72,7 +72,7 @@ def test_no_swivel_is_the_nearest_one_to_the_arm_before() -> None:
     assert turned(0.0) <= min(turned(angle) for angle in angles) + 1e-9
 
 
-def test_beyond_reach_the_arm_points_at_the_target_and_says_how_far_it_misses() -> None:
+def test_beyond_reach_the_arm_points_at_the_target_and_returns_the_distance() -> None:
     bones, fore = bones_of("right", FREE)
     arm = np.array([0.1, 0.2, 0.3, 0.5])
     target = np.array([-2.0, 0.5, 1.0])

@@ -26,7 +26,7 @@ from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 
 
 def raised_arms(distance: float = 1.6) -> np.ndarray:
-    """Pose (P,) of somebody who faces the camera from near by, arms up to the sides."""
+    """Return the pose (P,) of a near person who faces the camera, arms raised to the sides."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[:3] = [0.0, -0.3, -distance]
     for name, value in {

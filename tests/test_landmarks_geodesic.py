@@ -22,7 +22,7 @@ SETTINGS = LandmarkSettings()
 
 
 def graph_of(nodes: int, ends: np.ndarray, lengths: np.ndarray, width: int = 2) -> Graph:
-    """Graph of a list of edges, entered into a table of `width` columns, so that most nodes need more rows."""
+    """Return the graph of a list of edges in a table of `width` columns, so that most nodes need several rows."""
     rows = nodes + 2 * len(ends)
     neighbours = np.repeat(np.arange(rows, dtype=np.int32)[:, None], width, axis=1)
     table = np.zeros((rows, width), dtype=np.int32)
@@ -32,7 +32,7 @@ def graph_of(nodes: int, ends: np.ndarray, lengths: np.ndarray, width: int = 2) 
 
 
 def edges_of(graph: Graph) -> dict[tuple[int, int], int]:
-    """Lengths by (node, neighbour), both directions, read from the table row by row."""
+    """Return lengths by (node, neighbour), both directions, read from the table row by row."""
     edges = {}
     for node in range(len(graph)):
         row = node
@@ -51,7 +51,7 @@ def matrix_of(graph: Graph) -> csr_matrix:
 
 
 def algorithm_1(graph: Graph, source: int, count: int) -> tuple[list[int], list[int], list[int]]:
-    """Baak 2013, Algorithm 1, line by line; a visit is a node's first removal from Q in a pass."""
+    """Return the extrema of Baak 2013, Algorithm 1, line by line; a visit is a node's first removal from Q in a pass."""
     adjacency: dict[int, list[tuple[int, int]]] = {node: [] for node in range(len(graph))}
     for (here, there), length in edges_of(graph).items():
         adjacency[here].append((there, length))
@@ -80,7 +80,7 @@ def algorithm_1(graph: Graph, source: int, count: int) -> tuple[list[int], list[
 
 
 def restarted(graph: Graph, source: int, count: int) -> tuple[list[int], list[float], np.ndarray]:
-    """The baseline: zero-cost edges from the source to the extrema found, and SciPy's Dijkstra from the start again."""
+    """Return the baseline: zero-cost edges from the source to the found extrema, and SciPy's Dijkstra from the start."""
     matrix = matrix_of(graph).tocoo()
     nodes: list[int] = []
     reach: list[float] = []
@@ -137,7 +137,7 @@ def test_extrema_are_those_of_a_restarted_dijkstra_with_zero_cost_edges(graph_an
 
 
 def person(rng: np.random.Generator) -> np.ndarray:
-    """The figure with noise, holes, and a hand before the torso that is a component of its own."""
+    """Return the figure with noise, holes, and a hand in front of the torso as a separate component."""
     depth = figure()
     paint(depth, (-0.05, 0.0), (0.05, 0.1), 2.3)
     depth[depth > 0] += rng.normal(0.0, 0.01, int((depth > 0).sum())).astype(np.float32)
@@ -240,7 +240,7 @@ def test_the_closest_pair_of_two_components_is_exact_and_the_lowest_of_equal_one
 
 def test_components_are_joined_to_the_largest_by_their_closest_pair() -> None:
     depth = figure()
-    paint(depth, (-0.05, 0.0), (0.05, 0.1), 2.3)  # a hand, 0.3 m before the torso
+    paint(depth, (-0.05, 0.0), (0.05, 0.1), 2.3)  # a hand, 0.3 m in front of the torso
     paint(depth, (0.9, 0.18), (1.0, 0.28), 2.6)  # 0.15 m beyond the left hand
     paint(depth, (-1.4, 0.18), (-1.3, 0.28), 2.6)  # 0.55 m beyond the right hand
     depth[5:7, 5:7] = 2.6  # noise

@@ -15,7 +15,7 @@ from toolkit.landmarks.landmark_settings import LandmarkSettings
 
 SETTINGS = LandmarkSettings()
 PLANE = LandmarkSettings(chest_height=0.0, turn_gain=1.0)
-"""The plane fit of the paper, as it stands."""
+"""Plane fit of the paper."""
 CHEST = np.array([0.3, 0.0, -2.5])
 YAWS = np.radians([-60, -45, -20, 0, 20, 45, 60])
 
@@ -26,7 +26,7 @@ def turned(points: np.ndarray, yaw: float) -> np.ndarray:
 
 
 def chest(rng: np.random.Generator, yaw: float, noise: float = 0.0, lean: float = 0.0) -> np.ndarray:
-    """Front of a slightly curved torso about (0.3, 0, -2.5): it faces `yaw` and leans forward by `lean`, radians."""
+    """Return the front of a curved torso about (0.3, 0, -2.5) with a heading `yaw` and a forward lean, radians."""
     x, y = rng.uniform(-0.2, 0.2, 3000), rng.uniform(-0.3, 0.3, 3000)
     points = np.stack([x, y, -(x**2) / 0.8 + rng.normal(0.0, noise, 3000) if noise else -(x**2) / 0.8], axis=1)
     c, s = np.cos(lean), np.sin(lean)
@@ -120,12 +120,12 @@ def facing_of_body(name: str, yaw: float, used: LandmarkSettings) -> FacingEstim
 def test_the_facing_of_a_body_is_found_within_three_tenths_of_its_turn(name: str, yaw: float) -> None:
     found = facing_of_body(name, yaw, SETTINGS)
     assert degrees_between(found.yaw, yaw) < 3.0 + 0.3 * abs(np.degrees(yaw))
-    assert found.weight > 0.3 or abs(yaw) > np.radians(40)  # there the near arm enters the patch
+    assert found.weight > 0.3 or abs(yaw) > np.radians(40)  # the near arm enters the patch
 
 
 @pytest.mark.parametrize("name", ["neutral", "heavy_female", "child"])
 @pytest.mark.parametrize("yaw", np.radians([-40, 40]))
-def test_the_chest_tells_the_facing_better_than_the_belly(name: str, yaw: float) -> None:
+def test_the_chest_gives_a_better_facing_than_the_belly(name: str, yaw: float) -> None:
     chest_error, belly_error = (degrees_between(facing_of_body(name, yaw, s).yaw, yaw) for s in (SETTINGS, PLANE))
     assert chest_error < 0.75 * belly_error
 

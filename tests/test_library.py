@@ -1,4 +1,4 @@
-"""`import depthmocap`: arrays in and tracks out, the same as run folders hold, frame by frame too."""
+"""`import depthmocap`: arrays in, tracks out, equal to run folders, also frame by frame."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FRAMES = 12
 
 @pytest.fixture
 def frames() -> np.ndarray:
-    """A thing that comes and goes: uint16 (12, H, W), millimetres."""
+    """Return frames of an object that appears and disappears: uint16 (12, H, W), millimetres."""
     depth = np.zeros((FRAMES, *CAMERA.shape), dtype=np.uint16)
     for i in range(FRAMES):
         depth[i, 20:40, 30:50] = 2000 + 7 * i * i % 1000
@@ -37,7 +37,7 @@ def frames() -> np.ndarray:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """Trackers all of whose results depend on all frames before; made with these arguments."""
+    """Replace trackers by fakes whose results depend on all earlier frames; return their arguments."""
     arguments: dict[str, float] = {"learning_seconds": 0.1}
     for module in (tracks, step):
         monkeypatch.setattr(module, "tracker_of", lambda *_: FakeTracker(**arguments))  # type: ignore[arg-type]
@@ -46,7 +46,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
 
 @pytest.fixture
 def sways() -> depthmocap.Track:
-    """Somebody who sways, and is gone in the last two of twelve frames."""
+    """Return a person who sways and is absent in the last two of twelve frames."""
     body = neutral()[0]
     poses = np.stack([standing(0.01 * i, 2.8, 1.2) for i in range(FRAMES)])
     level = level_rotation(np.array(UP))
@@ -98,7 +98,7 @@ def test_each_frame_has_its_pose_and_the_track_is_that_of_the_whole_recording(
         tracker.track  # noqa: B018
     poses = [tracker.step(depth / 1000.0, i / 20) for i, depth in enumerate(frames)]
     assert [[pose.frame for pose in found] for found in poses] == [[i] for i in range(FRAMES)]
-    # Learning ends with frame 2, at 0.1 s. Frame 3 catches up with frame 0, frame 4 with three more, frame 5 with all.
+    # Learning ends with frame 2, at 0.1 s. Frame 3 processes frame 0 too, frame 4 three more, frame 5 all.
     final = {0.0: 0, 0.1: 5, 9.0: FRAMES}[seconds]
     assert [found[0].provisional for found in poses] == [i < final for i in range(FRAMES)]
     for found, pose in zip(poses[final:], whole.pose[final:], strict=True):
@@ -176,7 +176,7 @@ def test_a_track_becomes_a_table_with_the_columns_of_the_csv(sways: depthmocap.T
     assert list(csv.columns[1:]) == list(table.columns)
 
 
-def test_without_pandas_the_error_says_what_to_type(sways: depthmocap.Track, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pandas_the_error_names_the_command(sways: depthmocap.Track, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(depthmocap.DepthMocapError, match="pip install pandas"):
         sways.to_dataframe()

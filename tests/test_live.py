@@ -1,4 +1,4 @@
-"""Live sources, dropped frames, recordings and streams of `depthmocap live`; rooms that are learned on the way."""
+"""Live sources, dropped frames, recordings and streams of `depthmocap live`; rooms learnt during the run."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def take(tmp_path: Path) -> Recording:
 
 
 class Burst:
-    """A source whose frames come `every` so many seconds; it fails after `broken` of them."""
+    """Source with a frame `every` given seconds; it fails after `broken` of them."""
 
     name = "burst"
 
@@ -61,7 +61,7 @@ class Burst:
 
 
 class Lines(list[dict[str, Any]]):
-    """An output that keeps what it is sent."""
+    """Output that keeps its lines."""
 
     def send(self, line: str) -> None:
         self.append(json.loads(line))
@@ -102,7 +102,7 @@ def test_ctrl_c_ends_after_the_frame_and_the_recording_is_whole(take: Recording,
 
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
-    """Type `depthmocap live` in a folder, with a tracker made up; returns the exit code."""
+    """Run `depthmocap live` in a folder with a fake tracker; return the exit code."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(TrackerRecipe, "build", lambda *_: FakeTracker())
 
@@ -158,7 +158,7 @@ def test_what_cannot_be_is_one_sentence(
     assert len(open_recording("take.npz")) == FRAMES
 
 
-def test_an_unplugged_camera_is_said_and_its_recording_is_whole(
+def test_an_unplugged_camera_is_reported_and_its_recording_is_whole(
     take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     camera = Burst(take, 0.0, broken=7)
@@ -196,7 +196,7 @@ def no_camera(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class FakeSensor:
-    """Open3D's sensor with frames of tenths of millimetres, an empty frame set, and then a loss."""
+    """Fake of Open3D's sensor: frames of tenths of millimetres, an empty frame set, then a loss."""
 
     def __init__(self) -> None:
         self.count, self.stopped = 0, False
@@ -230,7 +230,7 @@ class FakeSensor:
         self.stopped = True
 
 
-def test_a_realsense_camera_gives_millimetres_and_its_loss_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_realsense_camera_gives_millimetres_and_its_loss_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     import open3d
 
     monkeypatch.setattr(open3d.t.io, "RealSenseSensor", FakeSensor)
@@ -246,7 +246,7 @@ def test_a_realsense_camera_gives_millimetres_and_its_loss_is_said(monkeypatch: 
 
 
 class RoomFinder:
-    """A finder of people that notes the rooms it is given."""
+    """Finder of people that keeps the rooms that it receives."""
 
     camera = CAMERA
     lens = SimpleNamespace(coarse=lambda depth: depth)

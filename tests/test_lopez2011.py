@@ -1,4 +1,4 @@
-"""configs/lopez2011.yaml is the tracker of Lopez-Mendez 2011: each equation against a plain twin.
+"""configs/lopez2011.yaml against Lopez-Mendez 2011: each equation against a plain reference.
 
 Eq. 3 and 4 are held against theirs in test_kernels_particles.py, the fork in test_landmarks_effectors.py.
 """
@@ -49,13 +49,13 @@ def test_equation_1_particles_go_on_by_the_exponential_of_their_costs() -> None:
     kept = np.bincount(
         np.concatenate([resampled(costs, np.random.default_rng(seed)) for seed in range(4000)]), minlength=4
     )
-    expected = np.exp(-3.0 * costs)  # the paper leaves open what a cost is multiplied by
+    expected = np.exp(-3.0 * costs)  # the paper does not state the factor of a cost
     np.testing.assert_allclose(kept / kept.sum(), expected / expected.sum(), atol=0.01)
 
 
 def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -> None:
     poses = np.stack([pose_of(), pose_of(left_elbow_ry=-1.0)])
-    candidates = np.concatenate([place_hands(upper, poses[0]), [[0.5, 0.9, -1.2]]])  # the first are held by the hands
+    candidates = np.concatenate([place_hands(upper, poses[0]), [[0.5, 0.9, -1.2]]])  # the first are fixed by the hands
     found = UpperFilter(PARTICLES).proposals.candidate_weights(upper, poses, 0, candidates)
     for pose, weights in zip(poses, found, strict=True):
         gaps = np.linalg.norm(candidates - place_hands(upper, pose)[0], axis=1)

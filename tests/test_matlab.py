@@ -1,4 +1,4 @@
-"""MATLAB files: SciPy's reader on whole ones is the oracle; a damaged one is an error whatever its damage."""
+"""MATLAB files: SciPy's reader is the reference for whole files; a damaged file is an error."""
 
 from __future__ import annotations
 

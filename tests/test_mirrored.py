@@ -39,14 +39,14 @@ def mirrored_take(take: CalibrationSequence) -> CalibrationSequence:
 
 
 def mirrored_angles(angles: np.ndarray) -> np.ndarray:
-    """Joint angles (N, A) seen in a mirror."""
+    """Return joint angles (N, A) mirrored."""
     poses = np.zeros((len(angles), skeleton.POSE_SIZE))
     poses[:, ANGLES] = angles
     return mirrored(poses)[:, ANGLES]
 
 
 def mirrored_class(plain: MotionClass) -> MotionClass:
-    """The class of the mirrored motion: features and angles of the other side."""
+    """Return the class of the mirrored motion: features and angles of the other side."""
     turn, motion = mirrored_angles(np.eye(ANGLE_COUNT)), plain.motion
     assert motion is not None
     return replace(
@@ -74,7 +74,7 @@ def test_a_class_learnt_from_a_mirrored_clip_is_the_mirrored_class():
 @settings(max_examples=4, deadline=None)
 def test_a_mirrored_take_with_mirrored_sensors_has_the_mirrored_calibration(seed):
     _, take = take_of(noise="mtx", limbs=("left_forearm", "right_shin"), seed=seed)
-    flip = np.array([1.0, 1.0, -1.0, -1.0])  # a rotation in a mirror at x = 0
+    flip = np.array([1.0, 1.0, -1.0, -1.0])  # a rotation mirrored at x = 0
     streams = tuple(
         replace(stream, name=other_side(stream.name), rotations=stream.rotations * flip) for stream in take.sensors
     )

@@ -1,4 +1,4 @@
-"""AMASS motions: there and back through our own body, and what is said of other NPZ files."""
+"""AMASS motions: round trip through our body, and errors for other NPZ files."""
 
 from __future__ import annotations
 

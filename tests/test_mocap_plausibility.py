@@ -1,4 +1,4 @@
-"""Motion capture that can be read and is not what was meant; skeletons of other systems by their joint names."""
+"""Motion capture that can be read but is not as intended; skeletons of other systems by joint names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CHAINS = (("clavicle", "shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "
 
 
 def clip_of(names: dict[str, str], frames: int = 20) -> Clip:
-    """A person who bends the left elbow and knee and moves ahead, with the joint names of a rig."""
+    """Return a person who bends the left elbow and knee and moves ahead, with the joint names of a rig."""
     keys: list[tuple[str, int, np.ndarray]] = []
     for key in ("root", "lumbar", "thorax", "cervical", "head"):
         keys.append((key, len(keys) - 1, np.array(PLACES[key], dtype=float)))

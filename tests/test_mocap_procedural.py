@@ -1,4 +1,4 @@
-"""Procedural motions: on the floor, within the limits, repeatable, and two sets that share nothing."""
+"""Procedural motions: on the floor, within limits, repeatable, and two disjoint sets."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_motion_stays_within_the_limits_and_on_the_floor(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", (*SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS))
-def test_whoever_sits_has_the_thighs_level_the_trunk_upright_and_stays_seated(name: str) -> None:
+def test_sitters_have_level_thighs_and_an_upright_trunk(name: str) -> None:
     body = load_body("neutral")
     joints = body.joint_positions(perform(name, body, 5.0, np.random.default_rng(2)).poses)
     thighs = np.concatenate([joint(joints, f"{s}_knee") - joint(joints, f"{s}_hip") for s in ("left", "right")])

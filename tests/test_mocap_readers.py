@@ -1,4 +1,4 @@
-"""BVH and ASF/AMC readers against independent oracles, and what they say about broken files."""
+"""BVH and ASF/AMC readers against independent references, and errors for broken files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ def write(path: Path, text: str) -> Path:
 
 
 def random_bvh(path: Path, rng: np.random.Generator, moving: tuple[int, ...] = (), frames: int = 7) -> Path:
-    """A tree of 9 joints with a rotation order each; the root and the joints in `moving` have position channels."""
+    """Return a tree of 9 joints with a rotation order each; the root and the joints in `moving` have position
+    channels.
+    """
     parents = [-1, 0, 1, 1, 0, 4, 5, 0, 7]
     orders = [rng.permutation(list("XYZ")) for _ in parents]
 
@@ -85,7 +87,7 @@ def test_cmu_clips_agree_with_pybvh(data_folder: Path) -> None:
 
 
 def axis_matrix(axis: str, degrees: float) -> np.ndarray:
-    """One textbook rotation, for the oracle below."""
+    """Return one textbook rotation, for the reference below."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return {
         "x": np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
@@ -95,7 +97,7 @@ def axis_matrix(axis: str, degrees: float) -> np.ndarray:
 
 
 def acclaim_starts(asf: str, amc: str, frame: int) -> dict[str, np.ndarray]:
-    """Where each bone begins in one frame, file units: Acclaim's definition with 4x4 matrices, one bone at a time."""
+    """Return the start of each bone in one frame, file units: Acclaim's definition with 4x4 matrices, bone by bone."""
     bones: dict[str, tuple[np.ndarray, np.ndarray, list[str]]] = {}
     bone_text = asf[asf.index(":bonedata") : asf.index(":hierarchy")]
     for block in bone_text.split("begin")[1:]:

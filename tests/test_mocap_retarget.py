@@ -1,4 +1,4 @@
-"""Retargeting: rigs of any naming, rest pose and axes move our body as they move themselves."""
+"""Retargeting: rigs of any names, rest pose and axes move our body as they move."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LIMBS = (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "a
 
 
 def sided(names: dict[str, str]) -> dict[str, str]:
-    """Names for both sides out of names for the left one (`Left` or a leading `l` becomes right)."""
+    """Return names for both sides from names for the left one (`Left` or a leading `l` becomes right)."""
     out = {}
     for key, name in names.items():
         out[f"left_{key}"] = name
@@ -65,7 +65,7 @@ CLASSIC = {
 
 
 def own_clip(tmp_path: Path, motion: str) -> tuple[Clip, np.ndarray]:
-    """A motion of the stick body as a clip of its own skeleton in T-pose, and the poses behind it."""
+    """Return a motion of the stick body as a clip of its skeleton in T-pose, and its poses."""
     body = stick_body()
     poses = perform(motion, body, 30.0).poses
     export_bvh(tmp_path / f"{motion}.bvh", body, poses, 30.0)
@@ -73,7 +73,7 @@ def own_clip(tmp_path: Path, motion: str) -> tuple[Clip, np.ndarray]:
 
 
 def a_pose(clip: Clip) -> np.ndarray:
-    """World rotations (J, 3, 3) of an A-pose: arms 45 degrees down and 10 forward, legs 8 degrees apart."""
+    """Return world rotations (J, 3, 3) of an A-pose: arms 45 degrees down and 10 forward, legs 8 degrees apart."""
     turned = np.broadcast_to(np.eye(3), (len(clip.joint_names), 3, 3)).copy()
     for j, name in enumerate(clip.joint_names):
         s = 1.0 if "left" in name else -1.0
@@ -85,14 +85,14 @@ def a_pose(clip: Clip) -> np.ndarray:
 
 
 def direction_errors(source: KeyedClip, joints: np.ndarray, side: str, bone: tuple[str, str]) -> np.ndarray:
-    """Degrees (T,) between a limb bone of the reported joints (T, 20, 3) and the source's."""
+    """Return degrees (T,) between a limb bone of the reported joints (T, 20, 3) and the source's."""
     start, stop = (joints[:, skeleton.REPORTED.index(f"{side}_{part}")] for part in bone)
     _, wanted = source.bone(f"{side}_{bone[0]}", f"{side}_{bone[1]}")
     return np.degrees(np.arccos(np.clip((unit(stop - start) * wanted).sum(axis=1), -1.0, 1.0)))
 
 
 def distances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Metres (T, 20) between the reported joints of two pose sequences of the stick body."""
+    """Return metres (T, 20) between the reported joints of two pose sequences of the stick body."""
     body = stick_body()
     return np.linalg.norm(body.joint_positions(first) - body.joint_positions(second), axis=2)
 
@@ -170,7 +170,7 @@ def test_a_taller_source_moves_in_proportion_to_its_legs(tmp_path: Path) -> None
 
 @pytest.fixture(scope="module")
 def real(data_folder: Path) -> list[tuple[Clip, PoseClip]]:
-    """Some real clips of both collections with their poses on the neutral body."""
+    """Return some real clips of both collections with their poses on the neutral body."""
     clips = [read_clip(path) for path in find_clips(data_folder / "mocap")[::14]]
     return [(clip, retarget(clip, load_body("neutral"))) for clip in clips]
 
@@ -215,7 +215,7 @@ def test_poses_of_real_clips_respect_the_limits_and_move_smoothly(real: list[tup
         turned = np.abs(np.diff(found.poses[:, 6:], axis=0)).max(axis=1)
         jumps, steps = jumps + int((turned > 0.5).sum()), steps + len(turned)
     assert np.mean(clamped) < 0.02 and max(clamped) < 0.1
-    assert jumps / steps < 0.004  # some sources flip a thigh by half a turn within a frame
+    assert jumps / steps < 0.004  # some sources flip a thigh by half a turn between frames
 
 
 @pytest.mark.data("cmu-mocap", "hdm05")

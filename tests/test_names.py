@@ -1,4 +1,4 @@
-"""Names of other people's files are shown as they are and do nothing where they are shown."""
+"""Names in files of others are displayed unchanged and have no effect."""
 
 from __future__ import annotations
 

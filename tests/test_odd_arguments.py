@@ -1,4 +1,4 @@
-"""Arguments and files of the wrong kind: accepted where the meaning is clear, else one sentence."""
+"""Arguments and files of the wrong kind: accepted if the meaning is clear, else one sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open3D's searches against the compiled ones: correspondences, answers and tracks are the same to the bit."""
+"""Open3D's searches against the compiled ones: correspondences, answers and tracks are equal to the bit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Open3D's own types in and out: clouds, RGB-D images, and the geometry of a tracked frame."""
+"""Open3D types in and out: clouds, RGB-D images, and the geometry of a tracked frame."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DEPTHS = [person_alone(TOF, x) for x in (0.0, 0.1, 0.2)]
 
 
 def cloud_of(depth_mm: np.ndarray, *, organised: bool, unit: float = 0.001) -> o3d.geometry.PointCloud:
-    """Open3D's own back-projection, every pixel (NaN where nothing is) or the measured ones in varying order."""
+    """Return Open3D's back-projection, all pixels (NaN if unmeasured) or the measured ones in varying order."""
     image = o3d.geometry.Image((depth_mm * np.float32(0.001)).astype(np.float32))
     cloud = o3d.geometry.PointCloud.create_from_depth_image(
         image, PINHOLE, depth_scale=1.0, project_valid_depth_only=not organised

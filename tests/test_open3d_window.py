@@ -1,4 +1,4 @@
-"""The window of a run: it opens, plays and closes; its timeline; the sentence where it cannot open.
+"""Window of a run: open, play, close; timeline; the message where it cannot open.
 
 Open3D ends its process where Vulkan fails, so that the window has a process of its own.
 """
@@ -51,7 +51,7 @@ print(json.dumps(told))
 
 
 def told_by(script: str, *words: object, display: bool = False) -> dict[str, object]:
-    """What a script printed last, as JSON."""
+    """Return the last line that a script printed, as JSON."""
     command = [sys.executable, "-c", script, *map(str, words)]
     screen = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24"] if display else []
     place = Path(__file__).parents[1]
@@ -77,7 +77,7 @@ def test_a_window_opens_plays_writes_a_picture_and_closes(folder: Path, tmp_path
 
 
 @pytest.mark.parametrize("missing", ["display", "vulkan"])
-def test_what_is_missing_is_said_with_what_to_do(
+def test_a_missing_part_is_named_with_a_remedy(
     folder: Path, missing: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "platform", "linux")

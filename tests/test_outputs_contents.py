@@ -1,4 +1,4 @@
-"""What files and pages say about tracks, without their makers: report, film of motions, coordinates, JSON, changes."""
+"""Content of files and pages about tracks: report, film of motions, coordinates, JSON, changes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from toolkit.tracks.runs import Person, load_persons
 
 
 def poses_of(count: int, seed: int = 0) -> np.ndarray:
-    """Poses (count, P) within half of the limits, about 2.5 m before the camera."""
+    """Return poses (count, P) within half of the limits, about 2.5 m from the camera."""
     rng = np.random.default_rng(seed)
     low, high = 0.5 * skeleton.POSE_LIMITS.T
     poses = rng.uniform(np.where(np.isfinite(low), low, 0.0), np.where(np.isfinite(high), high, 0.0), (count, len(low)))
@@ -33,7 +33,7 @@ def poses_of(count: int, seed: int = 0) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def people(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run of two people, the second from the second frame on, whose recording is gone."""
+    """Write a run of two people, the second from the second frame on, whose recording is gone."""
     return write_people(tmp_path_factory.mktemp("report") / "run", poses_of(6))
 
 
@@ -83,7 +83,7 @@ def test_every_reported_joint_is_a_marker_and_left_ones_lie_to_the_left() -> Non
     assert places["left_hip"][2] < 0 and places["left_shoulder"][2] < 0, "the model's z leads to the right"
 
 
-def test_json_says_what_the_track_says_and_null_where_no_person_is(tmp_path: Path) -> None:
+def test_json_equals_the_track_with_null_for_absent_frames(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", poses_of(5), absent=2)
     person = person_of(run)
     export_json(tmp_path / "track.json", [person], origin_of([person], "camera"))

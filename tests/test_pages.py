@@ -1,4 +1,4 @@
-"""Small pages of HTML: what is put in comes out of a parser again, and text stays text."""
+"""Small HTML pages: a parser reads the content back, and text stays text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from toolkit.io.html import page, table
 
 
 class Read(HTMLParser):
-    """The cells of a page by row, its words, and its pictures."""
+    """Cells of a page by row, its words, and its pictures."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

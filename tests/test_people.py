@@ -1,4 +1,4 @@
-"""Finding several people: who is where, and who is who from frame to frame."""
+"""Detection of several people and their identities from frame to frame."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def overlap(mask, truth):
 
 
 def truth_of(sighting, who):
-    """Number of the simulated person that a sighting shows, and the overlap of their masks."""
+    """Return the simulated person of a sighting, and the overlap of their masks."""
     numbers = np.bincount(who[sighting.depth > 0])
     number = int(numbers.argmax())
     return number, overlap(sighting.depth > 0, who == number)
@@ -35,7 +35,7 @@ def truth_of(sighting, who):
 
 @pytest.mark.parametrize("camera", [KINECT, TOF])
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_everybody_who_is_cut_out_gets_a_sighting(camera, count):
+def test_each_segmented_person_gets_a_sighting(camera, count):
     people = ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6))[:count]
     depth, who = scene(camera, people)
     sightings = MultiPersonFinder(camera, UP).find(depth, 0.0, {})
@@ -56,7 +56,7 @@ def test_people_in_a_room_are_found_in_a_single_frame(tilt):
     assert min(truth_of(s, who)[1] for s in sightings) > 0.85, "all but the soles"
 
 
-def test_an_empty_room_holds_nobody():
+def test_an_empty_room_has_no_people():
     depth, _ = scene(KINECT, (), height=1.5, wall=4.0, floor=True)
     finder = MultiPersonFinder(KINECT, UP)
     for k in range(5):
@@ -75,7 +75,7 @@ def test_identities_outlast_two_people_who_cross():
     assert len({k for k, i, _ in seen if i == 1}) + len({k for k, i, _ in seen if i == 2}) >= 68
 
 
-def test_whoever_comes_back_is_known_again():
+def test_a_returning_person_keeps_the_identity():
     finder = MultiPersonFinder(KINECT, UP)
     there = scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
     alone = scene(KINECT, ((0.7, 2.9),))[0]
@@ -87,8 +87,8 @@ def test_whoever_comes_back_is_known_again():
 
 
 @pytest.mark.parametrize(("others", "most", "again"), [(1, 16, (1, 3)), (0, 16, (1,)), (1, 2, (1, 2))])
-def test_whoever_went_out_of_the_image_is_known_again_where_nobody_else_may_come(others, most, again):
-    """Somebody walks out and comes back: beside another who stays, alone, and where only two are asked for."""
+def test_a_person_who_left_the_image_keeps_the_identity_if_no_other_can_enter(others, most, again):
+    """A person leaves and returns: beside another who stays, alone, and with at most two people."""
     finder, ids = MultiPersonFinder(KINECT, UP, most=most), []
     for k in range(75):
         since = min(k, 74 - k)
@@ -176,7 +176,7 @@ VIEWS = [(0.0, 1.2), (0.3, 1.8)]
 
 
 def placed(x, distance, height=1.2, up=UP):
-    """The simulated person's body as a follower would predict it."""
+    """Return the simulated person's body as a follower predicts it."""
     body, pose = neutral()[0], standing(x, distance, height)
     head = body.joint_positions(pose)[REPORTED.index("head")]
     return PredictedBody(
@@ -191,7 +191,7 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
 
     def overlaps(predicted):
         finder, numbers = MultiPersonFinder(KINECT, up), {}
-        for k in range(12):  # they come together
+        for k in range(12):  # they approach each other
             share = min(k / 10, 1.0)
             now = tuple((x * (1 - share) * 3 + x * share, d) for x, d in places)
             depth, who_now = scene(KINECT, now, tilt=tilt, height=height)
@@ -205,7 +205,7 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
 
 
 @pytest.mark.parametrize(("tilt", "height"), VIEWS)
-def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_expected(tilt, height):
+def test_a_confirmed_body_predicts_the_head(tilt, height):
     up, rotation = up_of_tilt(tilt), level_rotation(up_of_tilt(tilt))
     finder, body = MultiPersonFinder(KINECT, up), placed(0.0, 2.6, height, up)
     depth, who = scene(KINECT, ((0.0, 2.6),), tilt=tilt, height=height)
@@ -213,7 +213,7 @@ def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_exp
     finder.find(whole, 0.0, {})
     leaning = PredictedBody(body.vertices, body.faces, body.stature, body.head + 0.1 * rotation[0])
     v = np.nonzero(who == 1)[0]
-    depth[: int(np.percentile(v, 25))] = 0  # head and shoulders are not measured any more
+    depth[: int(np.percentile(v, 25))] = 0  # head and shoulders are no longer measured
     finder.find(depth, 0.1, {1: leaning})
     (unknown,) = finder.people
     assert np.abs(unknown.expected(0.2) - rotation @ leaning.head).max() > 0.05, "nobody has seen that body's head"
@@ -225,7 +225,7 @@ def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_exp
     assert np.abs(known.expected(0.1) - rotation @ leaning.head).max() < 0.01
 
 
-def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
+def test_furniture_that_touches_a_person_is_separated_once_the_body_is_known():
     depth, who = scene(KINECT, ((0.0, 2.6),), height=1.2, wall=4.5)
     v, u = np.nonzero(who == 1)
     chair = np.zeros(depth.shape, dtype=bool)
@@ -243,7 +243,7 @@ def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
     assert overlap(known & ~chair, who == 1) > 0.93
 
 
-def test_a_figure_that_never_moves_is_furniture_and_said_to_be(tmp_path):
+def test_a_motionless_figure_is_furniture_and_reported(tmp_path):
     frames = [scene(KINECT, ((-0.8 + 0.05 * k, 2.4), (0.7, 3.2)), height=1.2, wall=4.0, floor=True) for k in range(20)]
     recording = recorded(tmp_path, [depth for depth, _ in frames])
     finder = find_people(recording)
@@ -256,7 +256,7 @@ def test_a_figure_that_never_moves_is_furniture_and_said_to_be(tmp_path):
     assert abs(u - (KINECT.cx + KINECT.fx * 0.7 / 3.2)) < 12 and v < KINECT.cy
 
 
-def test_a_camera_that_was_moved_between_is_said(tmp_path, caplog):
+def test_a_moved_camera_is_reported(tmp_path, caplog):
     def filmed(away: float, where: str) -> str:
         walls = [scene(KINECT, ((-0.6 + 0.06 * k, 2.4),), height=1.2, wall=4.0 - (k >= 10) * away) for k in range(20)]
         caplog.clear()

@@ -1,4 +1,4 @@
-"""A first look at a recording: five lines and a picture."""
+"""First description of a recording: five lines and a picture."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def recorded(folder, frames, camera=KINECT, **more):
     return path
 
 
-def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
+def test_a_description_names_camera_vertical_room_people_and_useful_options(tmp_path):
     room = {"tilt": 0.2, "height": 1.4, "wall": 4.5, "floor": True}
     frames = [scene(KINECT, ((-0.7 + 0.02 * k, 2.6), (0.7, 3.2)), **room)[0] for k in range(9)]
     path = recorded(tmp_path, frames, background=scene(KINECT, (), **room)[0], up_camera=up_of_tilt(0.2))
@@ -40,7 +40,7 @@ def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
     assert advice == "advice: --people all follows all of them"
 
 
-def test_colour_is_a_witness_where_somebody_is_seen(tmp_path):
+def test_colour_is_evidence_for_a_visible_person(tmp_path):
     someone, nobody = scene(KINECT, ((0.0, 2.0),))[0], np.zeros(KINECT.shape, dtype=np.uint16)
     color = np.zeros((1, *KINECT.shape, 3), dtype=np.uint8)
     for name, frame, more, told in (
@@ -62,7 +62,7 @@ def test_a_camera_on_its_side_is_noticed(tmp_path):
     assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]
 
 
-def test_the_picture_shows_everybody_in_their_own_colour(tmp_path):
+def test_the_picture_shows_each_person_in_one_colour(tmp_path):
     depth, who = scene(KINECT, ((-0.7, 2.6), (0.7, 2.6)))
     look = describe(open_recording(recorded(tmp_path, [depth])))
     image = picture(look).astype(int)

@@ -1,4 +1,4 @@
-"""Parts of the finder that are geometry: the floor, candidates beside people and mirrors, seeds, who is meant."""
+"""Geometry of the finder: floor, candidates beside people and mirrors, seeds, selected person."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEAD_HEIGHT = 1.63  # of the neutral body above the floor
 
 
 def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[CoarseCamera, View]:
-    """A frame in which all that is measured is foreground."""
+    """Return a frame in which all measured pixels are foreground."""
     lens = CoarseCamera(camera, up, SensingSettings())
     depth = lens.coarse(depth_mm)
     return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
@@ -41,7 +41,7 @@ def whole(who: np.ndarray, lens: CoarseCamera) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("tilt", "height"), [(0.3, 1.2), (0.4, 1.9), (0.6, 2.4)])
-def test_both_searches_find_the_floor_of_a_room_with_somebody_in_it(tilt, height):
+def test_both_searches_find_the_floor_of_a_room_with_a_person(tilt, height):
     depth_mm, _ = scene(TOF, ((0.3, 2.5),), tilt=tilt, height=height, wall=4.0, floor=True)
     found, known = find_floor(depth_mm, TOF), find_known_floor(depth_mm, TOF, up_of_tilt(tilt))
     assert found is not None and known is not None
@@ -103,11 +103,11 @@ def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_cla
     assert not seeds[truth == 0].any()
 
 
-# People in a single image.
+# People in single frames.
 
 
 class FakeJudge:
-    """Speaks for or against what is on the left of the image, and for the rest."""
+    """Classifier with one score for the left part of the image and one for the rest."""
 
     def __init__(self, odds: float) -> None:
         self.odds = odds
@@ -118,7 +118,7 @@ class FakeJudge:
 
 
 @pytest.mark.parametrize(("odds", "sides"), [(3.0, [-1, 1]), (-9.0, [1])])
-def test_two_in_an_image_are_two_and_whom_the_judge_speaks_against_is_furniture(odds, sides):
+def test_two_people_are_two_and_a_negative_score_is_furniture(odds, sides):
     depth_mm, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)))
     lens, view = view_of(depth_mm)
     people, furniture, labels = people_and_furniture(view, lens, cut_out=True, judge=FakeJudge(odds))
@@ -129,11 +129,11 @@ def test_two_in_an_image_are_two_and_whom_the_judge_speaks_against_is_furniture(
         assert (labels[truth == (1 if place[0] < 0 else 2)] == number).mean() > 0.9
 
 
-# Who is meant.
+# Selected person.
 
 
 class FakePeople:
-    """A finder that follows and finds what it is given."""
+    """Finder that returns given people."""
 
     camera = KINECT
     evidence: Mapping[int, Any] = {}
@@ -145,7 +145,7 @@ class FakePeople:
         return int(v) // self.lens.step, int(u) // self.lens.step
 
     def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
-        """Bands of columns of the image, 20 rows high, by person, at a distance."""
+        """Return bands of columns of the image, 20 rows high, by person, at a distance."""
         labels, depth = np.zeros(self.lens.camera.shape, dtype=np.int32), np.zeros(self.lens.camera.shape)
         for number, (columns, distance) in self.frames[round(timestamp * 10)].items():
             labels[20:40, columns], depth[20:40, columns] = number, distance
@@ -157,7 +157,7 @@ class FakePeople:
 
 
 class Frames:
-    """A recording of which nothing matters but the times."""
+    """Recording of which only the times matter."""
 
     def __init__(self, timestamps: np.ndarray) -> None:
         self.timestamps = timestamps
@@ -183,7 +183,7 @@ def test_two_are_one_too_many_who_are_seen_together_for_more_than_half_of_the_ti
         assert meant_person(recording, FakePeople(frames), sensing) == 2
 
 
-def test_a_seed_means_whoever_is_at_the_pixel_in_the_first_frame_that_shows_anybody():
+def test_a_seed_selects_the_person_at_its_pixel_in_the_first_frame_with_people():
     frames = [{}, {1: (SMALL, 3.0), 2: (LARGE, 3.0)}, {1: (LARGE, 3.0)}]
     recording = Frames(np.arange(3) / 10)
     step = FakePeople().lens.step
@@ -198,7 +198,7 @@ def test_a_seed_means_whoever_is_at_the_pixel_in_the_first_frame_that_shows_anyb
 
 
 @pytest.mark.parametrize("turns", [0, 1, 2, 3])
-def test_the_vertical_of_a_file_says_how_often_the_image_has_to_be_turned(turns):
+def test_the_vertical_of_a_file_determines_the_image_rotation(turns):
     up = rotated_points(np.array([0.0, -1.0, 0.0]), -turns)
     recording = SimpleNamespace(options={}, vertical=SimpleNamespace(source="file", up_camera=up))
     assert quarter_turns(recording) == turns

@@ -1,4 +1,4 @@
-"""Person or furniture: how evidence adds up, and what it makes of a room."""
+"""Person or furniture: sum of evidence, and its effect in a room."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 
 
 class Sure:
-    """A judge that says the same of every pixel, and remembers how many it was asked."""
+    """Classifier with one score for all pixels that counts its calls."""
 
     def __init__(self, odds):
         self.odds, self.asked = odds, 0
@@ -55,8 +55,8 @@ def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_o
     assert log_odds([shapeless] * 40) < 0 < log_odds([EvidenceSample(False, 1.0, judged=3.0)] * 40)
 
 
-def test_whoever_is_seen_in_few_frames_and_in_their_shape_in_all_of_them_is_a_person():
-    """Who changes their place is another figure in each of them."""
+def test_a_person_shape_in_each_of_few_frames_is_a_person():
+    """A person at another place in each frame is another figure in each."""
     person = EvidenceSample(True, moved=0.0, judged=2.9)
     assert log_odds([person] * 10) == log_odds([person] * 40) > 0
 
@@ -69,7 +69,7 @@ def coarse(frames):
     return [lens_of().coarse(depth) for depth in frames]
 
 
-def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise():
+def test_a_motionless_sitter_is_background_unless_the_classifier_disagrees():
     frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
     lens = lens_of()
     furniture, person = (learnt(frames, lens, judge) for judge in (None, Sure(2.0)))
@@ -81,7 +81,7 @@ def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise(
 
 
 class Likes:
-    """A judge that is for a person at some coarse pixels, bool (h, w), and against one at all others."""
+    """Classifier with a positive score at some coarse pixels, bool (h, w), and a negative one at all others."""
 
     def __init__(self, where):
         self.where = where
@@ -91,7 +91,7 @@ class Likes:
 
 
 def seated_on_a_block():
-    """Frames of somebody who never moves, and beside them, in one surface, a block; where they and it are."""
+    """Return frames of a motionless person beside a block in the same surface, and their places."""
     depth, who = scene(KINECT, ((0.0, 2.5),), **ROOM)
     v, u = np.nonzero(who == 1)
     block = np.zeros(who.shape, dtype=bool)
@@ -102,7 +102,7 @@ def seated_on_a_block():
     return coarse([depth] * 12), own, block
 
 
-def test_what_never_moved_beside_somebody_who_stays_is_the_rooms_where_the_judge_is_against_a_person():
+def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_rejects_it():
     frames, own, block = seated_on_a_block()
     one, two = (learnt(frames, lens_of(), judge) for judge in (Sure(2.0), Likes(own)))
     assert (one.background[block] == 0).mean() > 0.7, "the block flows together with them"
@@ -123,7 +123,7 @@ def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_
     assert not hanging([seen], [seen], np.stack(frames), still, ~own, [], lens).any()
 
 
-def test_whoever_is_followed_in_an_unknown_room_stays_so_where_the_judge_doubts_them():
+def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_classifier():
     frames = [scene(KINECT, ((0.1 * k, 2.5),), **ROOM)[0] for k in range(8)]
     judge = Sure(2.0)
     followed = MultiPersonFinder(KINECT, UP, judge=judge)
@@ -136,7 +136,7 @@ def test_whoever_is_followed_in_an_unknown_room_stays_so_where_the_judge_doubts_
 
 
 def test_a_desk_that_people_pass_is_no_part_of_them():
-    """Their surfaces flow together with it in some frames; in most it stands alone."""
+    """Their surfaces merge with it in some frames; in most it is separate."""
     frames = []
     for k in range(40):
         depth, _ = scene(KINECT, ((-1.2 + 0.06 * k, 2.4),), **ROOM)
@@ -168,7 +168,7 @@ def test_what_lies_below_a_head_that_stays_is_near_it_and_lower() -> None:
     assert not found(FEWEST + 1).any(), "too few show it"
 
 
-def test_the_judge_of_a_still_sends_away_what_only_looks_like_a_person():
+def test_the_classifier_rejects_person_like_furniture_in_a_still():
     depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
     for odds, count in ((2.0, 1), (-2.0, 0)):
         judge = Sure(odds)
@@ -187,7 +187,7 @@ def test_a_regressor_judges_by_log_odds_that_stay_finite(monkeypatch):
 HEAD = np.array([0.2, 0.1, -2.5])
 
 
-def test_what_touches_somebody_has_to_last_half_a_second():
+def test_a_surface_that_touches_a_person_has_to_last_half_a_second():
     waiting = Newcomers()
     counted = [waiting.promoted([HEAD], [True], [True], k / 30) for k in range(20)]
     assert counted.index([0]) == 15

@@ -1,4 +1,4 @@
-"""Kernels that find people and share out their pixels, each beside a slow plain twin."""
+"""Kernels that detect people and assign their pixels, each against a slow plain reference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STEPS = np.array([0.05, 0.003, 0.4, 3.0, 0.5])
 
 
 def plain_growth(points, measured, seeds, axes, reach, limits, steps, longest):
-    """Dijkstra over a dictionary of nodes with Python's own heap."""
+    """Return Dijkstra over a dictionary of nodes with Python's heap."""
     height, width = measured.shape
     distances, labels, heap = {}, {}, []
     for v, u in zip(*np.nonzero((seeds > 0) & (measured > 0)), strict=True):
@@ -48,7 +48,7 @@ def plain_growth(points, measured, seeds, axes, reach, limits, steps, longest):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_growth_finds_the_shortest_ways_of_plain_dijkstra(seed):
+def test_growth_finds_the_shortest_paths_of_plain_dijkstra(seed):
     rng = np.random.default_rng(seed)
     shape = (17, 23)
     measured = rng.choice([0, 1.0, 1.04, 1.3, 2.0], p=[0.1, 0.4, 0.3, 0.15, 0.05], size=shape).astype(np.float32)
@@ -65,7 +65,7 @@ def test_growth_finds_the_shortest_ways_of_plain_dijkstra(seed):
     assert len(expected) > 30
     found = {(int(v), int(u)): distances[v, u] for v, u in zip(*np.nonzero(distances != FAR), strict=True)}
     assert found.keys() == expected.keys()
-    # Lengths are rounded in single or double precision: a few units at most.
+    # lengths are rounded in single or double precision: a few units at most
     assert max(abs(int(found[k]) - int(expected[k])) for k in found) <= 30
     assert ((labels > 0) == (distances != FAR)).all()
 
@@ -131,7 +131,7 @@ def test_labels_come_back_to_full_resolution_by_depth():
     assert box.tolist() == [1, 7, 1, 4]
 
 
-def test_a_ball_on_a_board_looks_more_like_a_head_than_the_board():
+def test_a_ball_on_a_board_has_a_higher_head_score_than_the_board():
     from toolkit.people.detection import AROUND, INSIDE, SHOULDERS, TOLERANCES
 
     focal, shape = 150.0, (120, 160)

@@ -1,4 +1,4 @@
-"""Who is who: people numbered, left out, expected back, gone and restored."""
+"""Identities: people numbered, left out, expected back, gone and restored."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ LATER = PATIENCE + 4.0
 
 
 def met(known: KnownPeople, place: np.ndarray, timestamp: float = 0.0) -> int:
-    """The number of a person who comes in with the head at a place (3,)."""
+    """Return the number of a person who enters with the head at a place (3,)."""
     back = known.expected_back(timestamp)
     return known.meet(place, place - (0.0, 0.7, 0.0), 0.5, timestamp, back, head_seen=True)
 
 
 def walked_out(known: KnownPeople) -> None:
-    """The first person was seen at time 0, on the way out of the image, and is not seen in the next frame."""
+    """Return identities in which the first person left the image at time 0 and is missing in the next frame."""
     known.keep(replace(known.people[0], head=np.array([1.6, 0.4, -3.0]), velocity=np.array([3.0, 0.0, 0.0])))
     known.end_frame(0.5)
 
 
-def test_people_are_numbered_as_they_come_and_who_is_too_many_is_told_of_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_people_are_numbered_in_order_and_an_excess_is_reported_once(caplog: pytest.LogCaptureFixture) -> None:
     known = KnownPeople(LENS, most=2)
     with caplog.at_level("WARNING"):
         assert [met(known, HEAD + (x, 0.0, 0.0)) for x in (-1.0, 0.0, 1.0, 0.5)] == [1, 2, 0, 0]
@@ -60,7 +60,7 @@ def test_who_comes_back_keeps_the_number_and_comes_back_once() -> None:
     assert known.people[0].last == LATER and not known.people[0].velocity.any()
 
 
-def test_a_predicted_body_tells_stature_and_head() -> None:
+def test_a_predicted_body_gives_stature_and_head() -> None:
     known, vertices = KnownPeople(LENS, most=2), np.zeros((3, 3))
     met(known, HEAD)
     met(known, ASIDE)

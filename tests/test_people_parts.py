@@ -1,4 +1,4 @@
-"""The parts of the finder, each by itself: who is who, what hangs on nobody, whose joints, mirrors, what is dropped."""
+"""Parts of the finder: identities, unattached surfaces, joints, mirrors, dropped people."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def somebody(head=HEAD, number=1, *, velocity=(0.0, 0.0, 0.0), last=0.0, first=0
     return KnownPerson(number, head, np.array(velocity), first, last, float(head[1]), head - (0, 0.4, 0), area)
 
 
-# Who is who.
+# Identities.
 
 
 @pytest.mark.parametrize(("absence", "within", "beyond"), [(1 / 30, 0.42, 0.48), (0.5, 1.1, 1.2), (60.0, 1.45, 1.55)])
-def test_the_gate_grows_while_somebody_is_out_of_sight_up_to_a_limit(absence, within, beyond):
+def test_the_gate_grows_during_an_absence_up_to_a_limit(absence, within, beyond):
     person = somebody(last=0.0)
     for way, found in ((within, {0: 0}), (beyond, {})):
         assert match_heads([person], [HEAD + (way, 0.0, 0.0)], absence) == found
@@ -62,17 +62,17 @@ def test_heads_go_to_people_by_least_total_distance():
     assert match_heads(people, heads, 0.1) == {0: 0, 1: 1}, "the nearest to the second alone would be the first head"
 
 
-def test_whoever_comes_back_is_whom_the_height_fits_best_and_nobody_taller():
+def test_a_returning_person_is_the_best_height_match_and_none_taller():
     people = [somebody((0.0, 0.3, -2.5), 1), somebody((0.1, 0.1, -2.5), 2)]
     assert known_again(people, np.array([0.2, 0.28, -2.5]), 5.0).id == 1
     assert known_again(people, np.array([0.2, 0.12, -2.5]), 5.0).id == 2
     assert known_again(people, np.array([0.2, 0.40, -2.5]), 5.0) is None
 
 
-# What hangs on nobody.
+# Unattached surfaces.
 
 
-# Whose joints.
+# Joints of people.
 
 
 def joints_at(pixels):
@@ -98,14 +98,14 @@ def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are
 # Mirrors.
 
 
-# Who counts at once.
+# People accepted at once.
 
 
-# What is dropped.
+# Dropped people.
 
 
 class Says:
-    """A judge that says the same of every pixel."""
+    """Classifier with the same score for all pixels."""
 
     def __init__(self, odds):
         self.odds = odds
@@ -115,7 +115,7 @@ class Says:
 
 
 @pytest.mark.parametrize(("odds", "dropped"), [(1.0, frozenset()), (-4.0, frozenset({1}))])
-def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odds, dropped):
+def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
     finder = MultiPersonFinder(KINECT, UP, room, judge=Says(odds))
@@ -131,7 +131,7 @@ def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odd
 @pytest.mark.parametrize(
     ("rested", "unlikely", "dropped"), [(6, 0.05, True), (5, 0.05, False), (6, 0.03, False), (6, 0.0, False)]
 )
-def test_what_never_moves_and_stands_as_nobody_does_is_furniture_whatever_its_shape(rested, unlikely, dropped):
+def test_a_motionless_object_of_no_posture_is_furniture_of_any_shape(rested, unlikely, dropped):
     own = Evidence(6, 6, 15.0, rested, unlikely)
     assert own.lifeless == dropped and (furniture({2: own}) == {2}) == dropped
     assert own.log_odds == pytest.approx(Evidence(6, 6, 15.0).log_odds - 12.0 * dropped)
@@ -140,7 +140,7 @@ def test_what_never_moves_and_stands_as_nobody_does_is_furniture_whatever_its_sh
     assert [Evidence(n, n, 2.5 * n, n, 0.05).lifeless for n in range(6)] == [False] * 4 + [True] * 2
 
 
-def test_a_head_of_nobody_who_sits_or_stands_is_low_and_that_speaks_against_a_person():
+def test_a_head_below_sitting_height_counts_against_a_person():
     heights = [LOWEST - 0.2, LOWEST, 0.5 * (LOWEST + SEATED), SEATED, SEATED + 0.6]
     low = [lowness(np.array([0.3, h - 1.2, -2.0]), -1.2) for h in heights]
     assert low == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0])
@@ -179,11 +179,11 @@ def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_withou
     assert load_people(tmp_path / "run").text().split("\n")[2].startswith("furniture, left out: person score -5.5")
 
 
-# The one who is meant.
+# Selected person.
 
 
 def crowd_recording(folder: Path, frames: int = 12):
-    """Two people who walk in a room: the first, farther away, all the time, the second, nearer, in the last third."""
+    """Return two people who walk in a room: the first, farther, all the time, the second, nearer, in the last third."""
     room = {"height": 1.2, "wall": 4.0, "floor": True}
     depth = []
     for k in range(frames):
@@ -215,7 +215,7 @@ def test_the_one_in_a_room_who_is_meant_is_chosen_over_the_whole_recording(tmp_p
     assert len(seen) >= (4 if options.get("subject") == "nearest" else 11)
 
 
-def test_the_pixel_of_a_seed_says_who_is_meant_and_nobody_there_is_an_error(tmp_path):
+def test_a_seed_selects_the_person_at_its_pixel_and_an_empty_pixel_is_an_error(tmp_path):
     recording = crowd_recording(tmp_path)
     v, u = (int(n) for n in np.argwhere(scene(KINECT, ((-0.9, 2.9),))[0] > 0).mean(axis=0))
     finder = find_person(recording, SensingSettings(segment=f"seed:{u},{v}"))

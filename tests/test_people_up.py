@@ -1,4 +1,4 @@
-"""Where up is: as said, from a floor, from walls and people; and cameras that stand on their side."""
+"""Vertical: given, from a floor, from walls and people; rotated cameras."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def degrees(a, b):
     return np.rad2deg(np.arccos(np.clip(np.dot(a, b), -1, 1)))
 
 
-def test_what_the_file_says_stands_and_an_option_overrules_it(tmp_path):
+def test_the_vertical_of_the_file_is_used_unless_an_option_is_given(tmp_path):
     path = recorded(tmp_path, [person_alone(KINECT)], up_camera=up_of_tilt(0.2))
     vertical = open_recording(path).vertical
     assert vertical.source == "file" and degrees(vertical.up_camera, up_of_tilt(0.2)) < 1e-3
@@ -41,7 +41,7 @@ def test_where_up_is_known_the_floor_is_still_found_and_without_one_it_is_not(tm
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, 0.6])
-def test_a_floor_tells_up_and_the_height_of_the_camera(tmp_path, tilt):
+def test_a_floor_gives_the_vertical_and_the_camera_height(tmp_path, tilt):
     frames = [scene(KINECT, ((x, 3.0),), tilt=tilt, height=1.6, wall=4.5, floor=True)[0] for x in (-0.3, 0.0, 0.3)]
     vertical = open_recording(recorded(tmp_path, frames)).vertical
     assert vertical.source == "floor"

@@ -71,7 +71,7 @@ def test_a_killed_run_is_resumed_to_the_same_track(tmp_path: Path) -> None:
     output, error = process.communicate(timeout=60)
     assert output.splitlines()[-1].startswith("complete"), error
     first = next(int(line.split()[1]) for line in output.splitlines() if line.startswith("tracking"))
-    assert 0 < first <= 81  # it did not begin again
+    assert 0 < first <= 81  # it did not start again
     expected = whole(recording, tmp_path / "whole")
     np.testing.assert_array_equal(Track.load(run).pose, expected.pose)
     np.testing.assert_array_equal(Track.load(run).timestamps, expected.timestamps)
@@ -90,7 +90,7 @@ def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path:
     assert 10 <= rows < 40
     tracker = FakeTracker()
     assert track_recording(open_recording(recording), tracker, run, resume=True).frames == 40
-    assert tracker.steps == WARM_UP_FRAMES + 40 - rows  # what was found already is not found again
+    assert tracker.steps == WARM_UP_FRAMES + 40 - rows  # what was found is not found again
     np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
 
 

@@ -1,4 +1,4 @@
-"""Many recordings, in one process and in many: nothing lost, nothing done twice, every failure named."""
+"""Batches in one process and in several: no recording lost or repeated, each failure named."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_failure_is_in_the_manifest_and_only_that_is_tracked_again(tmp_path: P
     assert [line["status"] for line in lines[1:]] == [DONE] * 4, "of the second batch"
 
 
-def test_one_failing_recording_does_not_stop_the_others_and_this_process_says_how_far_it_is(
+def test_one_failing_recording_does_not_stop_the_others_and_progress_is_printed(
     tmp_path: Path, takes: list[Path]
 ) -> None:
     takes[1].write_bytes(b"nothing")
@@ -88,7 +88,7 @@ def test_equal_stems_and_unknown_options_are_an_error_before_work_starts(tmp_pat
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_run_with_other_settings_is_replaced_only_when_asked(tmp_path: Path, takes: list[Path]) -> None:
+def test_a_run_with_other_settings_is_replaced_only_with_overwrite(tmp_path: Path, takes: list[Path]) -> None:
     runs = tmp_path / "runs"
     track_recordings(takes[:1], FakeRecipe(), runs)
     (runs / "take0" / "config.yaml").write_text("weight: 7\n")

@@ -1,4 +1,4 @@
-"""People before they were found: looked for with time reversed."""
+"""People before their detection: search with reversed time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,9 @@ RATE, FRAMES = 10, 40
 
 
 def walking(folder: Path, others: Sequence[tuple[float, float]] = ()) -> tuple[Recording, list[np.ndarray]]:
-    """Somebody, 1, comes in from the left and stays, others stand: a recording, and who is where in each frame."""
+    """Return a recording in which person 1 enters from the left and stays and others stand, and the person of each
+    pixel.
+    """
     shown = [scene(KINECT, ((-1.9 + 0.12 * min(k, 16), 2.4), *others), **ROOM) for k in range(FRAMES)]
     background, path = scene(KINECT, (), **ROOM)[0], folder / "walk.npz"
     save_recording(
@@ -35,7 +37,7 @@ def walking(folder: Path, others: Sequence[tuple[float, float]] = ()) -> tuple[R
 
 
 def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> tuple[MultiPersonFinder, SightingFile]:
-    """A finder after all frames, and what it saw, but for some frames of the first person."""
+    """Return a finder after all frames, and its sightings without some frames of the first person."""
     finder, without = find_people(recording), set(left_out)
     kept = SightingFile(folder / "kept", finder.camera)
     for frame in range(len(recording)):
@@ -45,7 +47,7 @@ def found(folder: Path, recording: Recording, left_out: Iterable[int] = ()) -> t
 
 
 def found_as(folder: Path, finder: MultiPersonFinder, kept: SightingFile, since: Mapping[int, int]) -> SightingFile:
-    """The sightings of the first person, as if they were those of several, each from a frame on (`since`, by id)."""
+    """Return the first person's sightings as those of several people, each from a frame on (`since`, by id)."""
     walker, late = kept.of(1), SightingFile(folder, finder.camera)
     for frame in range(min(since.values()), FRAMES):
         sighting = walker[frame]
@@ -57,7 +59,7 @@ def found_as(folder: Path, finder: MultiPersonFinder, kept: SightingFile, since:
 def before(
     recording: Recording, finder: MultiPersonFinder, kept: SightingFile, people: Iterable[int] = (1,)
 ) -> dict[int, Sighting]:
-    """What is seen earlier, by frame."""
+    """Return earlier sightings by frame."""
     return {frame: own.sighting() for frame, own in sightings_before(recording, finder, kept, people)}
 
 
@@ -99,8 +101,8 @@ def test_who_is_there_from_the_first_frame_on_has_no_past_and_keeps_their_pixels
     assert before(recording, finder, taken, [1, 2]) == {}, "what is somebody else's is not theirs"
 
 
-def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A compressed one starts over with every step back."""
+def test_a_recording_is_read_in_order_for_all_people(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A compressed recording starts again for each step backwards."""
     recording, _ = walking(tmp_path)
     finder, kept = found(tmp_path, recording)
     late = found_as(tmp_path / "late", finder, kept, {1: 23, 2: 18})
@@ -111,7 +113,7 @@ def test_a_recording_is_read_in_order_for_all_whom_it_shows(tmp_path: Path, monk
     assert before(recording, finder, late, [3]) == {}, "of whom nothing was kept"
 
 
-def test_what_another_hides_of_somebody_is_unobserved(tmp_path: Path) -> None:
+def test_the_part_of_a_person_behind_another_is_unobserved(tmp_path: Path) -> None:
     recording, _ = walking(tmp_path)
     finder, kept = found(tmp_path, recording)
     walker, split = kept.of(1), SightingFile(tmp_path / "split", finder.camera)
@@ -119,7 +121,7 @@ def test_what_another_hides_of_somebody_is_unobserved(tmp_path: Path) -> None:
         sighting = walker[frame]
         if sighting is None:
             continue
-        theirs = sighting.depth.copy()  # the feet are another's, who is there all the time
+        theirs = sighting.depth.copy()  # the feet belong to a person who is present all the time
         theirs[: int(np.quantile(np.nonzero(sighting.depth)[0], 0.7))] = 0.0
         split.append(frame, [replace(sighting, depth=theirs), *([replace(sighting, id=2)] if frame >= 20 else [])])
     earlier = [(frame, own.sighting()) for frame, own in sightings_before(recording, finder, split, [1, 2])]

@@ -1,4 +1,4 @@
-"""Events while a run is tracked: told once, in the file too, and not again when a run goes on."""
+"""Events during tracking: reported once, also in the file, and not repeated when a run is resumed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def followed(stream: EventStream, poses: np.ndarray, begin: int = 0) -> None:
     stream.end()
 
 
-def test_motions_are_told_as_lines_while_rows_come(tmp_path, capsys):
+def test_events_are_printed_as_lines_during_tracking(tmp_path, capsys):
     followed(EventStream(classes(), output=tmp_path / "events.jsonl"), document())
     followed(EventStream(classes()), document())
     printed = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
@@ -51,13 +51,13 @@ def test_a_run_that_goes_on_repeats_no_event_and_loses_none(tmp_path, cut):
     followed(EventStream(classes(), output=whole), document())
     killed = EventStream(classes(), output=broken)
     killed.begin(RATE, None, rows_of(document())[:0])
-    for row in rows_of(document())[: cut + 20]:  # the last twenty rows came after the state was written
+    for row in rows_of(document())[: cut + 20]:  # the last twenty rows are later than the state
         killed.row(result_of(row["pose"]), float(row["timestamps"]), body())
     followed(EventStream(classes(), output=broken), document(), begin=cut)
     assert broken.read_text() == whole.read_text()
 
 
-def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
+def test_a_watcher_receives_each_row_of_a_run(tmp_path):
     told = []
 
     class Watcher:

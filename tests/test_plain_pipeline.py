@@ -34,7 +34,7 @@ CAMERA = camera_for(2500)
 
 
 def frame(seed: int) -> tuple[np.ndarray, Cloud]:
-    """A pose (P,) and the cloud of the body in it."""
+    """Return a pose (P,) and the cloud of the body in it."""
     rng = np.random.default_rng(seed)
     pose = moving_poses(20, rng)[seed]
     return pose, Cloud.from_depth(draw(BODY, pose, CAMERA, rng), CAMERA, LEVEL)

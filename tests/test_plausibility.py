@@ -1,4 +1,4 @@
-"""Recordings that can be read and are not what was meant: each kind of fault is named with the option that mends it."""
+"""Recordings that can be read but are not as intended: each fault is named with the option that corrects it."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ def classifier() -> PersonClassifier:
 
 
 def frames(room: dict[str, Any] = ALONE, camera: Camera = KINECT) -> np.ndarray:
-    """A person who shifts from foot to foot: uint16 (4, H, W), millimetres."""
+    """Return a person who shifts from foot to foot: uint16 (4, H, W), millimetres."""
     return np.stack([scene(camera, ((x, 3.4),), **room)[0] for x in (-0.2, -0.1, 0.0, 0.1)])
 
 
 def kinds(depth: np.ndarray, classifier: PersonClassifier | None, **options: Any) -> dict[str, str]:
-    """Kind of each concern -> its text."""
+    """Return the kind of each concern with its text."""
     recording = recording_of(depth, **{"intrinsics": CENTRED, "frame_rate": 30.0, **options})
     return {concern.kind: concern.text for concern in plausibility(recording, classifier)}
 
@@ -203,7 +203,7 @@ def test_a_masked_pixel_is_no_measurement() -> None:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """Trackers that take no time, made with these arguments."""
+    """Replace trackers by fast fakes; return their arguments."""
     arguments: dict[str, Any] = {}
     monkeypatch.setattr(tracks, "tracker_of", lambda *_: FakeTracker(**arguments))
     monkeypatch.setattr(TrackerRecipe, "build", lambda *_: FakeTracker(**arguments))

@@ -1,4 +1,4 @@
-"""The detector: its crops, what it finds in pictures of known bodies, and that it follows a person."""
+"""Pose detector: crops, detections in images of known bodies, and tracking of a person."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ VISIBLE = [i for i, name in enumerate(skeleton.REPORTED) if name not in ("pelvis
 
 
 def model_or_skip(threads: int = 1) -> PoseModel:
-    """The model, if somebody has fetched it."""
+    """Return the model, or skip the test if it has not been fetched."""
     try:
         return PoseModel.load(threads=threads)
     except ModelError as error:
@@ -51,7 +51,7 @@ def model_or_skip(threads: int = 1) -> PoseModel:
 
 
 def subject(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """A body in some pose before the camera: depth in metres, and the pixels (20, 2) of its joints."""
+    """Return a body in a pose in front of the camera: depth in metres, and the pixels (20, 2) of its joints."""
     rng = np.random.default_rng(seed)
     body = subject_body("neutral", seed=seed)
     pose = moving_poses(40, rng)[seed % 40]
@@ -93,7 +93,7 @@ def test_a_shaded_picture_shows_the_person_on_grey_lit_where_they_face_the_camer
 
 
 class FakeModel:
-    """Finds the middle of what is bright, and says how often it was asked."""
+    """Model that returns the middle of the bright pixels and counts its calls."""
 
     def __init__(self, presence: float = 0.9) -> None:
         self.presence, self.crops = presence, []
@@ -107,14 +107,14 @@ class FakeModel:
 
 
 def frame_at(column: int, color: np.ndarray | None = None) -> tuple[Frame, Sighting]:
-    """A block of a person at a column of the image."""
+    """Return a frame with a person's block at a column."""
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
     depth[60:180, column : column + 40] = 2.5
     sighting = Sighting(1, depth, None, CAMERA)
     return Frame((1000 * depth).astype(np.uint16), 0.0, (), color), sighting
 
 
-def test_a_new_person_is_looked_for_twice_and_then_once_a_frame() -> None:
+def test_a_new_person_is_detected_twice_and_then_once_a_frame() -> None:
     model = FakeModel()
     source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
     for column, asked in ((100, 2), (102, 3), (104, 4)):
@@ -148,7 +148,7 @@ def test_colour_that_shows_something_else_or_is_missing_is_refused() -> None:
 
 @pytest.fixture(scope="module")
 def renders(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    """Twenty colour renders of somebody who moves, facing the camera."""
+    """Return twenty colour images of a moving person who faces the camera."""
     body = subject_body("average_male", seed=1)
     poses = moving_poses(400, np.random.default_rng(3))[::20]
     path = tmp_path_factory.mktemp("renders") / "take.npz"

@@ -634,7 +634,7 @@ def test_a_forest_holds_what_the_leaves_of_its_trees_know(trained: JointRegresso
     assert np.array_equal(reached, np.arange(-len(trained.leaf_offsets), len(trained.offsets)))
 
 
-def test_a_calibrated_forest_knows_which_joints_lie_below_the_image_and_how_often_it_is_right() -> None:
+def test_a_calibrated_forest_reports_joints_below_the_image_and_its_accuracy() -> None:
     views = replace(PLAIN, turned=0.0, cut=0.5)
     settings = replace(SMALL, images=300, pixels=80, depth=10, smallest_leaf=15, questions=40, views=views)
     plain = train_regressor(a_few_poses(), settings, seed=2)

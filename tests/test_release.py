@@ -1,4 +1,4 @@
-"""Names and numbers of a release agree in each file that has them."""
+"""Names and numbers of a release agree in each file that contains them."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_an_interpreter_outside_the_range_is_refused_with_the_range(tmp_path: Pa
     assert found
     first, last = int(found[1]), int(found[2]) - 1
     python = tmp_path / "python"
-    # an interpreter of a version; the script is stopped behind the check by a module that it has not
+    # an interpreter of some version; after the check the script fails at a missing module
     version = f"(3, {last if inside else last + 1})"
     check = "${2/sys.version_info\\[:2\\]/" + version + "}"
     python.write_text(f'#!/bin/bash\n[ "$1" = -c ] || exit 1\nexec python3 -c "{check}"\n')
@@ -81,7 +81,7 @@ def test_every_licence_file_exists(path: str) -> None:
         assert (ROOT / path).read_text().strip()
 
 
-def test_each_package_says_that_it_is_typed() -> None:
+def test_each_package_is_marked_as_typed() -> None:
     assert all((ROOT / name / "py.typed").exists() for name in ("depthmocap", "toolkit", "database_builder"))
 
 

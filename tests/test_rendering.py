@@ -1,4 +1,4 @@
-"""Pictures of a track: left is left, every view agrees with the others, films can be read back."""
+"""Pictures of a track: left is left, all views agree, films can be read back."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ HEIGHT = 1.2
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory):
-    """A recording of four frames with an empty one, and its true track."""
+    """Return a recording of four frames, one of them empty, and its true track."""
     body = neutral()[0]
     places = [-0.1, 0.0, None, 0.1]
     depth = [np.zeros(KINECT.shape, np.uint16) if x is None else person_alone(KINECT, x, 2.8) for x in places]
@@ -58,7 +58,7 @@ def people_of(track, body):
 
 
 def share_of(image, color, tolerance=40):
-    """Mean column of the pixels whose hue is that of `color`, as a share of the width, and their number."""
+    """Return the mean column of the pixels with the hue of `color`, as a fraction of the width, and their number."""
     pixels = image.astype(float)
     bright = pixels.max(axis=2) > 60
     normed = pixels / np.maximum(pixels.max(axis=2, keepdims=True), 1)

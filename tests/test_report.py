@@ -1,4 +1,4 @@
-"""The page: everything stands in it, nothing leaves it, names are text, and a browser draws and plays it."""
+"""Report page: complete, self-contained, names are text, and a browser draws and plays it."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NODE = Path(__file__).parents[1] / "scripts" / "node"
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run whose recording, with truth and a wall behind the person, has a tag in its name."""
+    """Write a run whose recording, with truth and a wall behind the person, has a tag in its name."""
     folder = tmp_path_factory.mktemp("report")
     body = neutral()[0]
     poses = np.stack([standing(0.04 * i, 2.5, HEIGHT) for i in range(FRAMES)])
@@ -71,7 +71,7 @@ def data_of(page: Path) -> list[dict]:
     return json.loads(block_of(page, "data"))["runs"]
 
 
-def test_the_page_holds_every_block_that_it_names_and_asks_for_nothing_else(page_file: Path) -> None:
+def test_the_page_contains_each_block_that_it_names_and_loads_nothing(page_file: Path) -> None:
     text = page_file.read_text()
     for run in data_of(page_file):
         for key in ("glb", "film", "points", "room"):
@@ -100,7 +100,7 @@ def test_the_numbers_of_the_page_are_those_of_the_track(run: Path, page_file: Pa
     np.testing.assert_allclose(error["series"][0]["values"], 1000 * 0.02 * np.sqrt(3), atol=5)
 
 
-def test_without_its_recording_a_run_has_no_film_and_the_page_says_why(tmp_path: Path, run: Path) -> None:
+def test_without_its_recording_a_run_has_no_film_and_the_page_has_the_reason(tmp_path: Path, run: Path) -> None:
     lost = write_run(tmp_path / "lost", Track.load(run).pose)
     shown = data_of(write_report([lost], tmp_path / "page.html"))[0]
     assert shown["film"] is None and "is gone" in shown["note"]
@@ -128,7 +128,7 @@ def test_points_near_the_person_and_the_room_lie_where_they_were_measured(run: P
 
 
 def in_space(points: np.ndarray) -> np.ndarray:
-    """Columns, rows and depths (N, 3) as points in the camera frame, metres."""
+    """Return columns, rows and depths (N, 3) as points in the camera frame, metres."""
     z = points[:, 2] * UNIT
     return np.column_stack([(points[:, 0] - KINECT.cx) * z / KINECT.fx, (points[:, 1] - KINECT.cy) * z / KINECT.fy, z])
 
@@ -152,7 +152,7 @@ def test_the_command_writes_the_page_and_prints_its_path(
 
 
 def colours(page: Page, tmp_path: Path) -> int:
-    """How many colours the scene shows."""
+    """Return the number of colours of the scene."""
     picture = cv2.imread(str(page.screenshot(tmp_path / "shot.png")))
     x, y, width, height = map(
         int,

@@ -1,4 +1,4 @@
-"""The papers' numbers stand beside the results; figures that are curves are drawn."""
+"""Numbers of the papers beside the results; curves are drawn."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def run(*arguments: str) -> int:
 
 @pytest.fixture
 def thesis_results(tmp_path: Path) -> Path:
-    """A folder with one result, of the genetic learning."""
+    """Return a folder with one result, of the genetic learning."""
     curves = {"precision": [0.5, 0.7], "recall": [0.6, 0.8], "fitness": [0.55, 0.75]}
     figures = {
         "one_run": {"median_cpu_seconds": 0.25},
@@ -80,7 +80,7 @@ def test_an_unknown_paper_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> No
     assert "baak2013" in capsys.readouterr().err
 
 
-def test_without_a_checkout_one_sentence_says_so(
+def test_without_a_checkout_there_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bench, "FOLDER", tmp_path)

@@ -1,4 +1,4 @@
-"""Annotation: distance functions against the written recursion, class decision, extension, measures, bad inputs."""
+"""Annotation: distance functions against the recursion, class decision, extension, measures, bad inputs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ INF = np.inf
 
 
 def plain_distance(template: QuantisedTemplate, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Equations 5.1 to 5.3 cell by cell: cheapest alignment ending in each frame, and the earliest start on it."""
+    """Return Equations 5.1 to 5.3 cell by cell: cheapest alignment ending in each frame, and its earliest start."""
     n, length = len(template), document.shape[1]
     cost = np.full((n, length), INF)
     start = np.full((n, length), -1)
@@ -53,7 +53,7 @@ def random_template(rng: np.random.Generator, length: int) -> QuantisedTemplate:
 
 
 def noisy_class(label: str, seed: int) -> tuple[MotionClass, FeatureMatrix]:
-    """A class learnt from three noisy copies of a movement, and the movement."""
+    """Return a class learnt from three noisy copies of a movement, and the movement."""
     clean = relational_features(random_motion(seed))
     rng = np.random.default_rng(seed)
     copies = [FeatureMatrix(f"{label} {i}", clean.values ^ (rng.random(clean.values.shape) < 0.01)) for i in range(3)]
@@ -93,7 +93,7 @@ def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_spee
         cost, start = template.distance(pack(document))
         end = int(cost.argmin())
         assert cost[end] < 0.06
-        block = 4 * len(columns) / 48  # an alignment may leave out most of the first and of the last block
+        block = 4 * len(columns) / 48  # an alignment may omit most of the first and of the last block
         assert abs(end - (40 + len(columns) - 1)) < block and abs(start[end] - 40) < block
 
 
@@ -151,7 +151,7 @@ def test_a_document_shorter_than_every_template_is_refused_and_than_some_is_note
     assert Annotator(classes).annotate(FeatureMatrix("fits", np.zeros((40, 11), dtype=bool))).too_long == ("c61",)
 
 
-# The example of Fig. 5.3: the thesis states class 1 in full, and of class 2 what makes the totals 10 true and 13 found
+# Fig. 5.3: the thesis states class 1 in full, and of class 2 what makes the totals 10 true and 13 found
 # frames, 3 true and 4 found segments. Frames count from 1 there.
 TRUE = [Segment(1, 4, "class1"), Segment(7, 10, "class1"), Segment(3, 7, "class2")]
 FOUND = [Segment(0, 3, "class1"), Segment(5, 7, "class1"), Segment(2, 7, "class2"), Segment(8, 11, "class2")]

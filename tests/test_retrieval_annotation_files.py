@@ -1,4 +1,4 @@
-"""Annotation from files to files: classes that are learned and kept, keyframe preselection, reports, bad inputs."""
+"""Annotation of files: learned and stored classes, keyframe preselection, reports, bad inputs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NAMES = ("squat", "kick_front", "wave")
 
 @pytest.fixture(scope="module")
 def matrices() -> dict[str, list[FeatureMatrix]]:
-    """Features of four variations each of three procedural motions."""
+    """Return features of four variations each of three procedural motions."""
     body = load_body("neutral")
     return {
         name: [
@@ -50,7 +50,7 @@ def classes(matrices: dict[str, list[FeatureMatrix]]) -> list[MotionClass]:
 
 @pytest.fixture(scope="module")
 def document(matrices: dict[str, list[FeatureMatrix]]) -> tuple[FeatureMatrix, list[Segment]]:
-    """The last variation of each motion, one after the other, with half a second of noise between."""
+    """Return the last variation of each motion, one after the other, with half a second of noise between."""
     rng = np.random.default_rng(0)
     columns, segments, now = [], [], 0
     for name, clips in matrices.items():
@@ -62,7 +62,7 @@ def document(matrices: dict[str, list[FeatureMatrix]]) -> tuple[FeatureMatrix, l
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, str]:
-    """Two variations each of two motions as BVH files."""
+    """Write two variations each of two motions as BVH files."""
     folder, body = tmp_path_factory.mktemp("clips"), load_body("neutral")
     written = {}
     for name in NAMES[:2]:

@@ -1,4 +1,4 @@
-"""Search by example: graded features, the compiled DTW against the written recursion, and what is found."""
+"""Search by example: graded features, the compiled DTW against the recursion, and results."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from toolkit.retrieval.search.example import SearchExample, search_example
 def written_recursion(
     template: np.ndarray, weights: np.ndarray, document: np.ndarray
 ) -> tuple[np.ndarray, list[list[int]]]:
-    """Cheapest cost of an alignment that ends in each column, and the starts of all alignments that are so cheap."""
+    """Return the cheapest alignment cost that ends in each column, and all starts with this cost."""
     cells = (np.abs(template[:, None] - document[None].astype(np.float64)) * weights).sum(axis=2)
     n, length = cells.shape
     best = np.full((n, length), np.inf)

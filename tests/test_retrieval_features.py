@@ -1,4 +1,4 @@
-"""The 40 relational features: signs, invariances, mirror pairs, hysteresis, and the published figures on HDM05."""
+"""The 40 relational features: signs, invariances, mirror pairs, hysteresis, and published figures on HDM05."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ SEEDS = st.integers(0, 10_000)
 
 
 def native(motion: Motion, lengths: BodyLengths | None = None) -> np.ndarray:
-    """Features at the motion's own rate, without their margins."""
+    """Return features at the motion's rate, without their margins."""
     return native_features(motion, lengths)[0]
 
 
 def ones_of(pose: dict[str, np.ndarray]) -> set[int]:
-    """Numbers of the features that are 1 while a pose is held; the lengths are those of the standing figure."""
+    """Return numbers of the features that are 1 while a pose is held; the lengths are those of the standing figure."""
     values = native(still(pose), BodyLengths.of(still(standing())))
     return {int(i) + 1 for i in np.flatnonzero(values[:, -1])}
 
@@ -47,7 +47,7 @@ def moved(**shifts: tuple[float, float, float]) -> dict[str, np.ndarray]:
 
 
 def moving(**velocities: tuple[float, float, float]) -> set[int]:
-    """Numbers of the features that are 1 amid a second in which joints of the standing figure move steadily."""
+    """Return numbers of the features that are 1 during a second in which joints of the standing figure move steadily."""
     motion = still(standing(), frames=120)
     joints = motion.joints.copy()
     for joint, velocity in velocities.items():
@@ -170,7 +170,7 @@ def test_velocity_is_a_forward_difference_with_a_mirrored_box_average(window: in
     np.testing.assert_allclose(speeds[:, 0], np.abs(expected), atol=1e-9)
 
 
-# Percent of frames with value 1, averaged over the clips of a class, as FEATURES.md states them in whole percent.
+# percent of frames with value 1, averaged over the clips of a class, as FEATURES.md states them in whole percent
 COLUMNS = (3, 5, 13, 14, 15, 16, 17, 18, 20, 21, 22, 25, 26, 32, 33, 34, 37, 38)
 PERCENT_ONES = {
     "depositFloorR": (19, 0, 66, 52, 25, 23, 0, 0, 37, 33, 0, 11, 12, 32, 46, 15, 53, 0),
@@ -189,7 +189,7 @@ PERCENT_ONES = {
 
 @lru_cache(maxsize=1)
 def hdm05(folder: Path) -> dict[str, list[tuple[Motion, np.ndarray]]]:
-    """Motions of HDM05 with their features at 120 Hz, by class."""
+    """Return motions of HDM05 with their features at 120 Hz, by class."""
     classes: dict[str, list[tuple[Motion, np.ndarray]]] = {}
     for path in find_clips(folder / "mocap" / "hdm05"):
         motion = from_clip(read_clip(path))
@@ -216,7 +216,7 @@ def test_every_left_kick_raises_the_left_foot_and_not_the_right_one(data_folder:
 
 
 @pytest.mark.data("hdm05")
-def test_mirrored_hdm05_clips_differ_as_little_as_the_specification_says(data_folder: Path) -> None:
+def test_mirrored_hdm05_clips_differ_within_the_specification(data_folder: Path) -> None:
     changed, frames = np.zeros(40), 0
     for clips in hdm05(data_folder).values():
         for motion, values in clips:

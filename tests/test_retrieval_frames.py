@@ -1,4 +1,4 @@
-"""Features of single frames and alignments of all templates at once: compiled, against their plain twins."""
+"""Features of single frames and alignments of all templates at once: compiled against plain references."""
 
 from __future__ import annotations
 

@@ -35,7 +35,9 @@ KINDS = ("left", "right", "both")
 
 
 def clip(kind: str, rng: np.random.Generator, name: str = "clip") -> FeatureMatrix:
-    """A made-up motion: F1 rises in the middle, for "both" F2 after it, for "right" F2 alone; the rest is noise."""
+    """Return a synthetic motion: F1 rises in the middle; for "both" F2 after it, for "right" F2 alone; the rest is
+    noise.
+    """
     frames = int(rng.integers(24, 40))
     values = np.zeros((40, frames), dtype=bool)
     values[20:24] = np.repeat(rng.random((4, frames // 4 + 1)) < 0.3, 4, axis=1)[:, :frames]
@@ -111,7 +113,7 @@ def test_documents_found_while_learning_are_those_of_the_index(breeder: Breeder)
     assert 5 < found
 
 
-def test_a_population_grows_fitter_until_the_class_is_told_apart() -> None:
+def test_a_population_improves_until_it_separates_the_class() -> None:
     classes = clips(5)
     training = training_of(classes, "both")
     means: list[float] = []

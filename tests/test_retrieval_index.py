@@ -20,7 +20,7 @@ from toolkit.retrieval.keyframes.query import Keyframe
 
 
 def random_document(rng: np.random.Generator, name: str, frames: int) -> FeatureMatrix:
-    """A few features that change now and then, the others constant: long runs, as in motions."""
+    """Return a document of few changing and many constant features: long runs, as in motions."""
     values = np.zeros((40, frames), dtype=bool)
     for row in rng.choice(40, 8, replace=False):
         values[row] = np.cumsum(rng.random(frames) < 0.2) % 2 == 1
@@ -55,7 +55,7 @@ def test_the_runs_hold_the_features_of_every_frame(documents: list[FeatureMatrix
 
 
 def inverted_list(lists: RunLists, vector: int) -> np.ndarray:
-    """The inverted list of a feature vector: (document, number of the run in it) per entry, int64 (L, 2), in order."""
+    """Return the inverted list of a feature vector: (document, number of the run) per entry, int64 (L, 2), in order."""
     runs = np.flatnonzero(lists.run_vectors == vector)
     documents = np.searchsorted(lists.document_runs, runs, side="right") - 1
     return np.stack([documents, runs - lists.document_runs[documents]], axis=1)

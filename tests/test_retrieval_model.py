@@ -1,4 +1,4 @@
-"""Motion models: examples, classifiers, what is learned from documents of other people, and the file."""
+"""Motion models: examples, classifiers, learning from documents of other people, and the file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from toolkit.retrieval.workflow.motions import tags_in_names, tags_of
 
 
 def performed(seed: int, person: int, seconds: float = 1.6) -> Motion:
-    """A movement as somebody does it: a little other joints, a little other speed."""
+    """Return a movement by one person: slightly different joints and speed."""
     motion = random_motion(seed, seconds=seconds)
     rng = np.random.default_rng([seed, person])
     joints = motion.joints + rng.normal(0.0, 0.01, motion.joints.shape[1:])
@@ -36,7 +36,7 @@ def performed(seed: int, person: int, seconds: float = 1.6) -> Motion:
 
 
 def clips_of(people: int = 3, classes: tuple[int, ...] = (1, 2), copies: int = 2) -> list[CutClip]:
-    """Clips of movements by several people."""
+    """Return clips of movements by several people."""
     return [
         CutClip(performed(seed, 10 * person + copy), f"move {seed}", f"person {person}")
         for seed in classes
@@ -96,7 +96,7 @@ def test_examples_propose_the_place_where_the_motion_is() -> None:
     np.testing.assert_allclose(places.described[:, -2], 10 * places.costs, rtol=1e-5)
 
 
-def test_a_judge_learns_which_difference_matters_and_otherwise_looks_at_the_cost() -> None:
+def test_a_classifier_learns_the_relevant_difference_and_otherwise_uses_the_cost() -> None:
     rng = np.random.default_rng(0)
     measures = rng.random((200, MEASURES))
     true = measures[:, 3] < 0.2
@@ -109,7 +109,7 @@ def test_a_judge_learns_which_difference_matters_and_otherwise_looks_at_the_cost
     assert plain.probability(costs)[1] == 0.5 and (np.diff(plain.probability(costs)) < -0.4).all()
 
 
-def test_somebody_new_is_annotated(model: MotionModel, others: list[Motion]) -> None:
+def test_a_new_person_is_annotated(model: MotionModel, others: list[Motion]) -> None:
     parts = [(performed(1, 70), "move 1"), (random_motion(62, 2.0), None), (performed(2, 71), "move 2")]
     document = assemble("new", parts)
     found = model.annotate(relational_features(document.motion))
@@ -153,7 +153,7 @@ def test_a_damaged_model_is_refused(model: MotionModel, tmp_path: Path, name: st
         MotionModel.load(path)
 
 
-def test_leaving_people_out_tells_what_to_expect(others: list[Motion]) -> None:
+def test_leaving_people_out_estimates_the_accuracy(others: list[Motion]) -> None:
     steps: list[tuple[str, int, int]] = []
     results = leave_one_out(clips_of(), others, np.random.default_rng(0), lambda *step: steps.append(step))
     assert [result.person for result in results] == ["person 0", "person 1", "person 2"]

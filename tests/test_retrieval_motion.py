@@ -1,4 +1,4 @@
-"""Named joints from clips, poses and reported joints, and the sentences for skeletons that do not fit."""
+"""Named joints from clips, poses and reported joints, and errors for unsuitable skeletons."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_skeleton_without_the_joints_is_refused_with_their_names() -> None:
         from_clip(small_clip(("root", "lhipjoint", "lfemur", "lowerback")))
 
 
-def test_a_skeleton_that_only_retargeting_knows_gives_the_features_of_its_poses(tmp_path: Path) -> None:
+def test_a_skeleton_known_to_retargeting_gives_the_features_of_its_poses(tmp_path: Path) -> None:
     body = load_body("neutral")
     clip = procedural_clips(["squat"], 60.0, body=body, variations=1)[0]
     export_bvh(tmp_path / "squat.bvh", body, clip.poses, clip.frame_rate)
@@ -96,7 +96,7 @@ def test_lost_frames_of_a_track_are_bridged_and_missing_ones_keep_their_time() -
     whole = from_poses(clip.poses, body, 30.0, "run")
     lost = slice(20, 32)
     poses = clip.poses.copy()
-    poses[lost] = poses[19]  # what a tracker holds meanwhile
+    poses[lost] = poses[19]  # joints of a tracker while the person is lost
     poses[:2] = 0.0
     state = np.zeros(frames, np.uint8)
     state[lost], state[:2] = LOST, EMPTY

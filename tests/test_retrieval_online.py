@@ -1,4 +1,4 @@
-"""Annotation while a motion goes on: features, costs, events."""
+"""Online annotation: features, costs, events."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def body():
 
 @lru_cache(maxsize=1)
 def parts() -> dict[str, np.ndarray]:
-    """Cut stretches of bundled motions, poses (T, P)."""
+    """Return cut stretches of bundled motions, poses (T, P)."""
     cuts = {"kick": (20, 60), "bow": (20, 80), "draw": (30, 90)}
     return {
         label: procedural_clips([name], rate=RATE, body=body(), seed=0)[0].poses[slice(*cuts[label])]
@@ -45,7 +45,7 @@ def classes():
 
 @lru_cache(maxsize=1)
 def document() -> np.ndarray:
-    """kick, draw, bow, kick, with eased joins."""
+    """Return kick, draw, bow, kick, with eased joins."""
     pieces = [parts()[label] for label in ("kick", "draw", "bow", "kick")]
     out = [pieces[0]]
     for piece in pieces[1:]:
@@ -84,7 +84,7 @@ def test_costs_column_by_column_are_those_of_the_whole():
             assert starts[j % 3][-1] == start[j]
 
 
-def test_every_motion_is_told_once_soon_after_its_end():
+def test_each_motion_is_reported_once_soon_after_its_end():
     events = told(document())
     assert [event.label for event in events] == ["kick", "draw", "bow", "kick"]
     offline = Annotator(classes()).annotate(relational_features(from_poses(document(), body(), RATE, "whole")))

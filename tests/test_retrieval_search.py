@@ -31,8 +31,7 @@ def search(lists: list[Segments], bounds: list[tuple[int, int]], document_starts
 
 
 def union_of_all_matches(lists: list[Segments], bounds: list[tuple[int, int]], document_starts: list[int]) -> Segments:
-    """Every hit frame by frame, Eq. 3.2 and 3.3; hits grouped to matches, Eq. 3.7; overlapping ranges of matches
-    joined."""
+    """Return all hits frame by frame, Eq. 3.2 and 3.3, grouped to matches, Eq. 3.7; overlapping matches are joined."""
     owner = [{n: s for s, (a, b) in enumerate(segments) for n in range(a, b + 1)} for segments in lists]
 
     def hits(prefix: tuple[int, ...]) -> list[tuple[int, ...]]:

@@ -32,7 +32,7 @@ KICK = KeyframeQuery(
 
 
 def documents(seed: int = 0) -> list[FeatureMatrix]:
-    """Three documents of slowly changing features."""
+    """Return three documents of slowly changing features."""
     rng = np.random.default_rng(seed)
     return [FeatureMatrix(f"doc{i}", np.repeat(rng.random((40, 20)) < 0.4, 5, axis=1)) for i in range(3)]
 
@@ -105,7 +105,7 @@ def test_labels_come_from_folders_names_or_a_table(tmp_path: Path) -> None:
     assert [tag.label for tag in tags_of(files, table=table).values()] == ["foot", "hand"]
 
 
-def test_labels_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
+def test_ambiguous_labels_are_rejected(tmp_path: Path) -> None:
     files, table = [tmp_path / "bd_kick_1.bvh"], tmp_path / "labels.csv"
     with pytest.raises(RetrievalError, match="bd_kick_1.bvh has no label by pattern"):
         tags_of(files, r"(?P<label>wave).*")

@@ -1,4 +1,4 @@
-"""Motion templates: the compiled alignment against plain recursions, the steps of the estimator, quantisation."""
+"""Motion templates: the compiled alignment against recursions, steps of the estimator, quantisation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTempl
 
 
 def clips(count: int = 5, seed: int = 0) -> list[FeatureMatrix]:
-    """Feature matrices of one random movement at different speeds, each with some entries turned over."""
+    """Return feature matrices of one random movement at different speeds, each with some entries inverted."""
     rng = np.random.default_rng(seed)
     base = relational_features(random_motion(seed)).values
     found = []
@@ -27,7 +27,7 @@ def clips(count: int = 5, seed: int = 0) -> list[FeatureMatrix]:
 
 
 def plain_align(x: np.ndarray, wx: np.ndarray, y: np.ndarray, wy: np.ndarray) -> tuple[float, list[tuple[int, int]]]:
-    """The recursion as written, on Python floats; ties: diagonal, then the warped sequence alone."""
+    """Return the alignment by the recursion on Python floats; ties: diagonal, then the warped sequence alone."""
     n, m = x.shape[1], y.shape[1]
     total = np.full((n, m), np.inf)
     step: dict[tuple[int, int], tuple[int, int]] = {}

@@ -1,4 +1,4 @@
-"""Scenes in furnished rooms: who comes, meets and carries what, and what becomes of it in a recording."""
+"""Scenes in furnished rooms: people who enter, meet and carry, and their recordings."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ LEFT, RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "rig
 
 @pytest.fixture
 def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A work folder of the suite of bundled motions."""
+    """Return a work folder of the suite of bundled motions."""
     monkeypatch.setattr(suite, "MOCAP", tmp_path / "absent")
     return tmp_path
 
 
 def standing(frames: int) -> np.ndarray:
-    """Poses (T, P) of somebody who stands at the origin with the arms out."""
+    """Return poses (T, P) of a person who stands at the origin with the arms out."""
     poses = np.zeros((frames, skeleton.POSE_SIZE))
     poses[:, 1] = 0.9
     return poses
@@ -80,7 +80,7 @@ def test_two_who_meet_come_near_face_each_other_and_part(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", HOLDINGS)
-def test_a_thing_is_in_the_hands_and_is_nobodys(kind: str) -> None:
+def test_a_held_object_is_in_the_hands_and_belongs_to_no_person(kind: str) -> None:
     body = load_body("neutral")
     poses = acts.with_arms(standing(3), kind)
     joints = body.joint_positions(poses[0])
@@ -98,7 +98,7 @@ def test_a_thing_is_in_the_hands_and_is_nobodys(kind: str) -> None:
     assert prepare([late], CaptureSettings()).performers[0].held_thing(0) is None
 
 
-def test_what_nobody_can_hold_is_refused() -> None:
+def test_an_object_that_cannot_be_held_is_rejected() -> None:
     with pytest.raises(UsageError, match="no person can hold 'piano'; use one of box, tablet, bag"):
         prepare([SimulatedPerson(PoseClip("x", standing(2), 30.0, ""), load_body("neutral"), holds="piano")])
 

@@ -1,4 +1,4 @@
-"""Training views of rooms, and what a forest learns from them: which pixels are of a person."""
+"""Training views of rooms, and person pixels of a forest trained on them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROOMS = ViewSettings(rooms=1.0, room=RoomSettings(empty=0.0, cut=0.0))
 
 @pytest.fixture(scope="module")
 def poses() -> np.ndarray:
-    """Canonical poses (N, P) of people who walk, wave and sit."""
+    """Return canonical poses (N, P) of people who walk, wave and sit."""
     clips = procedural_clips(["walk", "wave", "seated_talking"], 5.0, body=load_body("neutral"), variations=1)
     return canonical.canonicalise(np.concatenate([clip.poses for clip in clips]))[0]
 
@@ -112,7 +112,7 @@ def trained(poses: np.ndarray) -> JointRegressor:
     return train_regressor(poses, settings, seed=1)
 
 
-def test_people_are_told_from_furniture_and_walls_in_rooms_that_were_not_seen(
+def test_people_are_separated_from_furniture_and_walls_in_unseen_rooms(
     trained: JointRegressor, poses: np.ndarray
 ) -> None:
     rng, rooms = np.random.default_rng(99), painter(poses, ROOMS)

@@ -1,4 +1,4 @@
-"""Quaternions and matrices against SciPy's rotations, and what they promise beyond them."""
+"""Quaternions and matrices against SciPy's rotations, and further properties."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ FIRST, SECOND = Rotation.random(6, rng=1), Rotation.random(6, rng=2)
 
 
 def wxyz(rotation: Rotation) -> np.ndarray:
-    """A rotation as the toolkit writes it."""
+    """Return a SciPy rotation as w, x, y, z."""
     return rotation.as_quat()[..., [3, 0, 1, 2]]
 
 
 def about(axis: int, angles: np.ndarray) -> Rotation:
-    """Turns about a coordinate axis."""
+    """Return rotations about a coordinate axis."""
     return Rotation.from_rotvec(angles[:, None] * np.eye(3)[axis])
 
 
 def same_turn(found: np.ndarray, expected: Rotation) -> None:
-    """Both signs of a quaternion are one rotation."""
+    """Return True for quaternions of one rotation; both signs count."""
     dots = (found * wxyz(expected)).sum(axis=-1)
     assert np.abs(dots) == pytest.approx(np.ones_like(dots))
 

@@ -1,4 +1,4 @@
-"""One command gives one track, to the last bit, wherever and on whatever it runs."""
+"""A command gives the same track to the bit on each processor, in each folder and environment."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ DECIDING = (
     "database",
     "simulation/interiors",
 )
-"""Rooms whose sums can turn a choice between hypotheses, or what a regressor is trained on."""
+"""Packages whose sums can change a choice between hypotheses, or the training data of a regressor."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 
 
 @pytest.fixture
 def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The scripts can be imported, and linear algebra has as many threads as it likes."""
+    """Make the scripts importable and leave the number of linear algebra threads unset."""
     monkeypatch.setattr(sys, "path", [str(SCRIPTS), *sys.path])
     monkeypatch.delenv("OPENBLAS_NUM_THREADS")
 
@@ -72,7 +72,7 @@ clips = procedural_clips(("walk", "seated_chair"), 5.0, body=load_body("neutral"
 small = RegressorSettings(images=60, pixels=60, trees=2, calibration=40)
 build_database(clips, sys.argv[1], Sampling(seated=False), parts=small, workers=1)
 """
-"""Of the build of a small database, with every part that a large one has."""
+"""Build of a small database with all parts."""
 
 
 def test_a_database_has_the_same_bytes_by_the_linear_algebra_of_every_processor(tmp_path: Path, scripts: None) -> None:
@@ -87,11 +87,11 @@ def test_a_database_has_the_same_bytes_by_the_linear_algebra_of_every_processor(
 
 
 def test_no_sum_of_blas_or_lapack_decides() -> None:
-    """Their last bits depend on the processor; norms along an axis are sums of NumPy's own."""
+    """Their last bits depend on the processor; NumPy's norms along an axis do not use BLAS."""
     found = []
     root = SCRIPTS.parent
-    rooms = [root / "database_builder", *(root / "toolkit" / room for room in DECIDING)]
-    for path in sorted(path for room in rooms for path in room.rglob("*.py")):
+    folders = [root / "database_builder", *(root / "toolkit" / package for package in DECIDING)]
+    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             product = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult)
             called = isinstance(node, ast.Call) and BLAS.fullmatch(ast.unparse(node.func))

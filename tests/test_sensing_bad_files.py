@@ -1,4 +1,4 @@
-"""What readers say of files that are cut short, hold no depth, or whose clock jumps; and memory while they last."""
+"""Messages of readers for files that are cut, hold no depth, or have jumping clocks; and bounded memory."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_colour_alone_is_no_recording(make: Callable[[Path], Path], tmp_path: Pa
 
 
 def _held(recording: Recording) -> int:
-    """Bytes that reading all frames holds at once, beyond those that opening took."""
+    """Return the bytes that reading all frames needs at once, beyond those of opening."""
     tracemalloc.start()
     for _ in recording.frames():
         pass

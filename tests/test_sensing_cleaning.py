@@ -1,4 +1,4 @@
-"""Cleaning and segmentation: who is cut out of what, and what becomes of the pixels."""
+"""Cleaning and segmentation: segmented person, and the values of pixels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toolkit.sensing.sensing_settings import SensingSettings
 
 
 def overlap(mask, truth):
-    """Intersection over union of two masks."""
+    """Return intersection over union of two masks."""
     return (mask & truth).sum() / max((mask | truth).sum(), 1)
 
 
@@ -123,7 +123,7 @@ def test_deleting_the_contour_is_an_option():
         assert (clean(depth, TOF, contour=contour) > 0).sum() == pixels
 
 
-def test_half_resolution_keeps_every_second_pixel_and_says_so_in_its_camera():
+def test_half_resolution_keeps_every_second_pixel_and_adapts_the_camera():
     cleaner = SinglePersonSegmenter(KINECT, None, SensingSettings(half_resolution=True))
     half, full = cleaner.clean(person_alone(KINECT)), clean(person_alone(KINECT))
     np.testing.assert_array_equal(half, full[::2, ::2])

@@ -1,4 +1,4 @@
-"""Recordings as cameras and robots write them: RealSense, Azure Kinect, ROS, phones, TUM; and damaged ones."""
+"""Recordings of cameras and robots: RealSense, Azure Kinect, ROS, phones, TUM; and damaged ones."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from toolkit.sensing.recording import Recording
 
 
 def assert_frames(recording: Recording, wanted: list[np.ndarray]) -> None:
-    """The same images in order, at any place, and backwards."""
+    """Check that the images are equal in order, at random positions, and backwards."""
     assert len(recording) == len(wanted)
     for read, depth in zip(recording.frames(), wanted, strict=True):
         np.testing.assert_array_equal(read, depth)
@@ -114,7 +114,7 @@ def test_of_several_depth_topics_one_has_to_be_named(tmp_path: Path) -> None:
         open_recording(tmp_path / "take.bag", track="/up")
 
 
-def test_a_file_without_usable_depth_says_what_it_holds(tmp_path: Path) -> None:
+def test_a_file_without_usable_depth_lists_its_content(tmp_path: Path) -> None:
     with RosWriter(tmp_path / "color.bag") as writer:
         writer.image("/camera/color/image_raw", 0.0, np.zeros((4, 4, 3), np.uint8), "rgb8")
     with pytest.raises(RecordingError, match="no depth topic; its image topics are: /camera/color/image_raw"):
@@ -162,7 +162,7 @@ def test_a_real_kinect_recording_opens_with_colour_registered_to_depth(data_fold
     assert np.degrees(np.arccos(-recording.up_camera[1])) < 15
     depth, color = recording.depth(0), recording.color(0)
     assert color is not None and color.shape == (576, 640, 3)
-    # Edges of the depth image, such as those of a cup on a table, are edges of the colour there.
+    # edges of the depth image, such as those of a cup on a table, are edges of the colour there
     jumps = np.abs(np.diff(depth.astype(np.float64), axis=1)) > 300
     known = (depth[:, 1:] > 0) & (depth[:, :-1] > 0) & color[:, 1:].any(axis=2) & color[:, :-1].any(axis=2)
     steps = np.abs(np.diff(color.astype(np.float64).mean(axis=2), axis=1))
@@ -173,7 +173,7 @@ def test_a_real_kinect_recording_opens_with_colour_registered_to_depth(data_fold
 
 
 def phone_recording(path: Path, compressed: bytes | None = None, **changes: object) -> Path:
-    """A Record3D file: colour of twice the depth's size."""
+    """Write a Record3D file: colour of twice the depth's size."""
     metadata = {"w": 352, "h": 288, "dw": 176, "dh": 144, "K": [440, 0, 0, 0, 440, 0, 175.5, 143.5, 1], "fps": 30}
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("metadata", json.dumps({**metadata, "frameTimestamps": [7.0, 7.1, 7.3], **changes}))

@@ -1,4 +1,4 @@
-"""The compiled loops on depth images against plain NumPy, SciPy and OpenCV."""
+"""Compiled loops on depth images against NumPy, SciPy and OpenCV."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from toolkit.kernels.image import depth as kernels
 
 
 def blobs(seed, hole=0.3, shape=(40, 60)):
-    """A smooth random depth image with holes and steps, uint16 millimetres, and the same with a border of zeros."""
+    """Return a smooth random depth image with holes and steps, uint16 millimetres, and the same with a border of
+    zeros.
+    """
     rng = np.random.default_rng(seed)
     image = 2000 + 300 * ndimage.gaussian_filter(rng.normal(size=shape), 3) + 400 * (rng.random(shape) < 0.2)
     image[ndimage.gaussian_filter(rng.random(shape), 2) < np.quantile(rng.random(1000), 0.5) * hole + 0.35] = 0

@@ -1,4 +1,4 @@
-"""Recordings' parts by themselves: raw depth put right, checks of arrays, rows inside NPZ files."""
+"""Parts of recordings: correction of raw depth, array checks, rows inside NPZ files."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from toolkit.sensing.cloud import Cloud
 
 
 def mat_pair(folder, name="a1_s1_t1", frames=3):
-    """A tiny UTD-MHAD recording as its camera wrote it: mirrored, with the left joints at negative x."""
+    """Write a small UTD-MHAD recording as its camera does: mirrored, with the left joints at negative x."""
     from scipy.io import savemat
 
     depth = np.stack([person_alone(KINECT, 0.3)[:, ::-1]] * frames, axis=-1)
@@ -27,7 +27,7 @@ def mat_pair(folder, name="a1_s1_t1", frames=3):
 
 
 def png_folder(folder, images, intrinsics=True):
-    """A folder `depth/` of PNG, with a camera file beside it."""
+    """Write a folder `depth/` of PNG with a camera file beside it."""
     import cv2
 
     (folder / "depth").mkdir(parents=True)
@@ -49,7 +49,7 @@ def write_cloud(path, points):
 
 
 def organised_pcd(path, depth, camera):
-    """An organised ASCII PCD with NaN where nothing was measured."""
+    """Write an organised ASCII PCD with NaN for unmeasured points."""
     z = np.where(depth > 0, depth / 1000, np.nan)
     points = np.dstack([camera.rays() * z[..., None], z]).reshape(-1, 3)
     header = (

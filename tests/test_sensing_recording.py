@@ -1,4 +1,4 @@
-"""Recordings as NPZ: there and back, streaming, and every kind of bad file."""
+"""Recordings as NPZ: round trip, streaming, and bad files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toolkit.sensing.camera import Camera
 
 
 def write(path, compressed=True, **changes):
-    """An NPZ recording of two frames with some of its arrays replaced, or left out where the change is None."""
+    """Write an NPZ recording of two frames with some arrays replaced, or left out (None)."""
     arrays = {
         "depth": np.stack([person_alone(TOF), person_alone(TOF, 0.1)]),
         "intrinsics": TOF.intrinsics,

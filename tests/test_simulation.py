@@ -1,4 +1,4 @@
-"""Simulated recordings: exact truth, sensor models, camera placement, and what is written."""
+"""Simulated recordings: exact truth, sensor models, camera placement, and files."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def entry(name: str) -> int:
 
 
 def waving(frames: int = 6, facing: float = 0.0) -> PoseClip:
-    """Stands, right arm down, raises the left arm."""
+    """Return a standing person, right arm down, who raises the left arm."""
     poses = np.zeros((frames, skeleton.POSE_SIZE))
     poses[:, 1] = 0.9
     poses[:, entry("root_ry")] = facing
@@ -37,18 +37,18 @@ def waving(frames: int = 6, facing: float = 0.0) -> PoseClip:
 
 
 def alone(clip: PoseClip | Path, *, body: str | Body = "neutral", yaw: float = 0.0, **shot: Any) -> Simulation:
-    """One person before the camera."""
+    """Return one person in front of the camera."""
     return prepare([SimulatedPerson(clip, body, yaw=yaw)], CaptureSettings(**shot))
 
 
 def wall(sensor: Sensor, depth: float, cosine: float = 1.0) -> Surface:
-    """A wall parallel to the image with a given cosine of incidence everywhere."""
+    """Return a wall parallel to the image with a given cosine of incidence."""
     shape = sensor.camera.scaled(sensor.rays_per_side).shape
     return Surface(np.full(shape, depth, np.float32), np.full(shape, cosine, np.float32), np.full(shape, -1, np.int16))
 
 
 def step_edge(sensor: Sensor, front: float, back: float) -> Surface:
-    """A near surface on the right half of the image before a far wall."""
+    """Return a near surface on the right half of the image in front of a far wall."""
     surface = wall(sensor, back)
     middle = surface.depth.shape[1] // 2 + 1
     surface.depth[:, middle:] = front

@@ -1,4 +1,4 @@
-"""Colour of simulated recordings: registered to the depth, the same for the same seed, and told from skin by front."""
+"""Colour of simulated recordings: registered to the depth, equal for equal seeds, with separable skin and front."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LOOK = Appearance((200, 150, 120), (20, 20, 20), (0, 0, 250), (0, 0, 250), (0, 2
 
 
 def standing(count: int = 2) -> PoseClip:
-    """Somebody who stands with their arms half down."""
+    """Return a person who stands with the arms half down."""
     poses = np.zeros((count, skeleton.POSE_SIZE))
     poses[:, skeleton.POSE_NAMES.index("left_shoulder_rz")] = -0.9
     poses[:, skeleton.POSE_NAMES.index("right_shoulder_rz")] = 0.9
@@ -28,7 +28,7 @@ def standing(count: int = 2) -> PoseClip:
 
 
 def recorded(path: Path, yaw: float = 0.0, **shot: object) -> Recording:
-    """The standing subject, alone and in colour."""
+    """Return a recording of the standing subject in colour."""
     return simulate_scene([SimulatedPerson(standing(), yaw=yaw)], path, CaptureSettings(color=True, **shot))  # type: ignore[arg-type]
 
 

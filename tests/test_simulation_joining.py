@@ -1,4 +1,4 @@
-"""Motions one after the other."""
+"""Concatenation of motions."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from toolkit.simulation.joining import JOIN, joined
 
 
 def part(seed: int, frames: int) -> np.ndarray:
-    """A clip (frames, P) that goes somewhere, turning."""
+    """Return a clip (frames, P) that moves ahead and turns."""
     rng = np.random.default_rng(seed)
     share = np.linspace(0.0, 1.0, frames)[:, None]
     poses = 0.2 * rng.normal(size=(1, skeleton.POSE_SIZE)) + share * 0.2 * rng.normal(size=(1, skeleton.POSE_SIZE))

@@ -24,7 +24,7 @@ from toolkit.simulation.simulate import CaptureSettings, SimulatedFrame, prepare
 
 
 def standing(frames: int = 2, travel: float = 0.0) -> PoseClip:
-    """Stands with arms down, and glides sideways by `travel` metres in all."""
+    """Return a standing person, arms down, who glides sideways by `travel` metres in all."""
     poses = np.zeros((frames, skeleton.POSE_SIZE))
     poses[:, 0] = np.linspace(0.0, travel, frames)
     poses[:, 1] = 0.9
@@ -41,7 +41,7 @@ def joint(name: str) -> int:
     return skeleton.REPORTED.index(name)
 
 
-def test_people_stand_where_the_floor_plan_says() -> None:
+def test_people_stand_at_their_places_of_the_floor_plan() -> None:
     simulation = prepare(
         [SimulatedPerson(standing(), at=(-0.7, 0.3)), SimulatedPerson(standing(), "child", at=(0.6, -0.5))]
     )
@@ -69,7 +69,7 @@ def test_who_has_not_entered_or_has_left_is_not_a_number_and_not_in_the_image() 
 
 
 @pytest.mark.parametrize("number", [0, 2])
-def test_the_truth_of_several_people_and_of_nobody_is_read_back(tmp_path: Path, number: int) -> None:
+def test_the_truth_of_several_and_of_no_people_is_read_back(tmp_path: Path, number: int) -> None:
     people = [SimulatedPerson(standing(3), at=(0.8 * i, 0), enters=i / 30) for i in range(number)]
     recording = simulate_scene(people, tmp_path / "scene.npz", CaptureSettings(seconds=0.1))
     truth = prepare(people, CaptureSettings(seconds=0.1)).joints()
@@ -89,21 +89,21 @@ def test_a_recording_without_its_empty_scene_shows_the_same_room() -> None:
     assert not cut.depth[cut.person < 0].any()
 
 
-def test_whoever_is_placed_inside_somebody_is_refused_and_whoever_touches_is_not() -> None:
+def test_intersecting_people_are_rejected_and_touching_ones_are_not() -> None:
     with pytest.raises(UsageError, match="person 2 is inside person 1 in frame 0"):
         prepare([SimulatedPerson(standing()), SimulatedPerson(standing(), at=(0.1, 0.0))])
     gap = 2.0 * PersonSettings.chest * subject_body("neutral").height + 0.01
     prepare([SimulatedPerson(standing()), SimulatedPerson(standing(), at=(gap, 0.0))])
 
 
-def test_whoever_stands_in_the_furniture_of_the_room_is_refused() -> None:
+def test_a_person_inside_furniture_is_rejected() -> None:
     post = Box((0.9, 0.0, -0.2), (1.1, 1.5, 0.2))
     with pytest.raises(UsageError, match="person 1 is inside box 1 of the room in frame 5"):
         prepare([SimulatedPerson(standing(11, travel=2.0), at=(1.0, 0.0))], CaptureSettings(boxes=(post,)))
     prepare([SimulatedPerson(standing())], CaptureSettings(boxes=(post,)))
 
 
-def test_whoever_walks_through_somebody_is_refused() -> None:
+def test_a_person_who_walks_through_another_is_rejected() -> None:
     with pytest.raises(UsageError, match="in frame 5"):
         prepare([SimulatedPerson(standing(11, travel=2.0)), SimulatedPerson(standing(11))])
     prepare([SimulatedPerson(standing(11, travel=2.0)), SimulatedPerson(standing(11), enters=1.0)])
@@ -136,7 +136,7 @@ def test_who_sits_rests_on_the_seat_with_feet_on_the_floor(name: str, seed: int)
     assert abs(floor_of(body, poses)) < 0.03
 
 
-def test_whoever_sits_without_a_seat_gets_a_chair() -> None:
+def test_a_sitter_without_a_seat_gets_a_chair() -> None:
     sitter = SimulatedPerson(standing(), seated=True)
     chair, stool = (
         len(prepare([SimulatedPerson(standing(), seated=True, furniture=f)]).furniture.faces) for f in ((), ("stool",))
@@ -207,7 +207,7 @@ def test_the_command_records_two_people_as_they_are_described(tmp_path: Path) ->
     assert 0.5 < heights[1] / heights[0] < 0.65
 
 
-def test_a_room_of_a_seed_is_furnished_around_people_and_hides_nobody() -> None:
+def test_a_random_room_is_furnished_around_people_without_occluding_them() -> None:
     person = SimulatedPerson(standing())
     shown = (first_frame(person, sensor="kinect", height=1.5).person >= 0).sum()
     depths = []

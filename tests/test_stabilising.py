@@ -1,4 +1,4 @@
-"""A track stabilised by the motions found in it: the choice among ways, the loop, the run folder, what is refused."""
+"""Stabilised tracks: choice of trajectories, gaps, run folder, rejected inputs."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ def test_gaps_grow_and_meet_within_the_track():
 
 
 @pytest.fixture(scope="module")
-def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recording, classes, a database, its run, and a run with an arm in a wrong place for a while."""
+def workdir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a recording, classes, a database, its run, and a run with a wrong arm for a while."""
     folder = tmp_path_factory.mktemp("stabilising")
     poses = example_of("semaphore", 2, frames=FRAMES).poses
     _save_database(folder / "poses.npz", example_of("knee_to_elbow").poses)
@@ -75,7 +75,7 @@ def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _save_database(path: Path, poses: np.ndarray) -> None:
-    """Every third of these poses, without a regressor."""
+    """Save every third of these poses, without a regressor."""
     canonical = canonicalise(poses[::3])[0]
     count = len(canonical)
     PoseDatabase.of_poses(
@@ -84,7 +84,7 @@ def _save_database(path: Path, poses: np.ndarray) -> None:
 
 
 def _mislead(run: Path, wrong: Path) -> None:
-    """The run with its right arm before the chest for a while, as if nobody had seen it."""
+    """Write the run with its right arm in front of the chest for a while, with low confidence."""
     track, info = Track.load(run), RunInfo.load(run)
     poses, joints, confidence = track.pose.copy(), track.joints.copy(), track.confidence.copy()
     poses[WRONG, ENTRIES[ARM]] = poses[WRONG, ENTRIES[ARM]] + 0.7
@@ -96,17 +96,17 @@ def _mislead(run: Path, wrong: Path) -> None:
     replace(track, pose=poses, joints=joints, confidence=confidence).save(wrong)
 
 
-def error_of(run: Path, road: Path, joints: np.ndarray | slice = OUTER[ARM]) -> float:
-    truth = open_recording(road / "take.npz").joints
+def error_of(run: Path, workdir: Path, joints: np.ndarray | slice = OUTER[ARM]) -> float:
+    truth = open_recording(workdir / "take.npz").joints
     return float(np.nanmean(joint_errors(Track.load(run).joints, truth)[WRONG][:, joints]))
 
 
-def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
-    output = road / "stabilised"
-    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", output)
-    assert error_of(output, road) < 0.6 * error_of(road / "wrong", road)
-    before, after = Track.load(road / "wrong"), Track.load(output)
-    # The neck lies between the shoulders, and the spine below it: they move with a collar bone.
+def test_a_limb_that_was_lost_is_found_again(workdir: Path) -> None:
+    output = workdir / "stabilised"
+    typed("stabilise", workdir / "wrong", "--classes", workdir / "classes.npz", "--output", output)
+    assert error_of(output, workdir) < 0.6 * error_of(workdir / "wrong", workdir)
+    before, after = Track.load(workdir / "wrong"), Track.load(output)
+    # neck and spine depend on both shoulders: they move with a collar bone
     moving = ("right_shoulder", "neck", "spine")
     others = [j for j, name in enumerate(skeleton.REPORTED) if j not in OUTER[ARM] and name not in moving]
     np.testing.assert_allclose(after.joints[:, others], before.joints[:, others], atol=1e-6)
@@ -115,25 +115,25 @@ def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
     assert gap["limb"] == ARM and gap["accepted"] and gap["residual_after"] <= gap["residual_before"]
     assert {"segments.csv", "segments.json", "annotation.png", "report.html"} <= {p.name for p in output.iterdir()}
     typed("evaluate", output)
-    typed("track", road / "take.npz", "--database", road / "poses.npz", *KNOWN_SIZE, "-o", output, "--resume")
+    typed("track", workdir / "take.npz", "--database", workdir / "poses.npz", *KNOWN_SIZE, "-o", output, "--resume")
     np.testing.assert_array_equal(Track.load(output).joints, after.joints)
 
 
-def test_a_person_who_was_mistaken_as_a_whole_is_tracked_again(road: Path, tmp_path: Path) -> None:
-    run, track, info = tmp_path / "lost", Track.load(road / "run"), RunInfo.load(road / "run")
+def test_a_person_who_was_mistaken_as_a_whole_is_tracked_again(workdir: Path, tmp_path: Path) -> None:
+    run, track, info = tmp_path / "lost", Track.load(workdir / "run"), RunInfo.load(workdir / "run")
     poses, joints, confidence = track.pose.copy(), track.joints.copy(), track.confidence.copy()
     poses[WRONG, 6:] = 0.6 * skeleton.POSE_LIMITS[6:, 1]
     joints[WRONG] = info.body().joint_positions(poses[WRONG]) @ info.R_level_camera
     confidence[WRONG] = 0.2
     run.mkdir()
-    (run / "config.yaml").write_bytes((road / "run" / "config.yaml").read_bytes())
+    (run / "config.yaml").write_bytes((workdir / "run" / "config.yaml").read_bytes())
     replace(info, folder="").save(run)
     replace(track, pose=poses, joints=joints, confidence=confidence).save(run)
     (tmp_path / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
     stabilise_run(
-        run, road / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv",
+        run, workdir / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv",
     )  # fmt: skip
-    assert error_of(tmp_path / "out", road, slice(None)) < 0.3 * error_of(run, road, slice(None))
+    assert error_of(tmp_path / "out", workdir, slice(None)) < 0.3 * error_of(run, workdir, slice(None))
 
 
 def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
@@ -155,17 +155,19 @@ def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
     assert whole_priors(nothing, bad) == {}
 
 
-def test_without_a_gap_nothing_changes(road: Path) -> None:
-    source = open_source(road / "run")
+def test_without_a_gap_nothing_changes(workdir: Path) -> None:
+    source = open_source(workdir / "run")
     only = stabilise(source, classes_of("semaphore"), StabiliseSettings(gaps=GapSettings(hidden_confidence=0.0)))
     assert only.track is source.track and only.gaps == ()
 
 
-def test_given_segments_take_the_place_of_labels(road: Path) -> None:
-    (road / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
-    result = stabilise_run(road / "wrong", road / "classes.npz", road / "given", segments=road / "segments.csv")
+def test_given_segments_take_the_place_of_labels(workdir: Path) -> None:
+    (workdir / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
+    result = stabilise_run(
+        workdir / "wrong", workdir / "classes.npz", workdir / "given", segments=workdir / "segments.csv"
+    )
     assert result.annotation is None and [s.label for s in result.segments] == ["semaphore"]
-    assert error_of(road / "given", road) < error_of(road / "wrong", road)
+    assert error_of(workdir / "given", workdir) < error_of(workdir / "wrong", workdir)
 
 
 @pytest.mark.parametrize(
@@ -177,34 +179,34 @@ def test_given_segments_take_the_place_of_labels(road: Path) -> None:
         ("0.0,1.0,jump", "has an unknown label; the classes are knee_to_elbow, semaphore"),
     ],
 )
-def test_segments_that_cannot_be_are_refused(road: Path, tmp_path: Path, lines: str, match: str) -> None:
+def test_segments_that_cannot_be_are_refused(workdir: Path, tmp_path: Path, lines: str, match: str) -> None:
     (tmp_path / "segments.csv").write_text(f"start,end,label\n{lines}\n")
     with pytest.raises(RetrievalError, match=match):
-        stabilise_run(road / "run", road / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv")
+        stabilise_run(workdir / "run", workdir / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv")
 
 
-def test_classes_without_motions_serve_repetitions(road: Path, tmp_path: Path) -> None:
+def test_classes_without_motions_serve_repetitions(workdir: Path, tmp_path: Path) -> None:
     save_classes(tmp_path / "plain.npz", [replace(c, motion=None) for c in classes_of("semaphore")])
-    typed("stabilise", road / "run", "--classes", tmp_path / "plain.npz", "-o", tmp_path / "out")
+    typed("stabilise", workdir / "run", "--classes", tmp_path / "plain.npz", "-o", tmp_path / "out")
     assert len(Track.load(tmp_path / "out")) == FRAMES
 
 
-def test_without_a_hit_the_track_comes_out_as_it_was(road: Path, tmp_path: Path) -> None:
+def test_without_a_hit_the_track_comes_out_as_it_was(workdir: Path, tmp_path: Path) -> None:
     save_classes(tmp_path / "other.npz", classes_of("knee_to_elbow"))
     result = stabilise_run(
-        road / "wrong", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6)
+        workdir / "wrong", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6)
     )
     assert result.segments == ()
-    before, after = Track.load(road / "wrong"), Track.load(tmp_path / "out")
+    before, after = Track.load(workdir / "wrong"), Track.load(tmp_path / "out")
     np.testing.assert_array_equal(after.joints, before.joints)
     np.testing.assert_array_equal(after.pose, before.pose)
 
 
-def test_what_cannot_be_stabilised_is_refused(road: Path, tmp_path: Path) -> None:
+def test_what_cannot_be_stabilised_is_refused(workdir: Path, tmp_path: Path) -> None:
     with pytest.raises(TrackError, match=r"holds no track\.npz"):
-        stabilise_run(tmp_path, road / "classes.npz", tmp_path / "out")
+        stabilise_run(tmp_path, workdir / "classes.npz", tmp_path / "out")
     with pytest.raises(UsageError, match="would be overwritten"):
-        stabilise_run(road / "run", road / "classes.npz", road / "run")
+        stabilise_run(workdir / "run", workdir / "classes.npz", workdir / "run")
     people = write_people(tmp_path / "people", np.zeros((4, skeleton.POSE_SIZE)))
     with pytest.raises(UsageError, match="one of several people's runs"):
         open_source(people / "person_01")
@@ -216,16 +218,16 @@ def test_what_cannot_be_stabilised_is_refused(road: Path, tmp_path: Path) -> Non
         open_source(other)
 
 
-def test_a_recording_that_was_moved_has_to_be_named(road: Path, tmp_path: Path) -> None:
+def test_a_recording_that_was_moved_has_to_be_named(workdir: Path, tmp_path: Path) -> None:
     moved = tmp_path / "run"
     moved.mkdir()
     for name in ("track.npz", "config.yaml"):
-        (moved / name).write_bytes((road / "run" / name).read_bytes())
-    info = RunInfo.load(road / "run")
+        (moved / name).write_bytes((workdir / "run" / name).read_bytes())
+    info = RunInfo.load(workdir / "run")
     replace(info, recording=str(tmp_path / "gone.npz"), folder="").save(moved)
     with pytest.raises(RecordingError, match="is gone; put it back there, or name it with --recording"):
         open_source(moved)
-    assert len(open_source(moved, recording=road / "take.npz").track) == FRAMES
+    assert len(open_source(moved, recording=workdir / "take.npz").track) == FRAMES
 
 
 def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
@@ -235,10 +237,10 @@ def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
         output_folders([tmp_path / "a", tmp_path / "c" / "a"], tmp_path / "out")
 
 
-def test_the_result_file_has_the_contacts_and_the_floor(road: Path, tmp_path: Path) -> None:
-    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", tmp_path / "out")
+def test_the_result_file_has_the_contacts_and_the_floor(workdir: Path, tmp_path: Path) -> None:
+    typed("stabilise", workdir / "wrong", "--classes", workdir / "classes.npz", "--output", tmp_path / "out")
     result = json.loads((tmp_path / "out" / "stabilise.json").read_text())
     assert result["contact_frames"] == 0, "only an arm is occluded"
     assert result["floor"]["source"] == "soles"
     assert (tmp_path / "out" / "changes.png").stat().st_size > 1000
-    assert len(Track.load(tmp_path / "out")) == len(Track.load(road / "wrong"))
+    assert len(Track.load(tmp_path / "out")) == len(Track.load(workdir / "wrong"))

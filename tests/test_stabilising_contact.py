@@ -56,7 +56,7 @@ def test_contact_follows_the_alignment_of_frames_with_columns() -> None:
 
 
 def descended(term: ResidualTerm, pose: np.ndarray) -> np.ndarray:
-    """The pose after damped steps on this term alone."""
+    """Return the pose after damped steps on this term alone."""
     pose = pose.copy()
     for _ in range(60):
         system = system_of(term, pose)

@@ -1,4 +1,4 @@
-"""What labels say about hidden limbs: alignments, class motions, gaps, bridges as conditioned Gaussians."""
+"""Priors of labels for hidden limbs: alignments, class motions, gaps, bridges as conditioned Gaussians."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def template_of(rng: np.random.Generator, columns: int) -> QuantisedTemplate:
 
 
 def cheapest_by_hand(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> float:
-    """The cheapest alignment that ends in the last column, every path tried."""
+    """Return the cheapest alignment that ends in the last column, by trying every path."""
     bits, mask, scale = template.packed
 
     def cell(i: int, j: int) -> float:
@@ -78,7 +78,9 @@ def test_a_trace_costs_what_the_cheapest_of_all_paths_costs(seed, hidden):
 
 
 def gaussian_bridge(times: np.ndarray, memory: float, offsets: list[tuple[float, float, float]], spread: float):
-    """An Ornstein-Uhlenbeck process given values at some times, by conditioning a Gaussian: mean and variance."""
+    """Return mean and variance of an Ornstein-Uhlenbeck process with values at some times, by conditioning a
+    Gaussian.
+    """
     known = np.array([time for time, _, _ in offsets])
     values = np.array([value for _, value, _ in offsets])
     across = spread**2 * np.exp(-np.abs(times[:, None] - known[None]) / memory)
@@ -197,7 +199,7 @@ def hiding(frames: int, limb: str, start: int, stop: int) -> dict[str, np.ndarra
     return flags
 
 
-def test_a_labelled_limb_is_told_by_its_class():
+def test_a_labelled_limb_is_predicted_by_its_class():
     classes = classes_of("knee_to_elbow", "semaphore")
     poses = example_of("semaphore", 2).poses
     wrong = poses.copy()

@@ -1,4 +1,4 @@
-"""Poses drawn and scored by the hundred, against plain twins."""
+"""Poses drawn and scored in bulk, against plain references."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ POSES = moving_poses(6, np.random.default_rng(0))
 
 
 def view_of(pose: np.ndarray, depth: np.ndarray, intrinsics: np.ndarray = CAMERA.intrinsics) -> kernel.View:
-    """Seen with the root's own orientation as the reference, so that a position's is 0."""
+    """Return positions with the root's orientation as reference, so that a position's own one is 0."""
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).as_matrix()
@@ -38,7 +38,7 @@ def view_of(pose: np.ndarray, depth: np.ndarray, intrinsics: np.ndarray = CAMERA
 
 
 def drawn(pose: np.ndarray, kind: str) -> tuple[np.ndarray, kernel.Buffers]:
-    """Depth (h, w), 0 where nothing is, by the kernel."""
+    """Return the kernel's depth (h, w), 0 where empty."""
     figure, view = figure_of(BODY, kind), view_of(pose, np.zeros(CAMERA.shape))
     buffers = kernel.buffers_for(figure, CAMERA.shape)
     position = pose.copy()
@@ -50,7 +50,7 @@ def drawn(pose: np.ndarray, kind: str) -> tuple[np.ndarray, kernel.Buffers]:
 
 
 def twin_cost(depth: np.ndarray, seen: np.ndarray, clamp: float) -> float:
-    """Eq. 3 without its division, pixel by pixel."""
+    """Return Eq. 3 without its division, pixel by pixel."""
     total = 0.0
     for h, o in zip(depth.ravel(), seen.ravel(), strict=True):
         if np.isnan(o) or (h == 0 and o == 0):
@@ -87,7 +87,7 @@ def test_the_mesh_is_where_rays_meet_it() -> None:
 
 
 def mixed(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """An observed image with all three kinds of pixels."""
+    """Return an observed image with all three kinds of pixels."""
     seen = np.where(depth > 0, depth + rng.normal(0, 0.1, depth.shape), 0.0)
     seen[rng.random(depth.shape) < 0.1] = np.nan
     seen[rng.random(depth.shape) < 0.1] = 0.0
@@ -129,7 +129,7 @@ def test_qammaz_costs_what_equations_3_to_6_say() -> None:
     seen_depth = mixed(drawn(POSES[0], "mesh")[0], rng)
     image = SmallImage(seen_depth, np.array(CAMERA.intrinsics), 2.8)
     away = POSES[0].copy()
-    away[0] += 0.4  # so that less than half of the person is near the previous solution
+    away[0] += 0.4  # less than half of the person is near the previous solution
     truth = BODY.joint_positions(POSES[0]) @ LEVEL
     slopes, points = truth[:, :2] / truth[:, 2:] + 0.02, truth + rng.normal(0, 0.05, truth.shape)
     points[9] = np.nan
@@ -170,7 +170,7 @@ def test_the_small_image_holds_the_persons_box_and_what_is_known() -> None:
     assert small.distance == 2.5
     assert np.isnan(small.depth[:, -2:]).all()  # beyond the image
     assert np.isnan(small.depth[0]).all() and (small.depth[-2:, :20] == 0.0).all()
-    # A point of the person is seen at the same place, in other pixels.
+    # a point of the person is seen at the same place, in other pixels
     x, y = (75 - 40.0) / 90.0, (52 - 50.0) / 90.0
     fx, fy, cx, cy = small.intrinsics
     u, v = fx * x + cx, fy * y + cy

@@ -1,4 +1,4 @@
-"""The notebook runs from its first cell to its last one, and is kept without outputs."""
+"""The notebook runs from first to last cell and is stored without outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The step of a follower with parts made up: who wins, who is asked, what is remembered, what is reported."""
+"""The follower's step with fake parts: selection, queries, state, and reported values."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NEAR, FAR, HOPELESS = 0.05, 0.2, 0.6
 
 
 def sighting(pixels: int = 600) -> Sighting:
-    """A person of that many pixels."""
+    """Return a person of that many pixels."""
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
     depth.ravel()[:pixels] = 3.0
     return Sighting(1, depth, None, CAMERA)
@@ -56,7 +56,7 @@ def follower(
     verifier: Any = None,
     **state: object,
 ) -> Follower:
-    """A follower of somebody whose body is known, unless `state` says otherwise."""
+    """Return a follower of a person with a known body, unless `state` is given."""
     begun = PersonState.begin(load_body("neutral"), sized=True, seed=3)
     return Follower(
         observer or FakeObserver(), searches, FakeObjective(distances or {}), ROTATION, settings, sizes, SOURCES,
@@ -65,7 +65,7 @@ def follower(
 
 
 def followed(**changes: object) -> dict[str, object]:
-    """State of somebody who was found in the frame before."""
+    """Return the state of a person found in the previous frame."""
     pose = pose_at()
     return {"previous": Previous.of_pose(load_body("neutral"), pose), "pose": pose, "timestamp": 0.0} | changes
 
@@ -74,11 +74,11 @@ def step(person: Follower, seen: Sighting | None = None, timestamp: float = 1.0)
     return person.step(seen or sighting(), timestamp, StageClock(STAGES))
 
 
-# Who wins
+# Selection
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_hypothesis_nearest_to_the_frame_wins_whoever_was_asked_first(order: tuple[int, int]) -> None:
+def test_the_hypothesis_with_the_lowest_cost_is_selected_in_any_order(order: tuple[int, int]) -> None:
     near, far = says("extrema", pose_at(1.0)), says("local", pose_at(2.0))
     searches = [FakeSearch("first", Proposal((near,))), FakeSearch("second", Proposal((far,)))]
     person = follower([searches[k] for k in order], distances={1.0: NEAR, 2.0: FAR})
@@ -99,7 +99,7 @@ def test_on_a_first_frame_a_likely_pose_wins_over_one_that_is_hardly_nearer() ->
 
 
 def improving(source: str, pose: np.ndarray) -> Callable[[PersonState, ScoredHypothesis | None], Proposal]:
-    """An answer that takes the place of the best hypothesis."""
+    """Return an answer that replaces the best hypothesis."""
     return lambda state, best: Proposal((Hypothesis(source, pose, improves=best),))
 
 
@@ -132,7 +132,7 @@ def test_a_person_of_unknown_size_gets_the_body_that_the_winner_was_found_with()
 
 
 class FakeVerifier:
-    """Says one more thing of whatever was judged."""
+    """Verifier that returns one more hypothesis."""
 
     name = "second"
 
@@ -146,7 +146,7 @@ class FakeVerifier:
         ]
 
 
-def test_where_somebody_has_to_be_found_the_verifier_is_told_what_was_said_of_all_bodies_and_competes() -> None:
+def test_in_a_first_frame_the_verifier_gets_the_hypotheses_of_all_bodies_and_competes() -> None:
     bodies, verifier = [load_body("child"), load_body("neutral")], FakeVerifier(5.0)
     search = FakeSearch("first", Proposal((says("extrema", pose_at(1.0), FAR),)))
     person = follower([search], sizes=bodies, sized=False, verifier=verifier)
@@ -155,7 +155,7 @@ def test_where_somebody_has_to_be_found_the_verifier_is_told_what_was_said_of_al
     assert result.pose[0] == 5.0 and SOURCES[result.source] == "joints"
 
 
-def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_verify() -> None:
+def test_no_verification_for_a_tracked_person_or_without_hypotheses() -> None:
     verifier = FakeVerifier(5.0)
     said = Proposal((says("local", pose_at(1.0), FAR),))
     assert step(follower([FakeSearch("first", said)], verifier=verifier, **followed())).pose[0] == 1.0
@@ -164,7 +164,7 @@ def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_veri
 
 
 @pytest.mark.parametrize(("away", "asked"), [(HELD, False), (HELD + 0.1, True)])
-def test_whoever_was_out_of_sight_for_a_moment_has_not_turned_round(away: float, asked: bool) -> None:
+def test_the_heading_persists_through_a_short_absence(away: float, asked: bool) -> None:
     verifier = FakeVerifier(5.0)
     person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), FAR),)))], verifier=verifier)
     step(person, timestamp=0.0)
@@ -174,7 +174,7 @@ def test_whoever_was_out_of_sight_for_a_moment_has_not_turned_round(away: float,
     assert bool(verifier.told) == asked
 
 
-# Who is asked, and what with
+# Queries and their inputs
 
 
 def test_the_random_numbers_go_on_from_frame_to_frame_and_are_those_of_the_seed() -> None:
@@ -196,10 +196,10 @@ def test_what_a_search_carries_comes_back_to_it_in_the_next_frame() -> None:
     assert dict(first.asked[1][1].memory) == {"first": kept}
 
 
-# What is remembered
+# State
 
 
-def test_patience_lasts_its_seconds_and_then_the_person_is_looked_for_anew() -> None:
+def test_the_person_is_detected_again_after_the_waiting_time() -> None:
     person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), HOPELESS),)))], **followed())
     states = []
     for frame in range(4):
@@ -227,7 +227,7 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
         result = step(person, timestamp=away)
         assert [state.previous is None for _, state, _ in search.asked] == [False, True][2 - asked :]
         assert SOURCES[result.source] == (source if asked == 2 else "extrema")
-        # Both searches see the one frame, and it was looked at as one that follows no other.
+        # both searches receive the same observation, made without a previous frame
         assert [seen is observer.shown for seen, _, _ in search.asked] == [True] * asked
         assert [before.previous for before in observer.states] == [None]
         assert person.state.last_seen is None
@@ -255,7 +255,7 @@ def test_unobserved_limbs_do_not_jump_where_the_winner_does_not_continue() -> No
     assert third.confidence[19] < 0.01
 
 
-# What is reported
+# Reported values
 
 
 def test_joints_are_those_of_the_winner_in_the_camera_frame() -> None:
@@ -267,9 +267,7 @@ def test_joints_are_those_of_the_winner_in_the_camera_frame() -> None:
 
 
 @pytest.mark.parametrize(("distance", "state", "sure"), [(0.2499, TRACKED, 0.7501), (0.25, LOST, 0.0)])
-def test_a_winner_that_is_too_far_is_lost_and_nothing_of_it_is_believed(
-    distance: float, state: int, sure: float
-) -> None:
+def test_a_best_hypothesis_over_the_threshold_is_a_loss(distance: float, state: int, sure: float) -> None:
     result = step(follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), distance),)))]))
     assert result.state == state
     assert result.confidence == pytest.approx(np.full(20, sure), abs=1e-6)
@@ -307,7 +305,7 @@ def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
 
 @pytest.mark.parametrize("shown", [0, 20])
 def test_a_joint_that_the_pose_shows_is_in_view_whatever_the_votes_say(shown: int) -> None:
-    """What was hidden stays hidden until the votes see it; what is seen is not taken away by them."""
+    """A hidden joint stays hidden until the votes see it; the votes do not remove a visible one."""
     spread = np.where(np.arange(20) < shown, 0.0, 0.1)
     occluded_limbs = SimpleNamespace(guess=lambda pose, *_: Guess(pose, spread))
     search = FakeSearch("first", Proposal((says("local", pose_at(1.0)),)))

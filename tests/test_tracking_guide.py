@@ -1,4 +1,4 @@
-"""Orientations as evidence: the term against finite differences, the guide, and a limb that no camera sees."""
+"""Orientations as evidence: the term against finite differences, the guide, and an unseen limb."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def pose_of(seed: int = 0) -> np.ndarray:
 
 
 def term_of(placer: Placer, seed: int, axis: int, turn: float = 0.02) -> OrientationTerm:
-    """The joint's own orientation, turned a little."""
+    """Return the term of the joint's orientation, rotated slightly."""
     body = load_body("neutral")
     rotation = placer.place(body, pose_of()).rotations[ELBOW]
     vector = np.random.default_rng(seed).normal(size=3)
@@ -109,7 +109,7 @@ def guide_of(noise: str = "none") -> tuple[InertialGuide, TrackedMotion]:
     return InertialGuide(simulated.sensors, calibration, "anything"), motion
 
 
-def test_a_calibrated_guide_says_where_the_limbs_point(placer):
+def test_a_calibrated_guide_gives_limb_directions(placer):
     guide, motion = guide_of()
     terms = guide.evidence(float(motion.times[50]), LEVEL)
     assert len(terms) == len(FIVE)

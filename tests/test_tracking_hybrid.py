@@ -54,12 +54,12 @@ def joints_of(results: list[FrameResult]) -> np.ndarray:
 
 
 def errors(results: list[FrameResult], recording: Recording) -> np.ndarray:
-    """Distances (T, 20) of the joints to the true ones, metres."""
+    """Return distances (T, 20) of the joints to the true ones, metres."""
     return np.linalg.norm(joints_of(results) - recording.joints[: len(results)], axis=2)
 
 
 def digest(results: list[FrameResult]) -> str:
-    """Names the bits of a track, its times left out."""
+    """Return a digest of a track without its times."""
     found = hashlib.sha256()
     for r in results:
         for array in (r.pose, r.joints, r.confidence, np.array([r.state, r.source])):
@@ -68,7 +68,7 @@ def digest(results: list[FrameResult]) -> str:
 
 
 def check_sound(results: list[FrameResult]) -> None:
-    """Whatever happens, a result is finite, in its range and within the limits of the joints."""
+    """Check that a result is finite, in its range and within the joint limits."""
     low, high = skeleton.POSE_LIMITS.T
     for r in results:
         assert r.pose.shape == (skeleton.POSE_SIZE,) and r.joints.shape == (20, 3) and r.confidence.shape == (20,)
@@ -81,7 +81,7 @@ def check_sound(results: list[FrameResult]) -> None:
 
 @pytest.fixture(scope="module")
 def database() -> PoseDatabase:
-    """A few hundred poses of seven motions and their mirror images."""
+    """Return a few hundred poses of seven motions and their mirror images."""
     poses = np.concatenate([clip.poses for clip in procedural_clips(MOTIONS, 4.0, variations=1, seed=5)])
     poses = canonical.canonicalise(poses)[0]
     poses = np.concatenate([poses, canonical.mirrored(poses)])
@@ -93,7 +93,7 @@ def database() -> PoseDatabase:
 
 @pytest.fixture(scope="module")
 def clip() -> PoseClip:
-    """A motion that is not in the database, facing the camera."""
+    """Return a motion outside the database, facing the camera."""
     whole = perform("semaphore", load_body("neutral"), 30.0)
     return PoseClip("semaphore", whole.poses[30 : 30 + FRAMES], 30.0, "procedural")
 
@@ -120,12 +120,12 @@ def results(database: PoseDatabase, recording: Recording) -> list[FrameResult]:
 
 
 def known(database: PoseDatabase, settings: HybridSettings = SETTINGS) -> HybridTracker:
-    """A tracker that knows the person's body."""
+    """Return a tracker with the person's body."""
     return HybridTracker(database, settings, body=load_body("neutral"))
 
 
 def saved(path: Path, like: Recording, frames: list[np.ndarray], **changes: object) -> Recording:
-    """Other frames of the same camera."""
+    """Return other frames of the same camera."""
     given = {
         "depth": iter(frames), "camera": like.camera, "timestamps": np.arange(len(frames)) / 30.0,
         "up_camera": like.up_camera,
@@ -180,7 +180,7 @@ def test_a_mirrored_recording_gives_mirrored_joints(
     expected = joints_of(results)[:, other] * [-1, 1, 1]
     apart = np.linalg.norm(found - expected, axis=2)
     assert apart.mean() < 0.02
-    assert np.linalg.norm(found - joints_of(results) * [-1, 1, 1], axis=2).mean() > 0.2  # sides without the swap
+    assert np.linalg.norm(found - joints_of(results) * [-1, 1, 1], axis=2).mean() > 0.2  # sides without exchange
 
 
 def test_the_joint_network_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:
@@ -251,18 +251,18 @@ def test_who_comes_back_elsewhere_facing_elsewhere_is_tracked_at_once(
     assert errors(found[6:], after).mean() < 0.03
 
 
-def test_frames_that_no_pose_explains_are_lost_and_the_search_begins_anew(
+def test_frames_without_an_explaining_pose_are_lost_and_the_search_restarts(
     database: PoseDatabase, recording: Recording
 ) -> None:
     settings = replace(SETTINGS, lost_distance=1e-6, patience=1.5 / 30.0)
     found = run(known(database, settings), recording, 6)
     check_sound(found)
     assert {result.state for result in found} == {LOST}
-    # After two lost frames there is no previous pose that could be refined.
+    # after two lost frames there is no previous pose to refine
     assert all(SOURCES[found[i].source] == "extrema" for i in (0, 2, 4))
 
 
-# The same again
+# Determinism
 
 
 def test_a_state_on_disk_continues_exactly(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
@@ -274,7 +274,7 @@ def test_a_state_on_disk_continues_exactly(database: PoseDatabase, recording: Re
     before = first.follower.state
     save_checkpoint(tmp_path / "state.npz", "hybrid", first.follower.export_state())
     steps(first, recording, [9])
-    assert first.follower.state is not before  # a step replaces the state and leaves the old one as it was
+    assert first.follower.state is not before  # a step replaces the state and leaves the old one unchanged
     second = Solo(HybridTracker(database, settings), recording)
     second.follower.restore_state(load_checkpoint(tmp_path / "state.npz", "hybrid"))
     found += steps(second, recording, range(5, 12))
@@ -291,7 +291,7 @@ def test_the_body_of_the_person_is_learnt_from_the_recording(
 ) -> None:
     person = subject_body(name)
     motion = PoseClip(name, clip.poses[:8], 30.0, "procedural")
-    film = record(name, motion, body=person, distance=3.1)  # all of the person is in the image
+    film = record(name, motion, body=person, distance=3.1)  # the whole person is in the image
     tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(seconds=1.0, rate=30.0), restarts=1))
     solo = Solo(tracker, film)
     learnt = solo.body

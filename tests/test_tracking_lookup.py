@@ -1,4 +1,4 @@
-"""Database lookup: labelings, scores, and the poses that the queries bring back (Baak 2013, 5.4.3)."""
+"""Database lookup: labelings, scores, and the poses of the queries (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from toolkit.tracking.search.labelings import (
 from toolkit.tracking.search.regressed_query import RegressedJointsQuery, facing_of_joints
 from toolkit.tracking.state import FIRST_STEP, Previous
 
-# A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.
+# person with the left hand beside the head: left hand, right hand, left foot, right foot, head
 STANDING = np.array([[0.2, 0.5, 0.0], [-0.7, 0.3, 0.0], [0.15, -0.9, 0.1], [-0.15, -0.9, 0.1], [0.0, 0.6, 0.0]])
 
 
@@ -80,7 +80,7 @@ def body() -> Body:
 
 @dataclass(frozen=True)
 class Seen:
-    """An observation whose parts are given."""
+    """Observation with given parts."""
 
     cloud: Cloud
     centre: np.ndarray
@@ -96,7 +96,7 @@ class Seen:
 
 
 def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> Seen:
-    """What a camera sees of a pose (P,), its true end effectors in any order as the extrema."""
+    """Return the view of a pose (P,) with its true end effectors in any order as the extrema."""
     cloud = body_cloud(body, pose)
     scale = body.height / 1.7
     centre = cloud_centre(cloud.points, scale=scale)
@@ -108,7 +108,7 @@ def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> Seen:
 
 
 def standing_at(row: int, yaw: float = 0.0) -> np.ndarray:
-    """Pose `row` of the small database, 2.8 m before the camera, turned by `yaw` from it."""
+    """Return pose `row` of the small database, 2.8 m from the camera, rotated by `yaw`."""
     place = np.array([0.15, -0.05, -2.8])
     return canonical.place(small_database().poses[row].astype(np.float64), np.zeros(4), place, camera_yaw(place) + yaw)
 
@@ -131,7 +131,7 @@ def test_a_pose_of_the_database_that_a_camera_sees_comes_back_in_its_place(body:
 def test_with_the_frame_before_the_pose_is_the_first_to_come_back(body: Body, row: int, turn: float) -> None:
     pose = standing_at(row, np.deg2rad(turn))
     view = view_of(body, pose, np.random.default_rng(row).permutation(5))
-    if turn:  # a filtered facing knows the turn that one frame only hints at
+    if turn:  # labels of a first frame are unknown, so the best of a few labelings has to be the pose
         facing = float(canonical.body_facing(pose)) + float(small_database().offsets[row, 3])
         view = replace(view, yaw=facing)
     earlier = pose + np.random.default_rng(row).normal(0.0, 0.02, skeleton.POSE_SIZE)
@@ -154,7 +154,7 @@ def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, r
     (found,) = ExtremaQuery(database, LookupSettings()).poses(view, previous, person, 1)
     assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
     assert np.linalg.norm(person.joint_positions(found) - person.joint_positions(pose), axis=1).mean() < 0.03 * size
-    # The query is that of the database's own person in this pose.
+    # a filtered facing includes the turn of earlier frames
     asked = []
     recorder = SimpleNamespace(
         poses=database.poses, joints=database.joints, offsets=database.offsets, torso_length=database.torso_length,
@@ -193,7 +193,7 @@ def test_the_joints_of_a_pose_bring_it_back_whichever_way_it_faces(body: Body, t
     found = RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 3)
     assert found.shape == (3, skeleton.POSE_SIZE)
     assert found[0, 6:] == pytest.approx(pose[6:], abs=1e-6)
-    # Hips and shoulders of a twisted body disagree about its facing.
+    # the query is that of the database's person in this pose
     assert np.linalg.norm(body.joint_positions(found[0]) - votes.points, axis=1).mean() < 0.03
 
 

@@ -1,4 +1,4 @@
-"""What a follower is shown of a frame: how the size of the person, time and the frame before take part."""
+"""Observation of a frame: effects of the person's size, time and previous frame."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CENTRE = np.array([0.0, 0.1, -3.0])
 
 @pytest.fixture
 def cloud() -> Cloud:
-    """A board of 2,000 points, 3 m away."""
+    """Return a board of 2,000 points, 3 m away."""
     depth = np.zeros((60, 80), dtype=np.float32)
     depth[5:55, 20:60] = 3.0
     return Cloud.from_depth(depth, Camera(80.0, 80.0, 39.5, 29.5, 80, 60), np.diag([1.0, -1.0, -1.0]))
@@ -39,7 +39,7 @@ def state(name: str = "neutral", **known: Any) -> PersonState:
 
 
 def recorded(monkeypatch: pytest.MonkeyPatch, name: str, answer: Any) -> list[tuple[Any, ...]]:
-    """What a function of the room is called with; it answers what is given."""
+    """Replace a function by one with a given answer; return its calls."""
     calls: list[tuple[Any, ...]] = []
 
     def call(*values: Any) -> Any:
@@ -51,9 +51,7 @@ def recorded(monkeypatch: pytest.MonkeyPatch, name: str, answer: Any) -> list[tu
 
 
 @pytest.mark.parametrize("name", ["child", "neutral"])
-def test_landmarks_are_looked_for_at_the_size_of_the_person(
-    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_landmarks_use_the_size_of_the_person(cloud: Cloud, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     centres, facings = (
         recorded(monkeypatch, "cloud_centre", CENTRE),
         recorded(monkeypatch, "estimate_facing", FacingEstimate(0.2, 1.0)),
@@ -82,7 +80,7 @@ def test_the_facing_follows_by_the_time_that_has_passed(
 @pytest.mark.parametrize(
     ("followed", "learning", "evidence"), [(False, False, True), (True, False, False), (True, True, True)]
 )
-def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_is_learnt(
+def test_certain_votes_are_evidence_in_detection_and_body_learning(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, followed: bool, learning: bool, evidence: bool
 ) -> None:
     observer = replace(OBSERVER, vote_pull=30.0, learning=learning)
@@ -92,9 +90,7 @@ def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_i
     assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence
 
 
-def test_a_pose_of_before_a_gap_is_a_guess_that_the_frame_does_not_believe(
-    cloud: Cloud, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_pose_from_before_a_gap_has_no_weight_in_the_frame(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Observation, "votes", JointEstimate(np.zeros((20, 3)), np.ones(20)))
     last = Previous.of_pose(load_body("neutral"), np.zeros(skeleton.POSE_SIZE))
     observer = replace(OBSERVER, vote_pull=30.0)
@@ -108,7 +104,7 @@ def test_a_pose_of_before_a_gap_is_a_guess_that_the_frame_does_not_believe(
 
 
 class Votes:
-    """A network with a fixed estimate of the joints in view."""
+    """Network with a fixed estimate of the joints in view."""
 
     def __init__(self, in_view: np.ndarray) -> None:
         self._in_view = in_view
@@ -124,9 +120,7 @@ def legless() -> np.ndarray:
     return in_view
 
 
-def test_no_measured_point_belongs_to_what_is_out_of_view_of_somebody_who_is_followed(
-    cloud: Cloud, legless: np.ndarray
-) -> None:
+def test_links_out_of_view_get_no_measured_points(cloud: Cloud, legless: np.ndarray) -> None:
     before = Previous(np.zeros(43), *np.zeros((4, 1)), 0.1)
     scene = OBSERVER.observe(cloud, 0.1, state(previous=before, in_view=legless)).scene
     assert scene.withheld is not None
@@ -154,7 +148,7 @@ def test_what_is_in_view_is_learnt_from_the_votes_of_frames_that_cut_a_person_of
     assert after(False, None) is None
 
 
-def test_what_is_in_view_does_not_depend_on_whether_a_search_asked_for_votes(
+def test_the_joints_in_view_do_not_depend_on_a_search_using_votes(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
     monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([True]))
@@ -170,9 +164,7 @@ def test_what_is_in_view_does_not_depend_on_whether_a_search_asked_for_votes(
 
 
 @pytest.mark.parametrize("learning", [False, True])
-def test_whoever_is_told_to_be_an_upper_body_has_no_legs_to_look_for_and_a_whole_one_has_all(
-    cloud: Cloud, learning: bool
-) -> None:
+def test_an_upper_body_has_no_leg_landmarks_and_a_whole_body_has_all(cloud: Cloud, learning: bool) -> None:
     hidden = np.zeros(len(skeleton.REPORTED))
     known = state(previous=Previous.of_pose(load_body("neutral"), np.zeros(skeleton.POSE_SIZE)), in_view=hidden)
     withheld = {

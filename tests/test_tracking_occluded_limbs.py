@@ -1,4 +1,4 @@
-"""Limbs of which nothing is observed: they stay, and are said to be as uncertain as they are."""
+"""Unobserved limbs: they stay in place with the uncertainty of the prior."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def objective() -> Objective:
 
 @pytest.fixture(scope="module")
 def prior() -> PosePrior:
-    """Everybody bends the knees by half a radian, more or less."""
+    """Return a prior in which the knees are bent by about half a radian."""
     mean = variables(standing(), BODY)
     mean[ANGLES][KNEE - 6] = 0.5
     return PosePrior(np.ones(1), mean[None], 0.01 * np.eye(SIZE)[None], np.zeros(1, dtype=np.int64))
 
 
 def looked_at(objective: Objective, pose: np.ndarray, last_row: int) -> Comparison:
-    """The body in a pose before a camera of which only the rows down to `last_row` say something."""
+    """Return the body in a pose, observed down to row `last_row`."""
     depth = whole_image(objective.placer.place(BODY, pose))[0].astype(np.float32)
     unobserved = np.arange(len(depth))[:, None] > np.full(depth.shape[1], last_row)
     depth[unobserved] = 0.0
@@ -80,7 +80,7 @@ def test_a_limb_that_is_known_to_be_out_of_view_is_guessed_though_it_is_before_w
     }  # fmt: skip
 
 
-def test_unobserved_limbs_stay_where_they_were_and_all_else_is_believed(objective: Objective, prior: PosePrior) -> None:
+def test_unobserved_limbs_stay_in_place_and_observed_ones_follow(objective: Objective, prior: PosePrior) -> None:
     before, pose = standing(knee=0.3), standing(knee=2.0)
     seen, occluded_limbs = looked_at(objective, pose, 40), OccludedLimbs(prior)
     guess = occluded_limbs.guess(pose, seen, objective, before)
@@ -93,7 +93,7 @@ def test_unobserved_limbs_stay_where_they_were_and_all_else_is_believed(objectiv
 
 
 def test_a_guess_is_as_uncertain_as_the_prior_given_what_is_seen(objective: Objective) -> None:
-    """One knee follows the other with nine tenths of its variance, and nothing follows the arms."""
+    """One knee follows the other with nine tenths of its variance; the arms have no correlation."""
     pose, spreads = standing(), []
     mean = variables(pose, BODY)
     right = skeleton.POSE_NAMES.index("right_knee_rx") - 6

@@ -1,4 +1,4 @@
-"""The particle filter as a tracker, on drawn sequences of an upper body."""
+"""Particle filter as a tracker, on drawn sequences of an upper body."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 UPPER = UpperBodies(LEVEL).of(load_body())
 HANDS = [skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right")]
 SETTINGS = ParticleTrackerSettings(measured_seconds=0.0, initial=InitialSettings(rounds=4))
-"""The body is known, and first frames are filtered less often than usual, which takes most of the time."""
+"""Settings with a known body and fewer filter rounds in first frames, which take most of the time."""
 
 
 def pose_of(turn: float = 0.0, **angles: float) -> np.ndarray:
-    """Somebody 1.5 m away who faces the camera, both hands up; `turn` bends the elbows further."""
+    """Return a person 1.5 m away who faces the camera, both hands up; `turn` bends the elbows further."""
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[:3] = [0.0, -0.5, -1.5]
     given = {
@@ -76,7 +76,7 @@ WAVING = [pose_of(0.5 * np.sin(0.2 * i)) for i in range(12)]
 
 
 @pytest.mark.parametrize("refined", [False, True])
-def test_somebody_is_found_and_followed_and_legs_stay_where_nobody_sees_them(refined: bool) -> None:
+def test_a_person_is_found_and_tracked_and_unseen_legs_stay(refined: bool) -> None:
     results = followed(follower(replace(SETTINGS, refined=refined)), WAVING)
     assert [ParticleTracker.source_names[r.source] for r in results[:2]] == ["detected", "particles"]
     assert all(r.state == TRACKED for r in results)
@@ -86,7 +86,7 @@ def test_somebody_is_found_and_followed_and_legs_stay_where_nobody_sees_them(ref
         assert (result.confidence[UNSEEN] == 0.0).all() and result.confidence[0] > 0.0
 
 
-def test_a_frame_without_anybody_is_empty() -> None:
+def test_a_frame_without_people_is_empty() -> None:
     person = follower()
     results = [step(person, None, 0.0), step(person, of_depth(np.zeros(CAMERA.shape)), 0.1)]
     depth = np.zeros(CAMERA.shape)
@@ -103,7 +103,7 @@ BEHIND = pose_of(left_shoulder_rz=-1.3, right_shoulder_rz=1.3, left_shoulder_ry=
 CLASPED = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1.2, right_elbow_ry=1.2)
 
 
-def test_where_only_the_fork_counts_nobody_is_found_without_one_and_everybody_after_it() -> None:
+def test_with_the_fork_alone_people_are_found_after_its_first_appearance() -> None:
     waits = {"measured_seconds": 0.0, "initial.unlabelled": False}
     person = follower(load_settings(ParticleTrackerSettings, "lopez2011", waits))
     waiting = followed(person, [FOLDED] * 2)
@@ -128,7 +128,7 @@ def turned_away() -> np.ndarray:
     [pose_of(right_shoulder_ry=-1.0, right_shoulder_rz=1.4), turned_away()],
     ids=["one hand only", "back to the camera"],
 )
-def test_whoever_shows_less_than_a_head_and_two_hands_is_guessed_or_lost(pose: np.ndarray) -> None:
+def test_a_person_without_head_and_two_hands_is_inferred_or_lost(pose: np.ndarray) -> None:
     for result in followed(follower(), [pose] * 2):
         assert result.state in (LOST, TRACKED) and np.isfinite(result.joints).all()
 
@@ -176,14 +176,14 @@ def replace_place(pose: np.ndarray, x: float) -> np.ndarray:
 
 
 def trunk_off(result: FrameResult, pose: np.ndarray) -> float:
-    """Mean distance of neck, head and shoulders from the truth, metres."""
+    """Return the mean distance of neck, head and shoulders from the truth, metres."""
     rows = [skeleton.REPORTED.index(name) for name in ("neck", "head", "left_shoulder", "right_shoulder")]
     truth = load_body().joint_positions(pose)[rows] @ LEVEL
     return float(np.linalg.norm(result.joints[rows] - truth, axis=1).mean())
 
 
 def reaching(side: str, target: np.ndarray) -> np.ndarray:
-    """Both hands up, and one of them at `target` (3,), metres, level frame."""
+    """Return a person with both hands up, one of them at `target` (3,), metres, level frame."""
     poses, scores = pose_of()[None].copy(), np.empty(1)
     arm = UPPER.arms[("left", "right").index(side)]
     anything = aiming.Aim(0.03, 0.0, -np.inf)
@@ -204,7 +204,7 @@ def test_a_mirrored_recording_gives_the_mirrored_track_within_the_spread_over_se
     assert np.abs(plain.mean(axis=0) - flipped.mean(axis=0) * [-1.0, 1.0, 1.0]).max() < 3.0 * spread + 0.03
 
 
-def test_who_leaves_and_comes_back_elsewhere_is_found_anew() -> None:
+def test_a_person_who_returns_elsewhere_is_detected_again() -> None:
     person = follower()
     followed(person, WAVING[:3])
     assert step(person, None, 0.1).state == EMPTY

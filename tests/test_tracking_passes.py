@@ -73,7 +73,7 @@ COSTS = st.lists(st.floats(0.0, 0.5), min_size=1, max_size=6)
 
 
 @given(COSTS, COSTS, COSTS, st.booleans(), st.booleans())
-def test_of_two_ways_the_cheapest_path_is_taken(
+def test_of_two_trajectories_the_cheapest_path_is_taken(
     first: list[float], second: list[float], gaps: list[float], begins: bool, ends: bool
 ) -> None:
     count = min(len(first), len(second), len(gaps))
@@ -89,7 +89,7 @@ def test_of_two_ways_the_cheapest_path_is_taken(
     assert total(tuple(found.astype(int).tolist())) == pytest.approx(min(map(total, product((0, 1), repeat=count))))
 
 
-def test_a_stretch_that_the_second_way_explains_is_taken_and_no_single_frame() -> None:
+def test_a_stretch_of_the_second_trajectory_is_taken_but_no_single_frame() -> None:
     first, second, gaps = np.full(60, 0.03), np.full(60, 0.04), np.full(60, 0.3)
     first[20:50], gaps[[20, 50]] = 0.08, 0.02
     assert np.flatnonzero(better_parts(first, second, gaps)).tolist() == list(range(20, 50))
@@ -130,7 +130,7 @@ def test_a_head_that_the_image_cuts_off_has_no_top() -> None:
     assert np.isnan(head_top(Cloud.from_depth(depth, TOF, whole.rotation), head))
 
 
-def test_somebody_stood_as_high_as_their_head_was_where_they_did_not_bend() -> None:
+def test_the_standing_height_is_the_head_height_without_bends() -> None:
     tops = np.array([0.4, 0.5, np.nan, 0.31, 0.5, 0.49, 0.5, 0.9, 0.5])
     assert height_stood(tops, -1.3) == pytest.approx(1.8)
     assert height_stood(tops, None) == 0.0 == height_stood(np.full(3, np.nan), -1.3)
@@ -155,7 +155,7 @@ def test_where_sizes_explain_a_frame_alike_the_belief_lies_between_them() -> Non
     assert belief.shares[3] < 0.02
 
 
-def test_a_child_that_is_clearly_one_is_believed_and_frames_narrow_it_down() -> None:
+def test_a_clear_child_is_accepted_and_frames_narrow_the_belief() -> None:
     belief = statures_tried()
     for _ in range(3):
         belief = belief.narrowed({0: 0.12, 1: 0.10, 2: 0.08, 3: 0.03})
@@ -170,7 +170,7 @@ def test_a_body_that_is_no_longer_tried_stays_unlikely() -> None:
 
 @pytest.fixture(scope="module")
 def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Somebody who waves for a second."""
+    """Return a recording of a person who waves for a second."""
     whole = procedural_clips(["archery"], rate=RATE, body=load_body("slim_male"))[0]
     clip = replace(whole, poses=whole.poses[20:44])
     path = tmp_path_factory.mktemp("passes") / "take.npz"
@@ -186,7 +186,7 @@ def tracker(bundled_database: Path) -> HybridTracker:
 
 @pytest.fixture(scope="module")
 def whole(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The run that nothing interrupts."""
+    """Return the run without interruption."""
     run = tmp_path_factory.mktemp("whole") / "run"
     track_recording(open_recording(take), tracker, run, warm_up=False)
     return run
@@ -194,7 +194,7 @@ def whole(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathF
 
 @pytest.fixture(scope="module")
 def sightings(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathFactory) -> SightingFile:
-    """What is seen of the person in all frames."""
+    """Return the person's sightings in all frames."""
     recording = open_recording(take)
     finder = SinglePersonSegmenter(recording.camera, None, tracker.settings.sensing, recording.up_camera)
     kept = SightingFile(tmp_path_factory.mktemp("sightings"), finder.camera)
@@ -205,7 +205,7 @@ def sightings(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempP
 
 @pytest.fixture(scope="module")
 def right(take: Path, tracker: HybridTracker, whole: Path) -> np.ndarray:
-    """Rows of a first pass that is right in all frames."""
+    """Return rows of a first pass that is correct in all frames."""
     track, recording, body = Track.load(whole), open_recording(take), load_body("slim_male")
     rows = np.zeros(len(track.state), dtype=row_type(len(tracker.stage_names)))
     for name in ("pose", "confidence", "state", "source", "stage_ms", "observed"):
@@ -217,7 +217,7 @@ def right(take: Path, tracker: HybridTracker, whole: Path) -> np.ndarray:
 
 
 def turned(rows: np.ndarray, frames: slice, recording: Path) -> np.ndarray:
-    """The rows with the person turned round in these frames."""
+    """Return the rows with the person rotated by 180 degrees in these frames."""
     rows, rng, body = rows.copy(), np.random.default_rng(0), load_body("slim_male")
     for row in rows[frames]:
         row["pose"] = wrong_pose("turned", row["pose"].copy(), np.empty((0, len(row["pose"]))), rng)
@@ -235,7 +235,7 @@ def second_pass(
     *,
     relearned: bool = False,
 ) -> tuple[BidirectionalTracker, TrajectoryStore]:
-    """The second pass over the person of a recording, and where its steps go."""
+    """Return the second pass over the person of a recording, and the store of its steps."""
     recording, frames = open_recording(take), len(first_pass)
     stretches = (Stretch(0, frames - 1, keyframes),)
     plan = Plan(load_body("slim_male"), stretches, np.zeros((frames, 2)), relearned)
@@ -246,7 +246,7 @@ def second_pass(
 
 
 def worst(path: Path, joints: Iterable[np.ndarray]) -> float:
-    """Mean error of the joints in the frame in which it is largest, metres."""
+    """Return the largest mean joint error of a frame, metres."""
     truth = np.asarray(open_recording(path).joints)
     return float(max(np.linalg.norm(own - true, axis=1).mean() for own, true in zip(joints, truth, strict=True)))
 
@@ -269,14 +269,14 @@ def test_what_went_wrong_in_the_first_pass_is_found_backwards(
     assert set(followed) == set(range(frames)) and len(followed) <= frames + 1 + REPAIRED_SHARE * frames
 
 
-def test_a_detection_in_a_keyframe_is_followed_both_ways_where_both_trajectories_are_wrong(
+def test_a_keyframe_detection_is_followed_in_both_directions_if_both_trajectories_are_wrong(
     take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     first, redetect = turned(right, slice(0, None), take), FrameDetector.redetect
 
     def detected(self: FrameDetector, frame: int, direction: Direction) -> Detection:
-        """The right pose; a person who is turned round explains a frame nearly as well."""
+        """Return the correct pose; a person rotated by 180 degrees explains a frame nearly as well."""
         found, pose = redetect(self, frame, direction), right["pose"][frame].copy()
         step = replace(found.step, result=result_of(right[frame]))
         return Detection(replace(found.followed, state=self.state_at(frame, pose)), step)
@@ -339,7 +339,7 @@ def test_a_pose_that_heads_elsewhere_costs_more_by_as_much_as_it_is_sure(share: 
     assert cost == pytest.approx(0.2 - 0.2 * MAX_HEADING_PENALTY * share * np.cos(angle), abs=1e-9)
 
 
-def test_where_a_person_walks_and_faces_is_told_together_and_never_more_than_surely() -> None:
+def test_walking_and_facing_directions_combine_with_bounded_certainty() -> None:
     walked, faced = np.array([[0.0, 0.9], [0.0, 0.3], [0.2, 0.0]]), np.array([[0.0, 0.8], [0.0, -0.3], [0.0, 0.0]])
     np.testing.assert_allclose(heading(walked, faced), [[0.0, 1.0], [0.0, 0.0], [0.2, 0.0]])
 
@@ -357,7 +357,7 @@ def test_votes_have_a_body_face_where_it_does_as_far_as_they_are_reliable(yaw: f
     assert heading_disagreement(facing, pose) == pytest.approx(-0.9)
 
 
-def test_many_votes_about_a_frame_outweigh_one_and_far_ones_say_nothing() -> None:
+def test_many_near_votes_outweigh_one_and_far_ones_have_no_weight() -> None:
     times, voted = np.arange(0.0, 60.0, 0.1), np.tile([0.0, 0.4], (40, 1))
     voted[3] = [0.0, -0.9]
     faced = directions_faced(0.25 * np.arange(40), voted, times)
@@ -418,7 +418,7 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
 
 
 @pytest.mark.parametrize(("likely", "told"), [(True, 0.0), (False, 0.4), (False, 0.5)])
-def test_what_never_moves_is_left_out_where_nobody_stands_like_that_and_no_detector_sees_anybody(
+def test_a_motionless_track_without_a_person_shape_or_joints_is_left_out(
     likely: bool, told: float, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     still = {1: Evidence(4, 4, 8.0, 4)}
@@ -437,7 +437,7 @@ def test_what_never_moves_is_left_out_where_nobody_stands_like_that_and_no_detec
         assert own.unlikely == pytest.approx(np.median(energies))
 
 
-def test_a_run_killed_after_it_left_somebody_out_goes_on_from_the_rows_of_the_others(
+def test_a_run_killed_after_leaving_a_track_out_resumes_from_the_other_rows(
     take: Path, tracker: HybridTracker, tmp_path: Path
 ) -> None:
     asked = list[set[int]]()
@@ -460,7 +460,7 @@ def test_a_run_killed_after_it_left_somebody_out_goes_on_from_the_rows_of_the_ot
 def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(
     take: Path, tracker: HybridTracker, bundled_database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ticks = count()  # a clock that each look moves on by a second: the test holds on a machine of any load
+    ticks = count()  # a clock that each detection advances by a second: the test is independent of the machine's load
     monkeypatch.setattr(clock, "perf_counter", lambda: float(next(ticks)))
     once = HybridTracker(PoseDatabase.load(bundled_database), replace(tracker.settings, passes=1))
     track_recording(open_recording(take), once, tmp_path / "once", warm_up=False)
@@ -470,7 +470,7 @@ def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(
     assert not (tmp_path / "once" / second.FOLDER).exists()
 
 
-def test_who_is_out_of_sight_has_rows_that_say_so(take: Path, tracker: HybridTracker, tmp_path: Path) -> None:
+def test_a_person_out_of_view_has_empty_rows(take: Path, tracker: HybridTracker, tmp_path: Path) -> None:
     recording = open_recording(take)
     depth = np.stack([recording.depth(i) for i in range(len(recording))])
     depth = np.concatenate([np.zeros_like(depth[:3]), depth, np.zeros((40, *depth.shape[1:]), np.uint16), depth[:9]])
@@ -487,7 +487,7 @@ def test_who_is_out_of_sight_has_rows_that_say_so(take: Path, tracker: HybridTra
 
 
 def walk(speed: float, frames: int = 60) -> np.ndarray:
-    """Rows of somebody who walks to the right in the image."""
+    """Return rows of a person who walks to the right in the image."""
     rows = np.zeros(frames, dtype=[("joints", np.float32, (20, 3)), ("state", np.int64)])
     rows["joints"][:, :, 0] = (speed * np.arange(frames) / RATE)[:, None]
     rows["joints"][:, :, 2] = 3.0
@@ -496,13 +496,13 @@ def walk(speed: float, frames: int = 60) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("speed", "length"), [(0.0, 0.0), (0.3, 0.0), (0.6, 0.5), (1.4, 1.0)])
-def test_who_walks_is_said_to_walk_where_they_go_and_who_stands_is_not(speed: float, length: float) -> None:
+def test_a_walking_direction_exists_for_walkers_only(speed: float, length: float) -> None:
     times = np.arange(60) / RATE
     walked = directions_walked(walk(speed), times, np.diag([1.0, -1.0, -1.0]))
     np.testing.assert_allclose(walked, np.tile([length, 0.0], (60, 1)), atol=1e-4)
 
 
-def test_nothing_is_said_across_a_gap_or_of_a_single_frame() -> None:
+def test_no_direction_across_a_gap_or_from_a_single_frame() -> None:
     rows, times = walk(1.4), np.arange(60) / RATE
     times[30:] += 2.0
     rows["state"][[10, 59]] = EMPTY

@@ -1,4 +1,4 @@
-"""Where a person of a recording is begun: the surest of the frames that show most, in each time in sight."""
+"""Keyframes: the most confident of the frames that show most, in each stretch in view."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
     assert MOMENT_GAP == 1.0
 
 
-def test_who_is_out_of_sight_for_longer_than_a_moment_begins_anew() -> None:
+def test_a_long_absence_starts_a_new_stretch() -> None:
     gap = round(HELD * 20)
     usable = np.array([5, 6, 7, 7 + gap, 8 + gap, 9 + 2 * gap])
     assert times_in_sight(usable, TIMES) == [(5, 8 + gap), (9 + 2 * gap, 9 + 2 * gap)]
@@ -70,7 +70,7 @@ def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() ->
 
 
 class FakeFollower:
-    """Returns `shown` for each frame, and a person who surely faces +x."""
+    """Follower that returns `shown` for each frame, and a person who faces +x."""
 
     level_rotation = np.diag([1.0, -1.0, -1.0])
 
@@ -92,7 +92,7 @@ class FakeSightings:
 
 
 def rows(yaw: float = 0.0) -> np.ndarray:
-    """Rows of the first pass: a person who stands still and faces in one direction, from +z."""
+    """Return rows of the first pass: a person who stands still with one heading, from +z."""
     pose = canonical.place(np.zeros(skeleton.POSE_SIZE), np.zeros(4), np.array([0.0, 0.9, -3.0]), yaw)
     first = np.zeros(len(TIMES), dtype=[("joints", "<f4", (20, 3)), ("pose", "<f8", len(pose)), ("state", "u1")])
     first["pose"], first["state"] = pose, TRACKED

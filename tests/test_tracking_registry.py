@@ -1,4 +1,4 @@
-"""Trackers by name: what `docs/extending.md` says, followed once."""
+"""Trackers by name: the steps of `docs/extending.md`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ToySettings:
 
 
 class ToyTracker(FakeTracker):
-    """A tracker with settings of its own."""
+    """Tracker with its own settings."""
 
     def __init__(self, settings: ToySettings) -> None:
         super().__init__(weight=settings.weight)
@@ -64,7 +64,7 @@ def test_a_tracker_that_the_settings_name_runs_without_a_database(tmp_path: Path
 
 
 @pytest.mark.usefixtures("toy")
-def test_a_tracker_that_nobody_registered_is_named_with_those_that_there_are() -> None:
+def test_an_unknown_tracker_is_named_with_the_registered_ones() -> None:
     with pytest.raises(SettingsError, match="no tracker 'magic'; there are: .*hybrid.*toy"):
         TrackerRecipe(None, {"tracker": "magic"}).build()
     assert {"hybrid", "toy"} <= set(names())
@@ -77,7 +77,7 @@ def test_a_name_is_given_once() -> None:
         register("toy", Registration(ToySettings, needs_database=True, build=build))
 
 
-def test_the_hybrid_tracker_asks_for_a_database() -> None:
+def test_the_hybrid_tracker_needs_a_database() -> None:
     assert registered("hybrid").needs_database
     with pytest.raises(UsageError, match="needs a pose database"):
         TrackerRecipe().build()

@@ -1,4 +1,4 @@
-"""The searches with parts made up: what they start from, whom they ask, what they refine, and what they answer."""
+"""Searches with fake parts: starting points, queries, refinement, and answers."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def test_momentum_moves_on_by_its_share_of_the_last_step() -> None:
 
 
 class FakeQuery:
-    """Answers with poses at given places and remembers what it was asked."""
+    """Query that returns poses at given places and keeps its inputs."""
 
     def __init__(self, source: str, places: list[float], pull: Any = None) -> None:
         self.source, self._places, self._pull = source, places, pull
@@ -156,7 +156,7 @@ def test_regressed_joints_pull_in_the_camera_frame_by_the_root_of_their_confiden
 
 
 class FakeDatabase:
-    """Three poses; every query gets all of them at given distances."""
+    """Database of three poses; each query returns all of them at given distances."""
 
     def __init__(self, distances: list[float]) -> None:
         real = small_database()
@@ -174,7 +174,7 @@ def queried(query: ExtremaQuery, points: np.ndarray, present: np.ndarray, previo
 
 
 def rows_of(found: np.ndarray, database: FakeDatabase) -> list[int]:
-    """Which poses of the database were found, by their angles."""
+    """Return the rows of the database that were found, by their angles."""
     return [int(np.abs(database.poses[:, 6:] - pose[6:]).sum(axis=1).argmin()) for pose in found]
 
 
@@ -202,7 +202,7 @@ def _centre(seen: Any) -> np.ndarray:
 
 
 class FakeArm:
-    """Proposes the pose with the root at given places."""
+    """Arm search that proposes the pose with the root at given places."""
 
     def __init__(self, *places: float) -> None:
         self._places, self.starts = places, []
@@ -215,7 +215,7 @@ class FakeArm:
 
 
 class FakeArmObjective:
-    """Comparisons by where the root stands."""
+    """Comparisons by the place of the root."""
 
     def __init__(self, known: dict[float, Any]) -> None:
         self.known, self.bounds = known, []
@@ -266,7 +266,7 @@ def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost(
     assert always.propose(observation(), turns[2], RNG, BEST) is not NOTHING
 
 
-# How the hybrid tracker puts them together
+# Assembly by the hybrid tracker
 
 CAMERA = Camera(200.0, 200.0, 79.5, 59.5, 160, 120)
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -278,7 +278,7 @@ def database() -> PoseDatabase:
 
 
 def made(monkeypatch: pytest.MonkeyPatch, part: type) -> list[dict[str, Any]]:
-    """What the hybrid tracker hands to each `part` that it makes, by the names of the parameters."""
+    """Return the arguments of each `part` that the hybrid tracker creates, by parameter name."""
     calls: list[dict[str, Any]] = []
 
     def make(*values: Any, **named: Any) -> Any:

@@ -1,4 +1,4 @@
-"""What an unfinished run keeps of its second pass: sightings and ways, read back to the bit and without trust."""
+"""Stored data of an unfinished second pass: sightings and trajectories, read back to the bit and without trust."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 
 
 def sighting(number: int, person: int = 1) -> Sighting:
-    """A person whose depth, mask and joints all depend on `number`."""
+    """Return a person whose depth, mask and joints all depend on `number`."""
     depth, unobserved = np.zeros(CAMERA.shape, dtype=np.float32), np.zeros(CAMERA.shape, dtype=np.bool_)
     rows = slice(number % 7, 20 + number)
     depth[rows, 11:33] = ((1800 + np.arange(22) + number) * float(np.float32(1e-3))).astype(np.float32)
@@ -59,7 +59,7 @@ def test_sightings_are_read_back_to_the_bit_in_any_order(tmp_path: Path) -> None
     assert first.pixels[2] == np.count_nonzero(sighting(2).depth)
 
 
-def test_the_share_of_frames_with_joints_in_the_image_is_told(tmp_path: Path) -> None:
+def test_the_fraction_of_frames_with_image_joints_is_stored(tmp_path: Path) -> None:
     kept = SightingFile(tmp_path, CAMERA)
     for frame in (1, 2, 3, 5):
         kept.append(frame, [sighting(frame)])
@@ -81,7 +81,7 @@ def test_sightings_of_a_killed_run_go_on_after_its_last_checkpoint(tmp_path: Pat
     kept = SightingFile(tmp_path, CAMERA)
     for frame in range(6):
         kept.append(frame, [sighting(frame)])
-    kept.flush()  # the killed process wrote two frames more than its checkpoint knows
+    kept.flush()  # the killed process wrote two frames more than its checkpoint
     again = SightingFile(tmp_path, CAMERA, frames=4)
     again.append(4, [sighting(14)])
     seen = again.of(1)
@@ -114,13 +114,13 @@ def test_nothing_of_a_second_pass_is_written_through_a_link(
 
 
 def kept_sighting(window: tuple[int, int, int, int], mask: int = 0, joints: int = 0, pixels: int = 12) -> bytes:
-    """A sighting as it lies on disk, of a header and so many pixels."""
+    """Return a stored sighting of a header and some pixels."""
     header = np.array([(window, mask, joints)], dtype=HEADER)
     return zlib.compress(header.tobytes() + np.full(pixels, 2000, "<u2").tobytes())
 
 
 WINDOW = (0, 3, 0, 4)
-"""Of twelve pixels."""
+"""Window of twelve pixels."""
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def a_step(number: int) -> Step:
     return Step(FrameResult(pose, joints, confidence, TRACKED, 1, np.ones(2, np.float32), observed), 0.01 * number)
 
 
-def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
+def test_a_trajectory_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
     way = TrajectoryStore(tmp_path / "way", stages=2, sources=2)
     for frame in (5, 2, 9, 2):
         way[frame] = a_step(frame)
@@ -176,7 +176,7 @@ def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(("field", "value"), [("source", 9), ("pose", np.nan), ("joints", np.inf)])
-def test_a_way_that_no_tracker_went_is_one_sentence(tmp_path: Path, field: str, value: float) -> None:
+def test_a_foreign_trajectory_file_is_one_sentence(tmp_path: Path, field: str, value: float) -> None:
     way = TrajectoryStore(tmp_path / "way", stages=2, sources=2)
     way[0] = a_step(0)
     row = way.packed(a_step(1))

@@ -1,4 +1,4 @@
-"""The swarm tracker: a person followed by their depth and joints in the image, without any motion capture."""
+"""The swarm tracker: depth and image joints, no motion capture."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def entry(name: str) -> int:
 
 
 def true_joints(poses: np.ndarray) -> np.ndarray:
-    """Camera frame, metres."""
+    """Return true joints, camera frame, metres."""
     return BODY.joint_positions(poses) @ LEVEL
 
 
@@ -76,7 +76,7 @@ def tracker(settings: SwarmTrackerSettings = SETTINGS) -> SwarmTracker:
 def run(
     recording: Recording, joints: Sequence[Joints2D | None] | None = None, settings: SwarmTrackerSettings = SETTINGS
 ) -> list[FrameResult]:
-    """The whole recording, with other joints in the image if they are given."""
+    """Track the whole recording, with given image joints if any."""
     solo = Solo(tracker(settings), recording)
     results = []
     for i in range(len(recording)):
@@ -86,7 +86,7 @@ def run(
 
 
 def errors(results: list[FrameResult], recording: Recording) -> np.ndarray:
-    """Mean error of each frame, metres."""
+    """Return the mean error of each frame, metres."""
     return np.linalg.norm(np.array([r.joints for r in results]) - recording.joints[: len(results)], axis=2).mean(axis=1)
 
 
@@ -107,7 +107,7 @@ def test_a_person_is_found_and_followed_without_a_database(results: list[FrameRe
 
 
 def test_qammaz_takes_joints_as_they_are_given(recording: Recording, poses: np.ndarray) -> None:
-    """Left and right exchanged throughout: the default asks the depth, and the paper follows the joints."""
+    """Exchanged sides: the default decides by the depth, the paper's tracker follows the joints."""
     rows = detected(true_joints(poses[:1]), CAMERA, np.random.default_rng(1), EXACT)
     swapped = Joints2D.of_rows(rows[0][list(skeleton.OTHER_SIDE)])
     left, right = (skeleton.REPORTED.index(f"{side}_shoulder") for side in ("left", "right"))
@@ -139,7 +139,7 @@ def turned(pose: np.ndarray, degrees: float) -> np.ndarray:
 
 
 def test_poses_are_found_from_nothing_whichever_way_the_person_faces(tmp_path: Path) -> None:
-    """True body, exact joints; backs and sides included, arms and legs bent in all ways."""
+    """True body, exact joints; backs and sides included, arms and legs bent."""
     rng = np.random.default_rng(0)
     chosen = moving_poses(400, rng)[::40]
     chosen = np.array([turned(pose, degrees) for pose, degrees in zip(chosen, np.arange(0, 360, 36), strict=True)])
@@ -170,7 +170,7 @@ def test_sides_that_are_exchanged_in_the_whole_take_are_put_right_by_the_depth(r
 
 
 def test_a_person_is_tracked_where_nothing_else_was_observed(recording: Recording) -> None:
-    """A person around whom nothing at all was observed is tracked all the same."""
+    """A person with no measured surroundings is tracked."""
     finder = SinglePersonSegmenter(recording.camera, None, SETTINGS.sensing, recording.up_camera)
     found = []
     for unknown in (False, True):
@@ -188,7 +188,7 @@ def test_without_any_joints_a_person_is_followed_by_the_depth_alone(recording: R
     assert errors(results, recording).mean() < 0.08
 
 
-def test_nobody_and_few_pixels_are_empty_and_who_comes_back_is_found(recording: Recording) -> None:
+def test_no_or_few_pixels_are_empty_and_a_returning_person_is_found(recording: Recording) -> None:
     solo = Solo(tracker(), recording)
     depths = [recording.depth(i) for i in range(6)]
     few = np.zeros_like(depths[0])
@@ -231,7 +231,7 @@ def test_the_papers_variant_has_its_dimensions_and_limits() -> None:
     assert (settings.swarm.particles, settings.swarm.generations) == (64, 64)
     assert settings.search.pulled == settings.search.refined == 0 and settings.search.disagreement == 0.0
     low, high = settings.search.pose_limits().T
-    # The paper: position 3, quaternion 4, angles 29. Ours turns the root by the three numbers of a rotation vector.
+    # The paper: position 3, quaternion 4, angles 29. Ours rotates the root by the three numbers of a rotation vector.
     assert np.count_nonzero(high > low) == 35
     joints = [j for j in skeleton.JOINT_NAMES[1:] if j not in settings.search.frozen]
     assert len(joints) == 14
@@ -286,7 +286,7 @@ def test_the_papers_limits_allow_what_people_do(moved: str, by: float, joint: st
     assert sign * (there - rest) > 0.05
 
 
-def test_the_hybrid_tracker_looks_with_a_swarm_on_first_frames_that_show_joints(recording: Recording) -> None:
+def test_the_hybrid_tracker_uses_a_swarm_in_first_frames_with_joints(recording: Recording) -> None:
     database = small_database()
 
     def first(hypotheses: tuple[str, ...], joints: tuple[Joints2D, ...]) -> list[FrameResult]:

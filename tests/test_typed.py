@@ -1,4 +1,4 @@
-"""The one reader of plain values: what a type says is what they must be."""
+"""Reader of plain values: the type determines the accepted values."""
 
 from __future__ import annotations
 

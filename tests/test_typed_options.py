@@ -1,4 +1,4 @@
-"""Options as they are typed at the command line: what becomes of them, and how those that cannot be are named."""
+"""Options as typed at the command line: results, and messages for impossible ones."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from toolkit.io.errors import UsageError
 from toolkit.recordings.reader_options import ReaderOptions
 
 
-def test_what_is_typed_is_what_a_reader_is_told() -> None:
+def test_typed_options_reach_the_reader() -> None:
     typed = Reading(
         format="raw", intrinsics="570,571,320,240", mirrored=False, radial=True, depth_unit="0.0005", size="640,480",
         frame_rate=15.0, up="0,-1,0.1", rotate=90, track="/depth",

@@ -1,4 +1,4 @@
-"""Workers end with the process that they work for."""
+"""Workers end with their parent process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if __name__ == "__main__":
 
 
 def told(number: int) -> None:
-    """Says who works, and works for longer than anybody waits."""
+    """Print the worker's id, then work longer than any test waits."""
     os.write(1, f"{os.getpid()}\n".encode())
     time.sleep(60)
 

@@ -1,4 +1,4 @@
-"""The tables of the pages agree with the results, and each listed benchmark exists and is shown on a page."""
+"""The tables of the pages agree with the results; each listed benchmark exists and is on a page."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("toolkit", "database_builder", "depthmocap", "benchmarks", "scripts", "examples", "docs", "configs")
 LEFT_OUT = ("notebook.md", "results", "assets", "node_modules")
-"""Names of files and folders that hold no text of the current version."""
+"""Files and folders without text of the current version."""
 RULED_OUT = re.compile(
     r"\b(whoever|whom|whence|anew|afresh|nobody|somebody|everybody|anybody|meanwhile|\w*manieth|hopelessly|beforehand"
     r"|of theirs|is told|that says)\b",
@@ -29,7 +29,7 @@ CEILING: dict[str, tuple[int, int]] = {
     "toolkit/trackers": (2, 0),
     "toolkit/tracking": (28, 40),
 }
-"""Folder -> ruled-out words and docstring openings that may be left in it; 0 in all others."""
+"""Folder -> remaining ruled-out words and docstring openings; 0 in all others."""
 
 
 def texts() -> list[Path]:

@@ -1,1 +1,1 @@
-"""What tests and benchmarks share: simulated suites, subjects, and trackers misled on purpose."""
+"""Code that tests and benchmarks share: simulated suites, subjects, and trackers with wrong states."""

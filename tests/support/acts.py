@@ -1,4 +1,4 @@
-"""What actors of scenes do beside their motions: they come, cross and go, carry things, embrace, hand things over."""
+"""Acts of people in scenes: enter, cross, leave, carry, embrace, hand over."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from toolkit.body import skeleton
 from toolkit.simulation.person import facing_of, mean_place, turned
 
 ASIDE = 0.62
-"""Metres beside the border of the image at which a person is out of sight."""
+"""Metres outside the image border at which a person is out of view."""
 APART, EMBRACED, WITHIN_REACH = 1.1, 0.42, 0.95
-"""Metres between the roots of two people who go to meet, who embrace, and who hand something over."""
+"""Metres between the roots of two people before they meet, while they embrace, and while they hand over."""
 ARMS: dict[str, dict[str, float]] = {
     "box": {"shoulder_rz": -1.25, "shoulder_ry": -0.25, "elbow_ry": -1.5},
     "tablet": {"shoulder_rz": -1.15, "shoulder_ry": -0.45, "elbow_ry": -1.85},
@@ -24,7 +24,9 @@ ARMS: dict[str, dict[str, float]] = {
 
 
 def with_arms(poses: np.ndarray, arms: str, share: np.ndarray | float = 1.0) -> np.ndarray:
-    """Poses (T, P) whose arms are, by a `share` in [0, 1] of each frame, as `ARMS` has them; of a bag the left one."""
+    """Return poses (T, P) with arms blended towards `ARMS` by a `share` in [0, 1] of each frame; a bag is in the left
+    hand.
+    """
     out, share = poses.copy(), np.broadcast_to(share, len(poses))
     for side, sign in (("left", 1.0), ("right", -1.0)):
         if arms == "bag" and side == "right":
@@ -38,18 +40,22 @@ def with_arms(poses: np.ndarray, arms: str, share: np.ndarray | float = 1.0) -> 
 
 
 def travelled(poses: np.ndarray, places: np.ndarray, yaws: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of a person on the spot, brought to places (T, 2), x and z in metres, facing yaws (T,), radians."""
+    """Return poses (T, P) of a motion on the spot moved to places (T, 2), x and z in metres, facing yaws (T,),
+    radians.
+    """
     ground = np.stack([places[:, 0], np.zeros(len(places)), places[:, 1]], axis=1)
     return turned(poses, (yaws - facing_of(poses[0]))[:, None], mean_place(poses), ground)
 
 
 def out_of_sight(side: float, z: float, distance: float, slope: float) -> np.ndarray:
-    """Where (2,) a person is out of sight on a side (-1 left, 1 right), before a camera of half the view's `slope`."""
+    """Return a place (2,) out of view on a side (-1 left, 1 right), for a camera with half the view's `slope`."""
     return np.array([side * (slope * (distance - z) + ASIDE), z])
 
 
 def path_of(kind: str, at: tuple[float, float], far: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (T, 2) and yaws (T,) of a person who "crosses" from `far` to the other side, "comes" or "visits" `at`."""
+    """Return places (T, 2) and yaws (T,) of a person who "crosses" from `far` to the other side, "comes" or "visits"
+    `at`.
+    """
     t, here = np.linspace(0.0, 1.0, frames), np.asarray(at)
     share = PATHS[kind](t)[:, None]
     places = far + share * (np.where(kind == "crosses", far * [-1, 1], here) - far)
@@ -58,7 +64,7 @@ def path_of(kind: str, at: tuple[float, float], far: np.ndarray, frames: int) ->
     walks = np.hypot(*heading.T) > 1e-4
     if kind == "crosses":
         return places, ahead
-    # Towards the camera while they stand; turned within a quarter of a second.
+    # facing the camera while standing; turns take a quarter of a second
     unturned = np.unwrap(np.where(walks, ahead, 0.0))
     kernel = np.ones(9) / 9.0
     return places, np.convolve(np.pad(unturned, 4, mode="edge"), kernel, mode="valid")
@@ -73,11 +79,11 @@ def _visits(t: np.ndarray) -> np.ndarray:
 
 
 PATHS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"crosses": lambda t: t, "comes": _comes, "visits": _visits}
-"""Share of the way that is behind a person at a share of the time."""
+"""Fraction of the path covered at a fraction of the time."""
 
 
 def meeting(kind: str, side: float, at: tuple[float, float], poses: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of one of two people who meet at a place and part again.
+    """Return poses (T, P) of one of two people who meet at a place and part again.
 
     kind : "hug" or "give", in which the one at the left (`side` -1) has something in both hands until the middle and
         the other from then on

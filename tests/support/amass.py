@@ -1,4 +1,4 @@
-"""Poses of our body as AMASS files: for tests, and for corpora of AMASS's size."""
+"""Poses of our body as AMASS files, for tests and for corpora of AMASS's size."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from toolkit.output.export.amass import amass_arrays
 
 
 def write_amass(path: Path, clip: PoseClip, **changes: object) -> Path:
-    """Write our poses as an AMASS file of SMPL-H, z up, feet where they are.
+    """Write our poses as an AMASS file of SMPL-H, z up, with unchanged foot positions.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Is one tracker better than another on the same recordings, or is it chance?"""
+"""Paired bootstrap of the difference between two trackers."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Whether a confidence is worth what it says."""
+"""Calibration error of confidences."""
 
 from __future__ import annotations
 
 import numpy as np
 
 BINS = 10
-"""Equal bins of the confidence over which the calibration error is taken."""
+"""Number of equal bins of the confidence for the calibration error."""
 
 
 def calibration_error(confidence: np.ndarray, correct: np.ndarray) -> float:

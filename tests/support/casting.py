@@ -1,4 +1,4 @@
-"""Actors and scenes of the simulated suites before they are made, as `scenes.yaml` lists them."""
+"""Actors and scenes of the simulated suites, as `scenes.yaml` lists them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from toolkit.simulation.person import SimulatedPerson
 
 FILE = Path(__file__).with_name("scenes.yaml")
 LONGEST = 90
-"""Frames of a scene unless it says otherwise."""
+"""Default number of frames of a scene."""
 
 
 @dataclass(frozen=True)
@@ -72,20 +72,20 @@ class Scene:
 
     @property
     def actor(self) -> Actor:
-        """The only one."""
+        """The scene's only actor."""
         (actor,) = self.actors
         return actor
 
     @property
     def name(self) -> str:
-        """What the recording is called."""
+        """Name of the recording."""
         if len(self.actors) != 1:
             return f"{self.group}_{self.seed:03d}_{self.view}"
         return f"{self.group}_{self.actor.clip}_{self.actor.body}_{self.sensor}"
 
 
 def listed(suite: str, split: str) -> list[Scene]:
-    """The scenes of a suite's split as the file has them, in its order, all with seed 0."""
+    """Return the scenes of a suite's split in the order of the file, all with seed 0."""
     own = _suites()[suite]
     shared = own.get("defaults", {})
     return [_scene(group, shared | entry) for group, entries in own[split].items() for entry in entries]
@@ -98,7 +98,7 @@ def _suites() -> dict[str, Any]:
 
 
 def _scene(group: str, entry: Mapping[str, Any]) -> Scene:
-    """A scene of several `actors`, or of one, who is told beside the rest."""
+    """Return a scene of several `actors`, or of one whose fields stand beside the rest."""
     of_actors = {field.name for field in fields(Actor)}
     alone = {name: value for name, value in entry.items() if name in of_actors}
     shot = {name: value for name, value in entry.items() if name not in (*of_actors, "actors", "boxes")}
@@ -110,5 +110,5 @@ def _scene(group: str, entry: Mapping[str, Any]) -> Scene:
 
 
 def _fixed(value: Any) -> Any:
-    """Lists as tuples."""
+    """Return lists as tuples."""
     return tuple(map(_fixed, value)) if isinstance(value, list) else value

@@ -1,4 +1,4 @@
-"""Who is who: people and tracks matched frame by frame, and the CLEAR MOT counts (Bernardin and Stiefelhagen 2008)."""
+"""Assignment of tracks to people frame by frame, with CLEAR MOT counts (Bernardin and Stiefelhagen 2008)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.people.known_people import assigned
 
 GATE = 0.5
-"""Mean distance of the joints, metres, beyond which a track is not that person."""
+"""Largest mean joint distance of a match, metres."""
 
 
 class Identities(NamedTuple):

@@ -1,4 +1,4 @@
-"""Joints in the image as a detector would find them, from the truth of a simulated recording."""
+"""Image joints of a simulated detector, from the truth of a simulated recording."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from toolkit.body import skeleton
 from toolkit.sensing.camera import Camera
 
 DERIVED = [skeleton.REPORTED.index(name) for name in ("pelvis", "spine", "neck")]
-"""Joints that no detector tells."""
+"""Joints that no detector reports."""
 PERSISTENCE = 0.8
-"""Share of a frame's error that stays in the next one."""
+"""Fraction of a frame's error that persists in the next frame."""
 FAR = 0.12
-"""Metres by which a joint is off that a detector misses."""
+"""Metres of the error of a joint that the detector misses."""
 
 
 @dataclass(frozen=True)
 class DetectorErrors:
-    """How wrong a detector is; those of the pose model on colour images of simulated people.
+    """Errors of a detector; the defaults are those of the pose model on colour images of simulated people.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class DetectorErrors:
 def detected(
     truth: np.ndarray, camera: Camera, rng: np.random.Generator, errors: DetectorErrors | None = None
 ) -> np.ndarray:
-    """What a detector says of true joints, (T, 20, 3) metres in the frame of an ideal `camera`.
+    """Return the detector's estimates of true joints, (T, 20, 3) metres in the frame of an ideal `camera`.
 
     Returns float32 (T, 20, 3): u, v, confidence, as a recording holds them; NaN for joints that no detector tells.
     """

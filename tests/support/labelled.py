@@ -26,16 +26,16 @@ from toolkit.simulation.simulate import CaptureSettings, simulate_scene
 
 ACTORS = {"tune": "bk", "report": "dg"}
 FILLERS = ("02_05", "49_10", "49_06")
-"""CMU clips of which excerpts stand between the clips of the second set."""
+"""CMU clips with filler for the second set."""
 FILLER = 60
-"""Frames of an excerpt."""
+"""Frames of a filler excerpt."""
 HEIGHT = 1.1
-"""Metres of the camera above the floor."""
+"""Height of the camera above the floor, metres."""
 
 
 @dataclass(frozen=True)
 class MotionSequence:
-    """A sequence before it is made.
+    """Description of a sequence.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ SEQUENCES = (
 
 @dataclass(frozen=True, eq=False)
 class Performed:
-    """A sequence on its subject's body: poses at `suite.RATE`, and the true segments, seconds."""
+    """Sequence on its subject's body: poses at `suite.RATE`, and the true segments, seconds."""
 
     clip: PoseClip
     body: Body
@@ -73,23 +73,23 @@ class Performed:
 
 
 def label_of(path: Path) -> str:
-    """Motion class of a clip of HDM05: the third word of its name."""
+    """Return the motion class of an HDM05 clip: the third word of its name."""
     return path.stem.split("_")[2]
 
 
 def clips_of(actor: str, motion: str = "") -> list[Path]:
-    """Clips of an actor of HDM05 whose class begins with `motion`, sorted."""
+    """Return the clips of an HDM05 actor whose class begins with `motion`, sorted."""
     return sorted(MOCAP.glob(f"hdm05/HDM_{actor}_{motion}*.amc"))
 
 
 def class_clips(split: str) -> dict[Path, str]:
-    """Clips of the actors who are not in the split, with their classes: what is known before."""
+    """Return the clips of the actors outside the split, with their classes, for learning."""
     others = sorted({"bd", "bk", "dg"} - {ACTORS[split]})
     return {path: label_of(path) for actor in others for path in clips_of(actor)}
 
 
 def perform(sequence: MotionSequence, split: str, *, filler: bool = False) -> Performed:
-    """The sequence by the split's actor."""
+    """Return the sequence by the split's actor."""
     body = subject_body(sequence.body, seed=7 if split == "tune" else 107)
     paths = [path for motion, most in sequence.motions for path in clips_of(ACTORS[split], motion)[:most]]
     parts: list[tuple[np.ndarray, str | None]] = []
@@ -108,7 +108,7 @@ def perform(sequence: MotionSequence, split: str, *, filler: bool = False) -> Pe
 
 
 def record_sequence(sequence: MotionSequence, split: str, work: Path) -> tuple[Path, Performed]:
-    """The sequence as a recording in `work`, made if it is not there yet, and what was performed."""
+    """Return the sequence as a recording in `work`, made if missing, and its poses."""
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
     digest = digest_of((perform,), folders, sequence, split)
     path = work / "sequences" / f"{sequence.name}_{split}_{digest}.npz"

@@ -1,4 +1,4 @@
-"""Trackers misled on purpose: wrong poses, and a person's state as if one of them had been the last result."""
+"""Trackers with wrong states: wrong poses, and a person's state as if one of them had been the last result."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def wrong_pose(kind: str, pose: np.ndarray, poses: np.ndarray, rng: np.random.Ge
 
 
 def misled(state: PersonState, wrong: np.ndarray) -> PersonState:
-    """The state as if `wrong` (P,) had been the result of the frame before.
+    """Return the state as if `wrong` (P,) had been the result of the previous frame.
 
     Raises
     ------

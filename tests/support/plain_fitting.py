@@ -1,4 +1,4 @@
-"""The local optimisation from NumPy and SciPy, the oracle of the compiled one (Baak 2013, 5.4.1).
+"""Local optimisation in NumPy and SciPy, the reference for the compiled one (Baak 2013, 5.4.1).
 
 The correspondences are those of `Open3DScene`.
 """
@@ -25,11 +25,11 @@ from toolkit.fitting.terms import CLOUD_PLANE, CLOUD_POINT, CloudTerm, SurfaceTe
 
 
 class PlainPlacer(Placer):
-    """Places bodies by vectorised NumPy."""
+    """Placer of bodies in vectorised NumPy."""
 
     @classmethod
     def like(cls, placer: Placer) -> PlainPlacer:
-        """Before the same camera."""
+        """Return a placer with the same camera."""
         plain = cls.__new__(cls)
         vars(plain).update(vars(placer))
         return plain
@@ -40,7 +40,7 @@ class PlainPlacer(Placer):
 
 
 class PlainPlacedBody(PlacedBody):
-    """A body that is placed and drawn by vectorised NumPy."""
+    """Body placed and drawn in vectorised NumPy."""
 
     def __init__(self, placer: Placer, body: Body, pose: np.ndarray, rest_normals: np.ndarray) -> None:
         self.placer, self.body = placer, body
@@ -70,7 +70,7 @@ class PlainPlacedBody(PlacedBody):
 
     @cached_property
     def drawn(self) -> Drawn:
-        """The whole image: every pixel of every triangle's box at once, the nearest triangle of a pixel wins."""
+        """Draw the whole image: all pixels of each triangle's box at once; the nearest triangle of a pixel is kept."""
         fx, fy, cx, cy = self.placer.intrinsics
         faces, (height, width) = self.placer.faces, self.placer.camera.shape
         x, y, z = self.vertices.T
@@ -131,7 +131,7 @@ class PlainPlacedBody(PlacedBody):
 
 
 def left_jacobians(vectors: np.ndarray) -> np.ndarray:
-    """Left Jacobians (J, 3, 3) of the exponential map at rotation vectors (J, 3)."""
+    """Return left Jacobians (J, 3, 3) of the exponential map at rotation vectors (J, 3)."""
     squared = (vectors**2).sum(axis=1)
     small = squared < 1e-8
     angle = np.sqrt(np.where(small, 1.0, squared))
@@ -171,7 +171,7 @@ class PlainSystem(NormalSystem):
         )
 
     def assemble(self, placed: PlacedBody) -> None:
-        """See `NormalSystem.assemble`, which brings in the pairs of the terms that are not plain."""
+        """Assemble as `NormalSystem.assemble`, with the pairs of the terms that are not plain."""
         super().assemble(placed)
         joints, points, normals, residual, plane, point = (
             np.concatenate(part) for part in zip(*self._rows, strict=True)
@@ -191,7 +191,7 @@ class PlainSystem(NormalSystem):
 
 
 class PlainSurfaceTerm(SurfaceTerm):
-    """Adds its pairs to a `PlainSystem`."""
+    """Surface term that adds its pairs to a `PlainSystem`."""
 
     def add(self, system: Any, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
@@ -201,7 +201,7 @@ class PlainSurfaceTerm(SurfaceTerm):
 
 
 class PlainCloudTerm(CloudTerm):
-    """Adds its pairs to a `PlainSystem`."""
+    """Cloud term that adds its pairs to a `PlainSystem`."""
 
     def add(self, system: Any, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
@@ -238,14 +238,14 @@ def plain_solve(
 
 
 def plain_refiner(placer: PlainPlacer, settings: FittingSettings, pose_terms: Sequence[PoseTerm] = ()) -> Refiner:
-    """A refiner whose every step is NumPy or SciPy."""
+    """Return a refiner whose steps all use NumPy or SciPy."""
     plain = {SurfaceTerm: PlainSurfaceTerm, CloudTerm: PlainCloudTerm}
     terms = [plain[type(term)](**vars(term)) if type(term) in plain else term for term in pair_terms(settings)]
     return Refiner(placer, settings, pose_terms, terms=terms, system=PlainSystem(), solve=plain_solve)
 
 
 class PlainObjective(Objective):
-    """An objective of the same settings whose every step is NumPy or SciPy."""
+    """Objective of the same settings in NumPy and SciPy."""
 
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Objective.compare`."""
@@ -270,5 +270,5 @@ class PlainObjective(Objective):
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:
-    """Mean of distances (N,) of which NaN and what exceeds the cap count as the cap; the cap for none at all."""
+    """Return the mean of distances (N,), each capped, NaN counted as the cap; the cap for no distances."""
     return float(np.minimum(np.where(np.isnan(distances), cap, distances), cap).mean()) if len(distances) else cap

@@ -1,4 +1,4 @@
-"""The landmarks from NumPy and SciPy alone: the measure of the compiled ones (Baak 2013, 5.3.4 and 5.4.2)."""
+"""Landmarks in NumPy and SciPy, the reference for the compiled ones (Baak 2013, 5.3.4 and 5.4.2)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toolkit.sensing.cloud import Cloud
 
 
 def plain_graph(cloud: Cloud, settings: LandmarkSettings) -> tuple[csr_matrix, np.ndarray]:
-    """Edge lengths (N, N), metres, of the connected grid graph, and the mask (N,) of its largest component."""
+    """Return edge lengths (N, N), metres, of the connected grid graph, and the mask (N,) of its largest component."""
     index, points = cloud.index, cloud.points
     here, there = [], []
     for dv, du in ((0, 1), (1, -1), (1, 0), (1, 1)):
@@ -54,13 +54,13 @@ def plain_graph(cloud: Cloud, settings: LandmarkSettings) -> tuple[csr_matrix, n
 
 
 def _in_units(differences: np.ndarray) -> np.ndarray:
-    """Lengths of differences (E, 3) in whole units of `cloud_graph.UNIT`, float64 (E,)."""
+    """Return lengths of differences (E, 3) in whole units of `cloud_graph.UNIT`, float64 (E,)."""
     x, y, z = differences.T
     return np.maximum(np.floor(np.sqrt(x * x + y * y + z * z).astype(np.float64) / UNIT + 0.5), 1.0)
 
 
 def plain_extrema(matrix: csr_matrix, points: np.ndarray, source: int, count: int) -> Extrema:
-    """A whole Dijkstra per extremum, the earlier ones joined to the source at no cost."""
+    """Return extrema by one whole Dijkstra each; earlier extrema join the source at no cost."""
     nodes: list[int] = []
     reach: list[float] = []
     visited: list[int] = []
@@ -84,13 +84,13 @@ def plain_extrema(matrix: csr_matrix, points: np.ndarray, source: int, count: in
 def plain_source(
     points: np.ndarray, largest: np.ndarray, centre: np.ndarray, settings: LandmarkSettings, scale: float
 ) -> int:
-    """Node of the largest component nearest to the hips; see `source_node`."""
+    """Return the node of the largest component nearest to the hips; see `source_node`."""
     squared = ((points - (centre - [0.0, scale * settings.source_drop, 0.0])) ** 2).sum(axis=1)
     return int(np.where(largest, squared, np.inf).argmin())
 
 
 def plain_centre(points: np.ndarray, start: np.ndarray | None, scale: float) -> np.ndarray:
-    """Mean shift with the upright ellipsoid; see `cloud_centre`."""
+    """Return the mean shift with the upright ellipsoid; see `cloud_centre`."""
     axes = scale * np.array([WIDTH, HEIGHT, WIDTH])
     starts = [np.median(points, axis=0).astype(np.float64)]
     if start is not None:

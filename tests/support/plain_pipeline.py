@@ -1,4 +1,4 @@
-"""The hybrid tracker from SciPy's Dijkstra, Open3D's kd-trees and NumPy, the oracle of the compiled one.
+"""Hybrid tracker with SciPy's Dijkstra, Open3D's kd-trees and NumPy, the reference for the compiled one.
 
 Plain are the landmarks, the solver and the drawn body; correspondences and lookup are the settings `open3d`, as in
 `configs/baak2013.yaml`. Cleaning, the joint network and the arms' chains of balls are the compiled ones.
@@ -24,7 +24,7 @@ from toolkit.tracking.observation import Observation, Observer
 
 
 class PlainObservation(Observation):
-    """An observation whose landmarks come from SciPy and NumPy."""
+    """Observation whose landmarks come from SciPy and NumPy."""
 
     @cached_property
     def centre(self) -> np.ndarray:
@@ -41,13 +41,13 @@ class PlainObservation(Observation):
 
 
 class PlainObserver(Observer):
-    """Looks at sightings by SciPy and NumPy."""
+    """Observer with SciPy and NumPy."""
 
     kind = PlainObservation
 
 
 class PlainTracker(HybridTracker):
-    """The hybrid tracker without compiled code; the body is learnt by the compiled code, the same for both."""
+    """Hybrid tracker without compiled code; the body is learnt by the same compiled code in both."""
 
     def __init__(self, database: PoseDatabase, settings: HybridSettings | None = None) -> None:
         settings = settings or HybridSettings()

@@ -1,4 +1,4 @@
-"""Figures of a scene: no person, one or several, of whom the camera sees only a part."""
+"""Figures of a scene with no person, one or several, of which the camera sees a part."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from toolkit.sensing.recording import Recording
 from toolkit.tracks import EMPTY, TRACKED, Track
 
 THERE = 5
-"""Seen joints from which on a person ought to be found."""
+"""Smallest number of visible joints of a person who has to be found."""
 SOON = 0.5
-"""Seconds within which a person who comes should be found."""
+"""Seconds within which an entering person should be found."""
 CONFIDENT = 0.5
-"""Confidence above which a joint that is not seen is taken at its word."""
+"""Confidence above which a joint that is not visible counts as claimed."""
 CONFIDENCE_WITHIN = 0.05
-"""Metres: what a confidence is the probability of (`FrameResult.confidence`)."""
+"""Metres of the error whose probability a confidence is (`FrameResult.confidence`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def score_scene(recording: Recording, tracks: Sequence[Track]) -> SceneScore:
 
 
 def _stacked(tracks: Sequence[Track], frames: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Joints (T, M, 20, 3), confidence (T, M, 20) and states (T, M) of all tracks, empty after a track's end."""
+    """Return joints (T, M, 20, 3), confidence (T, M, 20) and states (T, M) of all tracks, empty after a track's end."""
     joints = np.zeros((frames, len(tracks), 20, 3))
     confidence = np.zeros((frames, len(tracks), 20))
     states = np.full((frames, len(tracks)), EMPTY, dtype=np.uint8)
@@ -103,7 +103,7 @@ def _stacked(tracks: Sequence[Track], frames: int) -> tuple[np.ndarray, np.ndarr
 
 
 def _distances(truth: np.ndarray, joints: np.ndarray, seen: np.ndarray, active: np.ndarray) -> np.ndarray:
-    """Mean distance (T, N, M) of the joints that are seen, of all where none is; NaN where either is absent."""
+    """Return mean distances (T, N, M) of the visible joints, of all joints if none is; NaN where either is absent."""
     between = np.linalg.norm(truth[:, :, None] - joints[:, None], axis=-1)
     counted = np.where(seen.any(axis=2, keepdims=True), seen, np.isfinite(truth).all(axis=-1))[:, :, None]
     total = np.where(counted, between, 0.0).sum(axis=-1)
@@ -115,7 +115,7 @@ def _distances(truth: np.ndarray, joints: np.ndarray, seen: np.ndarray, active: 
 def _errors(
     truth: np.ndarray, joints: np.ndarray, confidence: np.ndarray, distances: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors and confidences (T, N, 20) of the best assignment of every frame."""
+    """Return errors and confidences (T, N, 20) of the best assignment of each frame."""
     known = np.isfinite(truth).all(axis=-1)
     errors = np.where(known, CAP, np.nan)
     held = np.full(errors.shape, np.nan)
@@ -129,7 +129,7 @@ def _errors(
 
 
 def _delays(there: np.ndarray, found: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
-    """Seconds from the first frame in which a person is there to the first one from then on in which they are found."""
+    """Return seconds from a person's first frame in view to the first one with their track."""
     delays = np.full(there.shape[1], np.nan)
     for person in np.flatnonzero(there.any(axis=0)):
         coming = int(there[:, person].argmax())
@@ -139,7 +139,7 @@ def _delays(there: np.ndarray, found: np.ndarray, timestamps: np.ndarray) -> np.
 
 
 def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
-    """Figures of a group of recordings, by name; None where there is nothing to take one from.
+    """Return figures of a group of recordings, by name; None for a figure without samples.
 
     `error_mm` and `a100`, of the seen joints, are means over the recordings. All others are taken over all frames of
     all recordings: `switches`, `misses`, `false`, `unobserved` and the like count, the rest are shares.

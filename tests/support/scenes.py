@@ -33,18 +33,18 @@ from toolkit.simulation.simulate import AIM_HEIGHT, CaptureSettings, simulate_sc
 
 GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty")
 VIEWS = ("cut", "background", "room")
-"""Already cut out, in a room with its empty scene, in a room without it."""
+"""Views: person already segmented, room with its empty scene, room without it."""
 ROOM_GROUPS = ("enter", "carry", "together", "crowd", "rooms", "stills", "vacant")
 EMPTY_ROOMS, EMPTY_FRAMES, VACANT_FRAMES = 10, 45, 300
-"""Recordings without people in each split, bare and furnished, and their lengths."""
+"""Number of recordings without people in each split, bare and furnished, and their lengths in frames."""
 MARGIN = 0.14
-"""Metres from a joint to the outline of a body, at most."""
+"""Largest distance from a joint to the body's outline, metres."""
 PIECES = ((0.35, 1.75, 0.35), (0.85, 0.9, 0.8), (0.8, 2.0, 0.35), (1.2, 0.74, 0.7), (0.3, 1.3, 0.3), (0.5, 0.5, 0.5))
-"""Width, height and depth in metres of what stands in an empty room: a coat stand, an armchair, a shelf, ..."""
+"""Width, height and depth in metres of objects in an empty room: a coat stand, an armchair, a shelf, ..."""
 
 
 def _empty_rooms(split: str) -> tuple[Scene, ...]:
-    """Rooms with three to six things that stand apart from each other; the camera is anywhere."""
+    """Return rooms with three to six separate objects and random cameras."""
     rooms = []
     for i in range(EMPTY_ROOMS):
         rng = np.random.default_rng([("tune", "report").index(split), i])
@@ -66,7 +66,7 @@ def _empty_rooms(split: str) -> tuple[Scene, ...]:
 
 
 def _vacant_rooms(split: str) -> tuple[Scene, ...]:
-    """Furnished rooms without people, cameras from 0.5 to 2.5 m above the floor."""
+    """Return furnished rooms without people, cameras 0.5 to 2.5 m above the floor."""
     rooms, first = [], {"tune": 200, "report": 300}[split]
     for i in range(EMPTY_ROOMS):
         rng = np.random.default_rng([first, i])
@@ -87,7 +87,7 @@ def _touch(first: Box, second: Box) -> bool:
 
 
 def scenes(split: str, groups: tuple[str, ...] = GROUPS) -> tuple[Scene, ...]:
-    """The scenes of `tune` or `report`, each with its view and seed; of bundled motions where there is no mocap."""
+    """Return the scenes of `tune` or `report` with views and seeds; of bundled motions if there is no mocap."""
     base = 0 if split == "tune" else 100
     chosen = [*listed("recorded", split), *_empty_rooms(split)]
     found = [replace(scene, seed=base + i, view=_view(scene, i)) for i, scene in enumerate(chosen)]
@@ -99,27 +99,27 @@ def scenes(split: str, groups: tuple[str, ...] = GROUPS) -> tuple[Scene, ...]:
 
 
 def _view(scene: Scene, number: int) -> str:
-    """The three views in turn; of empty rooms one is cut out, and every other one holds its empty scene."""
+    """Return one of the three views in turn; one empty room is segmented, every other one has its empty scene."""
     if scene.group != "empty":
         return VIEWS[number % 3]
     return "cut" if number % EMPTY_ROOMS == 0 else VIEWS[1 + number % 2]
 
 
 def _bundled(scene: Scene, number: int) -> Scene:
-    """The scene with bundled motions instead of mocap."""
+    """Return the scene with bundled motions in place of mocap."""
     names = [f"bundled_{SUBJECT_MOTIONS[(number + k) % len(SUBJECT_MOTIONS)]}" for k in range(len(scene.actors))]
     actors = (replace(actor, clip=name, start=0.0) for actor, name in zip(scene.actors, names, strict=True))
     return replace(scene, actors=tuple(actors))
 
 
 def chosen_scenes(split: str, groups: tuple[str, ...] = (), count: int | None = None) -> list[Scene]:
-    """Scenes of a split, of some groups only (of `GROUPS` unless they are named), and of each group at most `count`."""
+    """Return the scenes of a split, of some groups (default `GROUPS`), at most `count` of each."""
     found = scenes(split, groups or GROUPS)
     return [scene for group in groups or GROUPS for scene in [s for s in found if s.group == group][:count]]
 
 
 def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: bool = False) -> Path:
-    """The scene as a recording in `work`, of at most `frames` frames, made if it is not there yet; or in colour."""
+    """Return the scene as a recording in `work` of at most `frames` frames, made if missing; optionally in colour."""
     made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of)
     folders = ["toolkit/simulation", "toolkit/simulation/interiors", "toolkit/mocap", "toolkit/body"]
     frames = min(scene.frames, frames or scene.frames)
@@ -132,7 +132,7 @@ def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: 
 
 
 def shot_of(scene: Scene, people: Sequence[SimulatedPerson]) -> CaptureSettings:
-    """How a scene of these people is recorded."""
+    """Return the render settings of a scene with these people."""
     distance = scene.distance
     if distance is None:
         (person,) = people
@@ -145,7 +145,7 @@ def shot_of(scene: Scene, people: Sequence[SimulatedPerson]) -> CaptureSettings:
 
 
 def distance_needed(person: SimulatedPerson, sensor: str, height: float) -> float:
-    """Smallest distance in metres, in steps of 10 cm, at which all of the person's motion is in the image.
+    """Return the smallest distance in metres, in steps of 10 cm, with the person's whole motion in the image.
 
     The camera is `height` metres above the floor and looks at the middle of the body as it stands.
     """
@@ -165,7 +165,7 @@ def distance_needed(person: SimulatedPerson, sensor: str, height: float) -> floa
 
 
 def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[SimulatedPerson]:
-    """The actors with their motions of at most `frames` frames; who does not pass stays as long as the longest lasts.
+    """Return the actors with motions of at most `frames` frames; people who stay last as long as the longest motion.
 
     Their bodies are their own unless one is given for all of them.
     """
@@ -199,11 +199,11 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
 
 
 MOVED = (*acts.PATHS, "hug", "give")
-"""Paths that say where a person is in every frame."""
+"""Paths that determine a person's place in each frame."""
 
 
 def _played(actor: Actor, scene: Scene, poses: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of an actor as their path and what they hold have it."""
+    """Return poses (T, P) of an actor along the path, with the held object."""
     if actor.path not in ("walks", "passes"):
         poses = in_place(poses)
     if actor.holds is not None and actor.path != "give":
@@ -212,7 +212,7 @@ def _played(actor: Actor, scene: Scene, poses: np.ndarray) -> np.ndarray:
         return acts.meeting(actor.path, actor.side, actor.at, poses)
     if actor.path in acts.PATHS:
         camera = make_sensor(scene.sensor).camera
-        assert scene.distance is not None  # of who comes from beside the image
+        assert scene.distance is not None  # for people who enter from outside the image
         far = acts.out_of_sight(actor.side, actor.at[1], scene.distance, camera.cx / camera.fx)
         return acts.travelled(poses, *acts.path_of(actor.path, actor.at, far, len(poses)))
     return poses

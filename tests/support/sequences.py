@@ -17,23 +17,23 @@ from toolkit.simulation.joining import joined
 from toolkit.simulation.simulate import simulate_recording
 
 SEQUENCES = {"MS_1": "athletic_male", "MS_2": "heavy_male", "FS_1": "slim_female", "FS_2": "average_female"}
-"""Name of the sequence -> name of the subject; each has deformations that no body of the shape space has."""
+"""Sequence -> subject; each subject has deformations outside the shape space."""
 FRAMES = 720
 MOTIONS = (("02_06", 5.0), ("bundled_jumping_jack", 0.0), ("bundled_twist", 0.0))
-"""What they do, and how many seconds of it are skipped."""
+"""Motions, and skipped seconds of each."""
 BENDS = "bundled_bend_forward"
-"""In place of the first motion where there is no mocap."""
+"""Replacement of the first motion if there is no mocap."""
 DISTANCE = 3.0
-"""Metres from the camera."""
+"""Distance from the camera, metres."""
 
 
 def sequence_body(name: str) -> Body:
-    """The subject of a sequence, before dressing."""
+    """Return the subject of a sequence, before dressing."""
     return subject_body(SEQUENCES[name], seed=sorted(SEQUENCES).index(name))
 
 
 def record_sequence(name: str, work: Path, frames: int = FRAMES) -> Path:
-    """A sequence as a recording of `frames` frames in colour and depth, in `work`; made if it is not there yet."""
+    """Return a sequence as a recording of `frames` frames in colour and depth, in `work`; made if missing."""
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
     digest = digest_of((performed, sequence_body, cut, in_place, motion_of), folders, name, frames)
     path = work / "recordings" / f"{name}_{digest}.npz"
@@ -47,7 +47,7 @@ def record_sequence(name: str, work: Path, frames: int = FRAMES) -> Path:
 
 
 def performed(body: Body, frames: int) -> PoseClip:
-    """The three motions on a body, one after the other, `frames` in all."""
+    """Return the three motions on a body, one after the other, `frames` in all."""
     each, parts = -(-frames // len(MOTIONS)), []
     for motion, start in MOTIONS:
         chosen = motion if motion.startswith("bundled_") or has_mocap() else BENDS

@@ -1,4 +1,4 @@
-"""One person of one recording, frame by frame: for scripts that look at every step."""
+"""One person of one recording, frame by frame, for scripts that examine each step."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from toolkit.tracks import FrameResult
 
 
 class Solo:
-    """Follows the one person of a recording; frames may be given in any order, or again.
+    """Follower of the one person of a recording; frames may be given in any order, or again.
 
     Parameters
     ----------
@@ -53,7 +53,9 @@ class Solo:
         return self.follower.body
 
     def step(self, depth_mm: np.ndarray, timestamp: float, joints: tuple[Joints2D, ...] = ()) -> FrameResult:
-        """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds, see `Frame`."""
+        """Return the result for the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds, see
+        `Frame`.
+        """
         clock = StageClock(self._tracker.stage_names)
         sighting = self._sighting(self._finder, Frame(depth_mm, timestamp, joints))
         return self.follower.step(sighting, timestamp, clock)

@@ -1,4 +1,4 @@
-"""Moving subjects before a depth camera, without any file: the input of the speed benchmarks."""
+"""Moving subjects in front of a depth camera, without files: the input of the speed benchmarks."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from toolkit.sensing.cloud import Cloud
 LEVEL = np.diag([1.0, -1.0, -1.0])
 """`R_level_camera` of a camera that looks horizontally."""
 DISTANCE = 2.8
-"""Metres from the camera to the subject."""
+"""Distance from the camera to the subject, metres."""
 
 
 def moving_poses(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Poses (count, P), level frame: every joint swings within a third of its limits about standing with arms down.
+    """Return poses (count, P), level frame: joints swing within a third of their limits about standing with arms down.
 
     Frequencies of 0.2 to 0.6 Hz at 30 frames a second; the body turns by up to 30 degrees.
     """
@@ -39,7 +39,7 @@ def moving_poses(count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def draw(body: Body, pose: np.ndarray, camera: Camera, rng: np.random.Generator) -> np.ndarray:
-    """Depth image float32 (H, W), metres, 0 = nothing, of a body in a pose (level frame), with noise of 4 mm."""
+    """Return the depth image float32 (H, W), metres, 0 = nothing, of a body in a pose (level frame), with 4 mm noise."""
     vertices_camera = body.vertex_positions(pose) @ LEVEL
     projected = np.empty_like(vertices_camera)
     raster.project(vertices_camera, np.asarray(camera.intrinsics, dtype=np.float64), projected)
@@ -52,14 +52,14 @@ def draw(body: Body, pose: np.ndarray, camera: Camera, rng: np.random.Generator)
 
 
 def camera_for(pixels: float) -> Camera:
-    """A camera of the field of view of a Kinect that sees `pixels` pixels of the average subject at `DISTANCE`."""
+    """Return a camera with a Kinect's field of view that sees `pixels` pixels of the average subject at `DISTANCE`."""
     scale = np.sqrt(pixels / 5270.0)
     width, height = round(320 * scale), round(240 * scale)
     return Camera(285.6 * scale, 285.6 * scale, (width - 1) / 2, (height - 1) / 2, width, height)
 
 
 def moving_clouds(pixels: float, count: int) -> list[Cloud]:
-    """Clouds of `count` frames of a moving subject with about `pixels` points each."""
+    """Return clouds of `count` frames of a moving subject with about `pixels` points each."""
     rng = np.random.default_rng(0)
     body = subject_body("neutral", seed=0)
     camera = camera_for(pixels)

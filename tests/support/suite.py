@@ -1,4 +1,4 @@
-"""The simulated suite: people who are not the tracker's body, before two sensors, with exact truth.
+"""Simulated suite: people with other bodies than the tracker's, two sensors, exact truth.
 
 Five groups of takes: basic, fast (kicks, throws, hops, jogs), turn (the subject is spun about the vertical by 180 to
 360 degrees, by construction), side (seen from 45 to 90 degrees) and low (squats, bends, the floor). The database is
@@ -49,24 +49,24 @@ SHORTEST, LONGEST = 60, 130
 TREADMILL = 0.8
 """Metres of travel over the floor above which the subject is kept in place."""
 SLOW = 0.5
-"""Seconds: standard deviation of the Gaussian that tells the path from the swaying."""
+"""Standard deviation, seconds, of the Gaussian that separates the path from the swaying."""
 BODIES = ("slim_male", "heavy_female", "tall_male", "child", "short_female", "heavy_male", "teenager", "slim_female")
 
 
 def has_mocap() -> bool:
-    """Whether the suite is made of real mocap."""
+    """Return True if the suite is made of real mocap."""
     return MOCAP.is_dir()
 
 
 def takes(split: str) -> tuple[Scene, ...]:
-    """The takes of `tune` or `report`; of bundled motions where there is no mocap."""
+    """Return the takes of `tune` or `report`; of bundled motions if there is no mocap."""
     first = 0 if split == "tune" else 100
     chosen = listed("clean", split) if has_mocap() else _bundled(first)
     return tuple(replace(take, seed=take.seed + first + i) for i, take in enumerate(chosen))
 
 
 def _bundled(first: int) -> list[Scene]:
-    """Takes of the bundled `subject` motions: basic and fast from the front, turning, from the side, and low."""
+    """Return takes of the bundled `subject` motions: basic and fast from the front, turning, from the side, and low."""
     found = []
     for i, motion in enumerate(name for name in SUBJECT_MOTIONS if name != "half_squat_reach"):
         sensor, height = ("tof", "kinect")[i % 2], (1.0, 1.6, 0.7)[i % 3]
@@ -86,14 +86,14 @@ def _take(group: str, actor: Actor, sensor: str, height: float, seed: int, view:
 
 
 def chosen_takes(split: str, groups: Sequence[str] = (), count: int | None = None) -> list[Scene]:
-    """Takes of a split, of some groups only, and of each group at most `count`."""
+    """Return the takes of a split, of some groups, at most `count` of each."""
     wanted = groups or GROUPS
     by_group = {group: [take for take in takes(split) if take.group == group] for group in wanted}
     return [take for group in wanted for take in by_group[group][:count]]
 
 
 def cut(poses: np.ndarray, start: float, frames: int, shortest: int = SHORTEST) -> np.ndarray:
-    """At most `frames` poses (T, P) from `start` seconds on; fewer than `shortest` are played there and back."""
+    """Return at most `frames` poses (T, P) from `start` seconds on; fewer than `shortest` are repeated in reverse."""
     poses = poses[round(start * RATE) :]
     if len(poses) < shortest:
         there_and_back = np.concatenate([poses, poses[-2:0:-1]])
@@ -102,7 +102,7 @@ def cut(poses: np.ndarray, start: float, frames: int, shortest: int = SHORTEST) 
 
 
 def in_place(poses: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of a person who travels as if on a treadmill; of any other as they are."""
+    """Return poses (T, P) of a travelling person as on a treadmill; of any other unchanged."""
     poses = poses.copy()
     floor_path = poses[:, [0, 2]]
     if np.ptp(floor_path, axis=0).max() > TREADMILL:
@@ -111,25 +111,29 @@ def in_place(poses: np.ndarray) -> np.ndarray:
 
 
 def spun(poses: np.ndarray, degrees: float) -> np.ndarray:
-    """Poses (T, P) turned about the vertical through their mean place, evenly up to `degrees` in the last one."""
+    """Return poses (T, P) rotated about the vertical through their mean place, evenly up to `degrees` in the last
+    one.
+    """
     middle = mean_place(poses)
     return turned(poses, np.deg2rad(np.linspace(0.0, degrees, len(poses)))[:, None], middle, middle)
 
 
 def motion_of(motion: str, body: Body, *, seed: int = 0, fast: bool = False) -> PoseClip:
-    """A motion on a body at `RATE`: `bk_squat_013`, `02_05` or `bundled_archery`, which may be fast (by a half)."""
+    """Return a motion on a body at `RATE`: `bk_squat_013`, `02_05` or `bundled_archery`, optionally 1.5 times as
+    fast.
+    """
     kind, _, name = motion.partition("_")
     if kind == "bundled":
         return procedural_clips([name], rate=RATE / 1.5 if fast else RATE, body=body, seed=seed)[0]
     (path,) = motion_files(motion)
     clip = read_clip(path)
     if kind.isdigit():
-        clip = clip.sliced(1, len(clip))  # the first frame of CMU clips is a T-pose and no motion
+        clip = clip.sliced(1, len(clip))  # the first frame of CMU clips is a T-pose
     return retarget(clip.resampled(RATE), body)
 
 
 def motion_files(motion: str) -> list[Path]:
-    """Files that `bk_squat_013` or `02_05` may mean; it should be one."""
+    """Return the files of `bk_squat_013` or `02_05`; one is expected."""
     actor, _, rest = motion.partition("_")
     if actor.isdigit():
         return list(MOCAP.glob(f"cmu/{motion}.bvh"))
@@ -140,7 +144,7 @@ def motion_files(motion: str) -> list[Path]:
 def database(
     work: Path, threshold: float = THRESHOLD, parts: RegressorSettings | None = None, progress: Progress = silent
 ) -> Path:
-    """The pose database of the suite, with its joint regressor, made if it is not there yet."""
+    """Return the path of the suite's pose database with its regressor, made if missing."""
     parts = parts or RegressorSettings()
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
     path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold, parts)}.npz"
@@ -150,7 +154,7 @@ def database(
 
 
 def database_sources() -> list[Path] | None:
-    """Mocap of the actors who are in no take; None where there is no mocap."""
+    """Return the mocap of the actors in no take; None if there is no mocap."""
     if not has_mocap():
         return None
     cmu = [p for p in sorted(MOCAP.glob("cmu/*.bvh")) if p.stem.split("_")[0] not in ("02", "49")]
@@ -158,7 +162,7 @@ def database_sources() -> list[Path] | None:
 
 
 def digest_of(functions: Iterable[Callable[..., Any]], folders: Iterable[str], *settings: object) -> str:
-    """Ten digits that change with the settings and with any source or asset that the result is made by."""
+    """Return ten digits that depend on the settings and on each source or asset of the result."""
     digest = hashlib.sha256(repr((settings, has_mocap())).encode())
     for function in functions:
         digest.update(inspect.getsource(function).encode())

@@ -1,4 +1,4 @@
-"""The suite of upper bodies: people seen from the waist up, with exact truth.
+"""Suite of upper bodies: people seen from the waist up, with exact truth.
 
 Six groups: cut by the image, behind a desk, on a chair, near the camera (hands within half a metre), wide (raised arms
 leave the image) and turned. The camera is aimed so that the image ends `CUT` below the neck. The splits share no actor,
@@ -24,15 +24,15 @@ from toolkit.simulation.sensors import make_sensor
 
 GROUPS = ("cut", "desk", "chair", "camera", "wide", "turned")
 MORE = ("crossing", "lap")
-"""Groups that are no part of the suite's figures."""
+"""Groups outside the suite's figures."""
 CUT = 0.45
-"""Metres below the neck at which the image ends: at the waist."""
+"""Metres below the neck at which the image ends (waist)."""
 CUTS = {"lap": 0.95}
-"""Where it ends in other groups: below a lap."""
+"""The same for other groups: below a lap."""
 
 
 def upper_scenes(split: str, groups: tuple[str, ...] = GROUPS, count: int | None = None) -> list[Scene]:
-    """The takes of `tune` or `report`, of some groups only, and of each group at most `count`."""
+    """Return the takes of `tune` or `report`, of some groups, at most `count` of each."""
     base = 0 if split == "tune" else 100
     numbered = list(enumerate(listed("upper", split), start=base))
     chosen = [own for group in groups for own in [own for own in numbered if own[1].group == group][:count]]
@@ -40,7 +40,7 @@ def upper_scenes(split: str, groups: tuple[str, ...] = GROUPS, count: int | None
 
 
 def _aimed(scene: Scene, seed: int) -> Scene:
-    """The scene with its seed, and the camera's height and tilt, which depend on the body."""
+    """Return the scene with its seed, and the camera's height and tilt for the body."""
     actor = scene.actor
     if not suite.has_mocap() and not actor.clip.startswith("bundled"):
         actor = replace(actor, clip=f"bundled_{SUBJECT_MOTIONS[seed % len(SUBJECT_MOTIONS)]}", start=0.0)

@@ -1,4 +1,4 @@
-"""People who walk, squat and rise from seats by construction: strides, durations and contacts are known exactly."""
+"""Synthetic people who walk, squat and rise from seats: strides, durations and contacts are exact."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole
 
 KNEE_SPARE = 0.995
-"""Share of the leg's length that a stretched leg has at most."""
+"""Largest extension of a leg as a fraction of its length."""
 PITCH = 0.6
-"""Radians by which the heel is raised when a foot leaves the floor."""
+"""Heel pitch when a foot leaves the floor, radians."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """A walk straight ahead, along +z.
+    """Walk straight ahead, along +z.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Walk:
 
 
 def walking(body: Body, walk: Walk, seconds: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (T, P), floor at y = 0, and which foot carries (T, 2), left first."""
+    """Return poses (T, P), floor at y = 0, and foot contacts (T, 2), left first."""
     times = np.arange(round(seconds * rate)) / rate
     sole = {leg: Sole.of(body, leg) for leg in FEET}
     ground = -float(sole["left_leg"].points[0, 1])
@@ -61,7 +61,7 @@ def walking(body: Body, walk: Walk, seconds: float, rate: float) -> tuple[np.nda
             pitch, heel, contact[t, side] = _foot(phase, walk)
             ball = sole[leg].points[1]
             level = np.array([0.0, ball[1], ball[2]])
-            # The foot turns about its ball while the heel is raised; `heel` is the ankle's place if it were flat.
+            # The foot rotates about its ball while the heel is raised; `heel` is the ankle's place of a flat foot.
             ankle = np.array([s * 0.5 * walk.width, ground + heel[1], heel[0] + walk.speed * time])
             ankle += level - _pitched(pitch) @ level
             _place_leg(body, pose, leg, ankle, pitch)
@@ -71,7 +71,7 @@ def walking(body: Body, walk: Walk, seconds: float, rate: float) -> tuple[np.nda
 
 
 def _foot(phase: float, walk: Walk) -> tuple[float, np.ndarray, bool]:
-    """Pitch, place of the ankle ahead of the pelvis and above its rest, and whether the foot carries."""
+    """Return pitch, ankle place ahead of the pelvis and above its rest height, and foot contact."""
     share, half = phase % 1.0, 0.5 * walk.stance * walk.stride_length
     if share < walk.stance:
         done = share / walk.stance
@@ -79,14 +79,14 @@ def _foot(phase: float, walk: Walk) -> tuple[float, np.ndarray, bool]:
         return PITCH * rise, np.array([half - done * 2.0 * half, 0.0]), True
     done = (share - walk.stance) / (1.0 - walk.stance)
     smooth = done * done * (3.0 - 2.0 * done)
-    # seen from the ground the foot starts and ends at rest, so the swing goes from place to place without a jerk
+    # the foot is at rest at both ends of the swing, so the path has no jerk
     from_ground = smooth * walk.stride_length - done * (1.0 - walk.stance) * walk.stride_length
     return PITCH * (1.0 - smooth), np.array([-half + from_ground, 0.07 * np.sin(np.pi * done) ** 2]), False
 
 
 @dataclass(frozen=True)
 class Rising:
-    """Down to a seat, or into a squat, and up again, so many times.
+    """Repeated descent to a seat or into a squat, and rise.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Rising:
 
 
 def rising(body: Body, plan: Rising, rate: float) -> np.ndarray:
-    """Poses (T, P), floor at y = 0: feet stay where they are, hips go down and up along a cosine."""
+    """Return poses (T, P), floor at y = 0: feet stay in place, hips move down and up along a cosine."""
     cycle = plan.stand + 2.0 * plan.duration + plan.rest
     times = np.arange(round((plan.count * cycle + plan.stand) * rate)) / rate
     ground = -float(Sole.of(body, "left_leg").points[0, 1])
@@ -128,7 +128,7 @@ def rising(body: Body, plan: Rising, rate: float) -> np.ndarray:
 
 
 def _down(time: float, plan: Rising) -> float:
-    """Share of the way down within a cycle."""
+    """Return the fraction of the descent within a cycle."""
     edges = np.cumsum([plan.stand, plan.duration, plan.rest, plan.duration])
     if time < edges[0]:
         return 0.0
@@ -140,7 +140,7 @@ def _down(time: float, plan: Rising) -> float:
 
 
 def _place_leg(body: Body, pose: np.ndarray, leg: str, ankle: np.ndarray, pitch: float) -> None:
-    """Bend a leg so that its ankle is at a place (3,) and its foot is pitched by so much over the level floor."""
+    """Bend a leg so that its ankle is at a place (3,) and its foot has a pitch over the level floor."""
     side = leg.split("_")[0]
     root = _rotation(_get(pose, "root"))
     hip = pose[:3] + root @ _joint(body, f"{side}_hip")

@@ -1,4 +1,4 @@
-"""One person in any frame: the inputs of the follower, and what is made of its result."""
+"""One person in any frame: the inputs of the follower, and the use of its result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fold over frames with a tracker and a finder made up: who waits, from what a body is learnt, when rows come."""
+"""The loop over frames with fake tracker and finder: waiting people, body learning, time of rows."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LEARNT = 7.0
 
 
 class FakeFinder:
-    """Sees person 1 wherever something was measured, and person 2 from half a second on."""
+    """Finder of person 1 wherever a pixel is measured, and of person 2 from half a second on."""
 
     camera = CAMERA
     evidence: Mapping[int, Evidence] = MappingProxyType({})
@@ -47,7 +47,7 @@ class FakeFinder:
 
 
 def rows_of(crowd: MultiPersonTracker, frames: int = 40, rate: float = 20.0) -> list[tuple[int, list[Row]]]:
-    """Frames of a recording that begins with an empty one, and the rows that come with each."""
+    """Return frames of a recording that begins with an empty one, and the rows of each."""
     depth = np.zeros(CAMERA.shape, dtype=np.uint16)
     depth[20:50, 20:50] = 2000
     return [(k, crowd.step(Frame(depth * (k > 0), k / rate))) for k in range(frames)]
@@ -58,17 +58,17 @@ def test_a_body_is_learnt_from_the_first_seconds_and_all_rows_are_tracked_with_i
     crowd = MultiPersonTracker(tracker, FakeFinder(), UP)
     came = rows_of(crowd)
     first = [(k, [row.frame for row in rows if row.person == 1]) for k, rows in came]
-    # Nobody was seen in frame 0, so that learning lasts from frame 1 to frame 7, and frame 0 waits for it as well.
+    # no person in frame 0, so learning lasts from frame 1 to frame 7, and frame 0 waits too
     assert [k for k, frames in first if frames] == list(range(7, 40))
     assert first[7][1] == list(range(8)) and first[8][1] == [8]
     assert tracker.learnt == [7, 7]
     assert {person: body.scale for person, body in crowd.bodies.items()} == {1: LEARNT, 2: LEARNT}
 
 
-def test_a_finder_is_told_where_people_are_from_their_second_frame_on_also_while_their_bodies_are_learnt() -> None:
+def test_the_finder_receives_predicted_bodies_from_the_second_frame_on() -> None:
     finder = FakeFinder()
     rows_of(MultiPersonTracker(FakeTracker(learning_seconds=0.3), finder, UP))
-    # Person 1 comes in frame 1 and person 2 in frame 10; learning ends in frames 7 and 16.
+    # person 1 enters in frame 1, person 2 in frame 10; learning ends in frames 7 and 16
     assert finder.told == [(), (), *[(1,)] * 9, *[(1, 2)] * 29]
 
 
@@ -80,7 +80,7 @@ def test_who_comes_later_has_rows_for_the_frames_before() -> None:
 
 
 def live_frames(people: LivePeople, frames: int = 40, rate: float = 20.0) -> list[LiveFrame]:
-    """As `rows_of`, one live frame for each frame."""
+    """Return the same as `rows_of`, one live frame for each frame."""
     depth = np.zeros(CAMERA.shape, dtype=np.uint16)
     depth[20:50, 20:50] = 2000
     return [people.advance(Frame(depth * (k > 0), k / rate)) for k in range(frames)]

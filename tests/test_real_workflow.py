@@ -19,8 +19,8 @@ NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
 
 @pytest.fixture(scope="module")
 def runs(cut_recordings: Path, bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run folders of two real recordings, tracked with a database that has seen neither mocap nor depth."""
-    folder = tmp_path_factory.mktemp("road")
+    """Return run folders of two real recordings, tracked with a database of neither their mocap nor depth."""
+    folder = tmp_path_factory.mktemp("workflow")
     recordings = [str(cut_recordings / f"{name}.mat") for name in NAMES]
     with pytest.raises(SystemExit) as stop:
         main(["track", *recordings, "--database", str(bundled_database), "--output", str(folder / "runs")])
@@ -49,7 +49,7 @@ def test_one_table_compares_real_recordings_with_the_sdk_of_their_folder(runs: P
     table = evaluate_runs([runs], [cut_recordings])
     assert [row.recording for row in table] == list(NAMES)
     mean = table.mean()
-    assert mean.error_mm is None  # another system's estimate is no truth
+    assert mean.error_mm is None  # another system's estimate is not truth
     assert mean.agreement is not None and mean.agreement > 0.6
     assert mean.agreement_offsets is not None and mean.agreement_offsets > 0.6
     assert mean.overlap is not None and mean.overlap > 0.7

@@ -1,4 +1,4 @@
-"""Tests and benchmarks hold the product by what it shows."""
+"""Tests and benchmarks use public names of the product; names are unique."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PRODUCT = ("toolkit", "database_builder")
 
 
 def private_names(source: str) -> list[str]:
-    """Names with a leading underscore that a source imports from the product, or asks one of its modules for."""
+    """Return names with a leading underscore that a source imports from the product or reads from its modules."""
     nodes, modules, found = [*ast.walk(ast.parse(source))], set(), []
     for node in nodes:
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PRODUCT:
@@ -41,7 +41,7 @@ def test_a_private_name_would_be_found() -> None:
 
 
 def public_classes(folder: Path) -> dict[str, list[str]]:
-    """Public class -> the files below a folder that define one of this name; kernels' rows of arrays are left out."""
+    """Return each public class with the files that define it; array rows of kernels are left out."""
     found: dict[str, list[str]] = {}
     for path in sorted(folder.rglob("*.py")):
         if not {"kernels", "testing"} & set(path.parts):
@@ -61,7 +61,7 @@ def test_a_class_s_name_means_one_thing_in_the_whole_product() -> None:
 
 
 def assigned_twice(source: str) -> list[str]:
-    """Constants of a module that a later line of it gives another value: whoever read the first reads the second."""
+    """Return constants of a module that are assigned twice."""
     names = [
         target.id
         for node in ast.parse(source).body

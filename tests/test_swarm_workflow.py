@@ -1,4 +1,4 @@
-"""From a motion to a picture without a database, at the command line: simulate, joints, track, evaluate, render."""
+"""Workflow without a database at the command line: simulate, joints, track, evaluate, render."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FRAMES = 6
 
 
 def ends(*words: object) -> int:
-    """With what status the command ends."""
+    """Return the exit code of the command."""
     try:
         main([str(word) for word in words])
     except SystemExit as stopped:

@@ -1,4 +1,4 @@
-"""The one door through which files are opened: ordinary files, and in a given folder no links."""
+"""Safe opening of files: ordinary files only, and no links in a given folder."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MODES = ("rb", "r+b", "w+b", "a+b")
 
 @pytest.fixture(params=["as it is", "without O_NOFOLLOW"])
 def system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """This system, and one whose open does not know how to refuse links."""
+    """This system, and one whose `open` cannot refuse links."""
     if request.param == "without O_NOFOLLOW":
         monkeypatch.setattr(door, "_NO_LINK", 0)
 

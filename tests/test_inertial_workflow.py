@@ -1,5 +1,6 @@
-"""From a bundled motion to an error found, at the command line: simulated with sensors, tracked, calibrated, checked,
-and tracked again with the sensors as guide."""
+"""Inertial workflow at the command line: simulate with sensors, track, calibrate, check, and track with the sensors as
+guide.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +30,8 @@ LIMBS = ("left_forearm", "right_forearm", "pelvis")
 
 
 @pytest.fixture(scope="module")
-def road(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recording, its sensors and the run."""
+def workdir(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a recording, its sensors and the run."""
     folder = tmp_path_factory.mktemp("inertial")
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
     simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, inertial=LIMBS)
@@ -39,45 +40,47 @@ def road(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     return folder
 
 
-def test_an_injected_error_is_found_in_a_real_track(road: Path) -> None:
-    sensors, calibration = road / "take_sensors.npz", road / "calibration.json"
-    typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
+def test_an_injected_error_is_found_in_a_real_track(workdir: Path) -> None:
+    sensors, calibration = workdir / "take_sensors.npz", workdir / "calibration.json"
+    typed("inertial", "calibrate", workdir / "run", "--sensors", sensors, "--output", calibration)
     assert {s.status for s in Calibration.load(calibration).sensors.values()} == {"good"}
-    track = Track.load(road / "run")
+    track = Track.load(workdir / "run")
     poses = track.pose.copy()
     poses[50:80, skeleton.POSE_NAMES.index("right_shoulder_rz")] += 1.3
-    wrong = road / "wrong"
+    wrong = workdir / "wrong"
     wrong.mkdir()
-    RunInfo.load(road / "run").save(wrong)
+    RunInfo.load(workdir / "run").save(wrong)
     Track(**{**vars(track), "pose": poses}).save(wrong)
-    (before,), (after,) = (check_runs([run], [sensors], calibration=calibration) for run in (road / "run", wrong))
+    (before,), (after,) = (check_runs([run], [sensors], calibration=calibration) for run in (workdir / "run", wrong))
     found = [e for e in after.errors if e not in before.errors and e.limb == "right_forearm"]
     assert any(e.start < 60 / RATE < e.end for e in found)
 
 
-def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path, bundled_database: Path) -> None:
-    sensors, calibration, guided = road / "take_sensors.npz", road / "calibration.json", road / "guided"
-    typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
+def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(workdir: Path, bundled_database: Path) -> None:
+    sensors, calibration, guided = workdir / "take_sensors.npz", workdir / "calibration.json", workdir / "guided"
+    typed("inertial", "calibrate", workdir / "run", "--sensors", sensors, "--output", calibration)
     words = ("--database", bundled_database, *KNOWN_SIZE)
-    typed("track", road / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided)
-    truth = open_recording(road / "take.npz").joints
-    plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (road / "run", guided))
+    typed(
+        "track", workdir / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided
+    )
+    truth = open_recording(workdir / "take.npz").joints
+    plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (workdir / "run", guided))
     assert better < plain + 0.005
     with pytest.raises(InertialError, match="with these sensors"):
         take_of(guided, sensors)
 
 
-def test_axes_of_track_and_sensors_are_drawn_side_by_side(road: Path, capsys) -> None:
-    sensors = road / "take_sensors.npz"
-    typed("render", road / "run", "--inertial", sensors, "-o", road / "axes.png", "--to", 3)
-    typed("render", road / "run", "-o", road / "plain.png", "--to", 3)
-    with_axes, plain = (cv2.imread(str(road / name)) for name in ("axes.png", "plain.png"))
+def test_axes_of_track_and_sensors_are_drawn_side_by_side(workdir: Path, capsys) -> None:
+    sensors = workdir / "take_sensors.npz"
+    typed("render", workdir / "run", "--inertial", sensors, "-o", workdir / "axes.png", "--to", 3)
+    typed("render", workdir / "run", "-o", workdir / "plain.png", "--to", 3)
+    with_axes, plain = (cv2.imread(str(workdir / name)) for name in ("axes.png", "plain.png"))
     assert (with_axes != plain).any()
-    found, take = checked_take(road / "run", sensors)
-    axes = limb_axes(found, take, RunInfo.load(road / "run").R_level_camera)
+    found, take = checked_take(workdir / "run", sensors)
+    axes = limb_axes(found, take, RunInfo.load(workdir / "run").R_level_camera)
     known = np.isfinite(axes.measured).all(axis=(2, 3))
     cosines = (axes.tracked * axes.measured).sum(axis=2)[known]
     assert axes.limbs == LIMBS and np.median(cosines) > 0.9
     with pytest.raises(SystemExit) as ended:
-        main(["render", str(road / "run"), "--calibration", "x.json", "-o", str(road / "y.png")])
+        main(["render", str(workdir / "run"), "--calibration", "x.json", "-o", str(workdir / "y.png")])
     assert ended.value.code == 2 and "--calibration needs sensors" in capsys.readouterr().err
