@@ -39,7 +39,7 @@ class FakeSettings:
 
 
 class FakeTracker:
-    """Fake tracker. Its pose is a running mean of the depth; a frame takes `seconds`; frame `broken` raises an error."""
+    """Fake tracker whose pose is a running mean of the depth; a frame takes `seconds`; frame `broken` raises."""
 
     stage_names = ("prepare", "fit")
     source_names = ("local", "database")

@@ -51,7 +51,7 @@ def matrix_of(graph: Graph) -> csr_matrix:
 
 
 def algorithm_1(graph: Graph, source: int, count: int) -> tuple[list[int], list[int], list[int]]:
-    """Return the extrema of Baak 2013, Algorithm 1, line by line; a visit is a node's first removal from Q in a pass."""
+    """Return the extrema of Baak 2013, Algorithm 1; a visit is a node's first removal from Q in a pass."""
     adjacency: dict[int, list[tuple[int, int]]] = {node: [] for node in range(len(graph))}
     for (here, there), length in edges_of(graph).items():
         adjacency[here].append((there, length))
@@ -80,7 +80,7 @@ def algorithm_1(graph: Graph, source: int, count: int) -> tuple[list[int], list[
 
 
 def restarted(graph: Graph, source: int, count: int) -> tuple[list[int], list[float], np.ndarray]:
-    """Return the baseline: zero-cost edges from the source to the found extrema, and SciPy's Dijkstra from the start."""
+    """Return the baseline: zero-cost edges from the source to found extrema, and SciPy's Dijkstra."""
     matrix = matrix_of(graph).tocoo()
     nodes: list[int] = []
     reach: list[float] = []

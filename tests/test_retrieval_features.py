@@ -47,7 +47,7 @@ def moved(**shifts: tuple[float, float, float]) -> dict[str, np.ndarray]:
 
 
 def moving(**velocities: tuple[float, float, float]) -> set[int]:
-    """Return numbers of the features that are 1 during a second in which joints of the standing figure move steadily."""
+    """Return numbers of the features that are 1 during a second of steady motion of joints of the standing figure."""
     motion = still(standing(), frames=120)
     joints = motion.joints.copy()
     for joint, velocity in velocities.items():

@@ -39,7 +39,7 @@ def moving_poses(count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def draw(body: Body, pose: np.ndarray, camera: Camera, rng: np.random.Generator) -> np.ndarray:
-    """Return the depth image float32 (H, W), metres, 0 = nothing, of a body in a pose (level frame), with 4 mm noise."""
+    """Return the depth image float32 (H, W), metres, of a body in a pose (level frame), with 4 mm noise."""
     vertices_camera = body.vertex_positions(pose) @ LEVEL
     projected = np.empty_like(vertices_camera)
     raster.project(vertices_camera, np.asarray(camera.intrinsics, dtype=np.float64), projected)
