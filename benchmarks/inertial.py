@@ -211,7 +211,7 @@ def injected(poses: np.ndarray, pool: np.ndarray, rng: np.random.Generator) -> t
 
 
 def error_figures(
-    tracks: Sequence[tuple[Track, Body, np.ndarray, Any]], pool: np.ndarray, method: str
+    tracks: Sequence[tuple[str, Track, Body, np.ndarray, Any]], pool: np.ndarray, method: str
 ) -> dict[str, Any]:
     """Precision and recall of orientations off by over 45 degrees and of the injected stretches, per kind of limb; the
     same over thresholds (Fig. 7.12), and how well orientations and raw signals tell wrong frames (Fig. 7.13).
@@ -222,7 +222,9 @@ def error_figures(
     off = {name: Scores(0, 0, 0, 0) for name in GROUPS}
     stretches = {name: Scores(0, 0, 0, 0) for name in GROUPS}
     torso: list[np.ndarray] = []
-    for seed, (track, body, truth, simulated) in enumerate(tracks):
+    takes: dict[str, dict[str, list[float]]] = {}
+    for seed, (name, track, body, truth, simulated) in enumerate(tracks):
+        own_off = dict.fromkeys(GROUPS, Scores(0, 0, 0, 0))
         poses, segments = injected(track.pose, pool, np.random.default_rng(seed))
         motion = TrackedMotion.of_poses(body, poses, track.timestamps, track.state == 0, "take")
         true = TrackedMotion.of_poses(body, truth, track.timestamps, name="truth")
@@ -234,12 +236,12 @@ def error_figures(
             if curve.limb == "chest":
                 torso.append(curve.full[np.isfinite(curve.full)])
                 continue
-            kind = next(name for name, part in GROUPS.items() if curve.limb.endswith(part))
+            kind = next(kind for kind, part in GROUPS.items() if curve.limb.endswith(part))
             wrong = quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb)) > TURNED
             above = np.nan_to_num(curve.full) > 45.0
             known = np.isfinite(curve.full)
             both = int((wrong & above & known).sum())
-            off[kind] += Scores(both, int((above & known).sum()), both, int((wrong & known).sum()))
+            own_off[kind] += Scores(both, int((above & known).sum()), both, int((wrong & known).sum()))
             chain = curve.limb.split("_")[0] + ("_leg" if kind == "shins" else "_arm")
             own = [Segment(s.start, s.end, curve.limb) for s in segments if s.label == chain]
             check = RunCheck("take", found, (curve,), tuple(errors_of(curve, 30.0)), tuple(own))
@@ -257,6 +259,9 @@ def error_figures(
                 drawn = True
                 plot_signals(curve.times, signals, wrong, RESULTS / "inertial_signals.jpg")
             stretches[kind] += frame_scores(kept, check.truth or (), np.nan_to_num(kept.full) > 30.0)
+        off = {kind: scores + own_off[kind] for kind, scores in off.items()}
+        takes[name] = {kind: [scores.precision, scores.recall] for kind, scores in own_off.items()}
+        takes[name]["torso, mean and deviation"] = [float(torso[-1].mean()), float(torso[-1].std())]
     floor = np.concatenate(torso)
     return {
         "off by 45 degrees, P, R": {name: [s.precision, s.recall] for name, s in off.items()},
@@ -264,6 +269,7 @@ def error_figures(
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
         "over thresholds": {name: swept_figures(own) for name, own in swept.items()},
         "wrong frames told apart": mean_told(told),
+        "takes": takes,
     }
 
 
@@ -318,7 +324,7 @@ def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
     for seed, (name, run, person) in enumerate(found):
         track, body, poses = Track.load(run), person.body, levelled(person.clip.poses, person.yaw)
         simulated = simulate_sensors(body, poses, RATE, LIMBS, NOISE, seed)
-        rows.append((track, body, poses, simulated))
+        rows.append((name, track, body, poses, simulated))
         motion = TrackedMotion.of_poses(body, track.pose, track.timestamps, track.state == 0, name)
         motions.append((motion, simulated))
     pool = np.concatenate(clips_of(options.split, subject_body("neutral"), 20))

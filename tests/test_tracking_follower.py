@@ -21,10 +21,11 @@ from tests.fake_regressor import (
 )
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import HELD, Follower
+from toolkit.tracking.follower import Follower
 from toolkit.tracking.occluded_limbs import Guess
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous

@@ -17,9 +17,9 @@ from toolkit.body.shape import load_body
 from toolkit.database import canonical
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.errors import TrackError
+from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.tracking.follower import HELD
 from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.planning import (
     CHECKED,

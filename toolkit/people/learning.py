@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -135,6 +136,16 @@ def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
     both = (before > 0) & (after > 0)
     margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
     return bool(np.count_nonzero(both & (np.abs(before - after) > margin)) > ANOTHER_ROOM * max(both.sum(), 1))
+
+
+def rooms_differ(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
+    """Return True if most pairs of consecutive coarse frames float32 (h, w), metres, show different rooms."""
+    changed = []
+    for before, after in pairwise(frames):
+        both = (before > 0) & (after > 0)
+        margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
+        changed.append(share_of(np.abs(before - after) > margin, both) > ANOTHER_ROOM)
+    return 2 * sum(changed) > len(changed)
 
 
 def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.ndarray:

@@ -13,6 +13,7 @@ from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.connection import HELD
 from toolkit.people.detection import (
     BRIDGE_CUT,
     BRIDGE_ROOM,
@@ -130,7 +131,7 @@ class MultiPersonFinder:
 
     def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
         """Label the people of an undistorted frame at coarse resolution."""
-        view, surroundings = self._look(flat)
+        view, surroundings = self._look(flat, timestamp)
         present = self._known.present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
         resting = [_rests(view, head, surroundings) for head in heads]
@@ -221,10 +222,12 @@ class MultiPersonFinder:
         kept = state["surroundings"]
         self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
 
-    def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
-        lens = self.lens
+    def _look(self, flat: np.ndarray, timestamp: float) -> tuple[View, Surroundings]:
+        lens, surroundings = self.lens, self._surroundings
         depth = lens.coarse(flat)
-        surroundings = self._surroundings or first_look(depth, lens)
+        seen = max((person.last for person in self.people), default=timestamp)
+        if surroundings is None or (not surroundings.known and timestamp - seen > HELD):
+            surroundings = first_look(depth, lens)
         if depth.any():
             self._surroundings = surroundings
         foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))

@@ -15,10 +15,13 @@ from typing import Literal
 import numpy as np
 
 from toolkit.io.errors import PlausibilityWarning
+from toolkit.people.connection import HELD, connected
 from toolkit.people.detection import find_heads
 from toolkit.people.hypothesis import PersonClassifier, judged_head
-from toolkit.people.surroundings import first_look, tolerances
-from toolkit.people.view import CoarseCamera
+from toolkit.people.stills import LEAST_CUT_OUT
+from toolkit.people.surroundings import Surroundings, first_look, tolerances
+from toolkit.people.unassigned import surfaces
+from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.conversion import DEPTH_UNITS, unit_in_metres
 from toolkit.sensing.image_sizes import size_of_centre
@@ -37,6 +40,7 @@ class PlausibilitySettings:
     Attributes
     ----------
     seconds, frames : the first seconds of a recording that are sampled, and the number of samples
+    pairs : pairs of consecutive frames in which people are compared; one that a film can have is enough for a film
     principal_point : largest distance of the principal point from the image centre, as a share of the image's width
         or height; registered and binned images of 14 depth cameras stay below 0.06
     exchanged : the same where cx and cy fit each other's side
@@ -51,6 +55,7 @@ class PlausibilitySettings:
 
     seconds: float = 10.0
     frames: int = 3
+    pairs: int = 6
     principal_point: float = 0.15
     exchanged: float = 0.03
     sure: float = 2.8
@@ -130,6 +135,8 @@ def plausibility(
     frames = sampled_frames(recording, settings)
     found = [intrinsics, *_people_concerns(recording, frames, classifier, settings, known=intrinsics is not None)]
     found += [times_concern(recording)]
+    if not any(found) and are_unconnected(recording, classifier, settings):
+        found += [Concern("times", "people move faster than a sprinter between the frames; check --frame-rate")]
     return tuple(concern for concern in found if concern is not None)
 
 
@@ -165,6 +172,60 @@ def times_concern(recording: Recording) -> Concern | None:
     )
 
 
+def are_unconnected(
+    recording: Recording,
+    classifier: PersonClassifier | None = None,
+    settings: PlausibilitySettings = PlausibilitySettings(),
+) -> bool:
+    """Return True if in no sampled pair of consecutive frames a person can have moved from one place to the other.
+
+    The frames are photographs then, or a film at a wrong rate. Pairs without people in both frames, or more than `HELD`
+    seconds apart, are no evidence.
+    """
+    times = recording.timestamps
+    end = int(np.searchsorted(times, times[0] + settings.seconds))
+    firsts = np.unique(np.linspace(0, max(end, 2) - 2, settings.pairs).astype(np.int64))
+    lens = CoarseCamera(recording.camera.undistorted(), recording.up_camera, SensingSettings())
+    moved = False
+    for i in firsts[times[firsts + 1] - times[firsts] <= HELD].tolist() if len(recording) > 1 else ():
+        (_, sure), (after, _) = (
+            _places(lens.coarse(recording.depth(k)), lens, classifier, settings) for k in (i, i + 1)
+        )
+        if not sure or not after:
+            continue
+        seconds = float(times[i + 1] - times[i])
+        if any(connected(a, b, seconds) for a in sure for b in after):
+            return False
+        moved = True
+    return moved
+
+
+def _places(
+    depth: np.ndarray, lens: CoarseCamera, classifier: PersonClassifier | None, settings: PlausibilitySettings
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Return the places (3,), level frame, where people may be in a coarse frame (h, w), and those where they are:
+    medians of surfaces where people are cut out, heads in a room.
+    """
+    view, surroundings = _seen(depth, lens)
+    if surroundings.cut_out:
+        labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32))
+        large = [k for k in range(1, count + 1) if areas[k] >= LEAST_CUT_OUT]
+        places = [np.median(view.points[labels == k], axis=0) for k in large]
+        return places, places
+    heads = [head.place for head in find_heads(view, lens, cut_out=False)]
+    scores = [judged_head(view, lens, head, classifier) for head in heads]
+    likely = (score is not None and score >= settings.sure_in_room for score in scores)
+    return heads, [head for head, sure in zip(heads, likely, strict=True) if sure]
+
+
+def _seen(depth: np.ndarray, lens: CoarseCamera) -> tuple[View, Surroundings]:
+    """Return a coarse frame (h, w) without walls and floor, and what it shows of the room."""
+    surroundings = first_look(depth, lens)
+    return lens.view(
+        depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still
+    ), surroundings
+
+
 def sampled_frames(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> list[np.ndarray]:
     """Return frames spread over the first seconds that hold a measurement: uint16 (H, W), millimetres, each."""
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + settings.seconds))
@@ -189,9 +250,7 @@ def person_evidence(
     scores, statures, cut_out = [], [], 0
     for frame in frames:
         depth = lens.coarse(frame if scale == 1.0 else np.minimum(np.rint(frame * scale), 65535.0))
-        surroundings = first_look(depth, lens)
-        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
-        view = lens.view(depth, foreground, surroundings.still)
+        view, surroundings = _seen(depth, lens)
         cut_out += surroundings.cut_out
         if (stature := _stature(depth, view.points[..., 1])) is not None:
             statures.append(stature)

@@ -9,13 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from toolkit.io.errors import SegmentationError
+from toolkit.people.connection import HELD
 from toolkit.people.hypothesis import PersonClassifier
-from toolkit.people.learning import camera_moved, learnt
+from toolkit.people.learning import camera_moved, learnt, rooms_differ
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
 from toolkit.people.selected_person import SelectedPersonFinder, meant_person
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.single_person import SinglePersonSegmenter
-from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
+from toolkit.people.surroundings import Surroundings, empty_scene, first_look, is_cut_out, nothing_but_people
 from toolkit.people.vertical import floor_height
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.depth_filter import DepthFilter
@@ -103,6 +104,8 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifi
     height = floor_height(recording)
     floor = None if height is None else -height
     frames = list(_coarse(recording, polisher, lens, spread))
+    if np.median(np.diff(recording.timestamps[spread], prepend=-np.inf)) > HELD and rooms_differ(frames, lens):
+        return first_look(frames[0], lens)
     if camera_moved(frames, lens):
         logger.warning(
             "%s: its first half shows another room than its second, the camera was moved; furniture may be taken for "

@@ -14,11 +14,14 @@ from toolkit.io.errors import PlausibilityWarning, RecordingError
 from toolkit.io.files import is_file, is_folder, link_out_of
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.image_rotation import quarter_turns
-from toolkit.people.plausibility import HELP
+from toolkit.people.plausibility import HELP, are_unconnected
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import reader_for
 from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording, memory_path
+
+UNCONNECTED = 0.2
+"""Frames a second of photographs: so far apart that no frame says anything of another."""
 
 logger = logging.getLogger(__name__)
 
@@ -44,34 +47,44 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
 
 
 def open_upright(path: str | Path, classifier: PersonClassifier | None = None, **options: Any) -> Recording:
-    """Open as `open_recording` and rotate the images of a camera on its side or upside down.
+    """Open as `open_recording`, rotate the images of a tilted camera, and separate photographs.
 
-    The options of the recording then contain `rotate`. A PlausibilityWarning is issued unless the file contains the
-    vertical.
+    Images of a camera on its side or upside down are rotated; the options of the recording then contain `rotate`.
+    Frames without times between which no person can have moved are photographs; the options then contain a low
+    `frame_rate`. A PlausibilityWarning is issued of both, unless the file contains the vertical.
 
     Parameters
     ----------
-    classifier : scores heads in the four orientations; if None, only a floor or a stored vertical decides
+    classifier : scores heads; if None, only a floor or a stored vertical decides the orientation, and people are
+        compared between frames only where they are cut out
 
     Raises
     ------
     RecordingError, UsageError
         As `open_recording`.
     """
-    return upright(lambda **turned: open_recording(path, **{**options, **turned}), classifier)
+    return upright(lambda **more: open_recording(path, **{**options, **more}), classifier)
 
 
 def upright(opened: Callable[..., Recording], classifier: PersonClassifier | None = None) -> Recording:
-    """Return the recording of `opened(**options)` with the option `rotate` of upright images, see `open_upright`."""
+    """Return the recording of `opened(**options)` with the options that `open_upright` adds."""
     recording = opened()
-    degrees = 90 * quarter_turns(recording, classifier)
-    if not degrees:
-        return recording
-    logger.info("%s: images are turned by %d degrees", recording.name, degrees)
-    if recording.vertical.source != "file":
-        text = f"{recording.name}: images are turned upright by {degrees} degrees; --rotate 0 leaves them; {HELP}"
-        warnings.warn(PlausibilityWarning(text), stacklevel=4)
-    return opened(rotate=degrees)
+    added: dict[str, Any] = {}
+    if degrees := 90 * quarter_turns(recording, classifier):
+        added["rotate"], source = degrees, recording.vertical.source
+        recording = opened(**added)
+        logger.info("%s: images are turned by %d degrees", recording.name, degrees)
+        if source != "file":
+            _warn(recording, f"images are turned upright by {degrees} degrees; --rotate 0 leaves them")
+    if recording.times_assumed and are_unconnected(recording, classifier):
+        recording = opened(**added, frame_rate=UNCONNECTED)
+        text = "people are elsewhere in each frame, so each is tracked as a photograph"
+        _warn(recording, f"{text}; --frame-rate 30 takes the frames as a film")
+    return recording
+
+
+def _warn(recording: Recording, text: str) -> None:
+    warnings.warn(PlausibilityWarning(f"{recording.name}: {text}; {HELP}"), stacklevel=5)
 
 
 def recording_of(

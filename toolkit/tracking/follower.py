@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
+from toolkit.people.connection import HELD, connected
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
@@ -26,9 +27,6 @@ from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import head_top, off_floor, stature_prior_cost
 from toolkit.tracking.tracking_settings import FollowerSettings
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
-
-HELD = 1.0
-"""Seconds out of sight after which the last pose says nothing of the next one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +144,9 @@ class Follower(FollowedPerson):
 
         # 5.3.4 and 5.4.2: centre, facing and geodesic extrema of the cloud.
         observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
+        if state.centre is not None and not connected(state.centre, observation.centre, state.elapsed(timestamp)):
+            state = forgotten(state)
+            observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
         observation.look()
         clock.record("landmarks")
 
@@ -297,6 +298,14 @@ def unseen(before: PersonState, timestamp: float) -> PersonState:
     return replace(
         before, previous=None, centre=None, facing=None, in_view=None, timestamp=timestamp, smoothed=None, **went
     )
+
+
+def forgotten(before: PersonState) -> PersonState:
+    """Return the state in which only the person and the body are known, as before a first frame."""
+    return replace(
+        before, previous=None, last_seen=None, last_seen_at=None, centre=None, facing=None, timestamp=None, lost=0.0,
+        in_view=None, smoothed=None, memory={},
+    )  # fmt: skip
 
 
 def _remember_last_seen(state: PersonState, previous: Previous) -> dict[str, Any]:

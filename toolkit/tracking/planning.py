@@ -14,10 +14,11 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
+from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.body_learning import FollowedBody, RateLimiter
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import HELD, Follower, StepContext
+from toolkit.tracking.follower import Follower, StepContext
 from toolkit.tracking.frame_detection import NOTHING_FOUND, FrameDetector
 from toolkit.tracking.heading import directions_faced, directions_walked, heading, heading_disagreement, weighed
 from toolkit.tracking.sightings import PersonSightings

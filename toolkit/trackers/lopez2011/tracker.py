@@ -18,6 +18,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.io.errors import SettingsError
 from toolkit.io.typed_values import constant
 from toolkit.landmarks.graph import Workspace
+from toolkit.people.connection import connected
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -127,6 +128,9 @@ class ParticleFollower(FollowedPerson):
         effectors = seen.effectors(self.settings.effectors, self._workspace)
         clock.record("detect")
         state, rng = self.state, self.rng(self.state)
+        if state.centre is not None and not connected(state.centre, effectors.source, state.elapsed(timestamp)):
+            state = replace(state, previous=None, lost=0.0)
+        self.state = state = replace(state, centre=effectors.source)
         if state.previous is None:
             found = self._first(effectors, seen.frame(effectors), rng)
             source = DETECTED
