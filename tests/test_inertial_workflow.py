@@ -36,7 +36,7 @@ def workdir(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) ->
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
     simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, inertial=LIMBS)
     words = ("--database", bundled_database, *KNOWN_SIZE)
-    typed("track", folder / "take.npz", *words, "--output", folder / "run")
+    typed("track", folder / "take.npz", *words, "--online", "--output", folder / "run")
     return folder
 
 
@@ -60,9 +60,8 @@ def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(workdir: Path, b
     sensors, calibration, guided = workdir / "take_sensors.npz", workdir / "calibration.json", workdir / "guided"
     typed("inertial", "calibrate", workdir / "run", "--sensors", sensors, "--output", calibration)
     words = ("--database", bundled_database, *KNOWN_SIZE)
-    typed(
-        "track", workdir / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided
-    )
+    guide = ("--inertial", sensors, "--calibration", calibration)
+    typed("track", workdir / "take.npz", *words, *guide, "--online", "--output", guided)
     truth = open_recording(workdir / "take.npz").joints
     plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (workdir / "run", guided))
     assert better < plain + 0.005

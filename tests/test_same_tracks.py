@@ -68,8 +68,8 @@ from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from toolkit.body.shape import load_body
 from toolkit.mocap.procedural import procedural_clips
-clips = procedural_clips(("walk", "seated_chair"), 5.0, body=load_body("neutral"))
-small = RegressorSettings(images=60, pixels=60, trees=2, calibration=40)
+clips = procedural_clips(("walk", "seated_chair"), 3.0, body=load_body("neutral"))
+small = RegressorSettings(images=40, pixels=40, trees=2, calibration=30)
 build_database(clips, sys.argv[1], Sampling(seated=False), parts=small, workers=1)
 """
 """Build of a small database with all parts."""

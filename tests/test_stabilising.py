@@ -68,7 +68,8 @@ def workdir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     simulate_recording(
         PoseClip("semaphore", poses, 30.0, "bundled"), folder / "take.npz", furnished=False, distance=2.6
     )
-    typed("track", folder / "take.npz", "--database", folder / "poses.npz", *KNOWN_SIZE, "-o", folder / "run")
+    words = ("--database", folder / "poses.npz", *KNOWN_SIZE, "--online")
+    typed("track", folder / "take.npz", *words, "-o", folder / "run")
     save_classes(folder / "classes.npz", classes_of("knee_to_elbow", "semaphore", frames=FRAMES))
     _mislead(folder / "run", folder / "wrong")
     return folder
@@ -115,7 +116,8 @@ def test_a_limb_that_was_lost_is_found_again(workdir: Path) -> None:
     assert gap["limb"] == ARM and gap["accepted"] and gap["residual_after"] <= gap["residual_before"]
     assert {"segments.csv", "segments.json", "annotation.png", "report.html"} <= {p.name for p in output.iterdir()}
     typed("evaluate", output)
-    typed("track", workdir / "take.npz", "--database", workdir / "poses.npz", *KNOWN_SIZE, "-o", output, "--resume")
+    again = ("--database", workdir / "poses.npz", *KNOWN_SIZE, "--online", "--resume")
+    typed("track", workdir / "take.npz", *again, "-o", output)
     np.testing.assert_array_equal(Track.load(output).joints, after.joints)
 
 
