@@ -310,8 +310,6 @@ class _Notes:
 
 BUILD = "depthmocap database build MOCAP"
 BUILT_AGAIN = f"build it again with `{BUILD}`"
-LARGEST_ENTRY = 10.0
-"""Largest absolute entry (metres, radians) of a canonical pose, joint, feature or offset."""
 
 
 def _rebuild(file: Path) -> str:
@@ -321,18 +319,19 @@ def _rebuild(file: Path) -> str:
 
 def _columns(sources: int) -> dict[str, Column]:
     """Return the requirements on the arrays and numbers of a database."""
+    largest_entry = 10.0  # largest absolute entry (metres, radians) of a canonical pose, joint, feature or offset
     return {
-        "poses": Column("f", ("poses", skeleton.POSE_SIZE), -LARGEST_ENTRY, LARGEST_ENTRY),
-        "joints": Column("f", ("poses", len(skeleton.REPORTED), 3), -LARGEST_ENTRY, LARGEST_ENTRY),
-        "features": Column("f", ("poses", FEATURE_SIZE), -LARGEST_ENTRY, LARGEST_ENTRY),
-        "offsets": Column("f", ("poses", 4), -LARGEST_ENTRY, LARGEST_ENTRY),
+        "poses": Column("f", ("poses", skeleton.POSE_SIZE), -largest_entry, largest_entry),
+        "joints": Column("f", ("poses", len(skeleton.REPORTED), 3), -largest_entry, largest_entry),
+        "features": Column("f", ("poses", FEATURE_SIZE), -largest_entry, largest_entry),
+        "offsets": Column("f", ("poses", 4), -largest_entry, largest_entry),
         "pose_source": Column("iu", ("poses",), 0, sources - 1),
         "pose_frame": Column("iu", ("poses",), 0),
         "mirrored": Column("b", ("poses",)),
         "body_shape": Column("f", (ShapeSpace.load().size,), -100, 100),
-        "threshold": Column("iuf", (), 0, LARGEST_ENTRY),
+        "threshold": Column("iuf", (), 0, largest_entry),
         "body_scale": Column("iuf", (), 0.1, 10),
-        "torso_length": Column("iuf", (), 0.05, LARGEST_ENTRY),
+        "torso_length": Column("iuf", (), 0.05, largest_entry),
     }
 
 

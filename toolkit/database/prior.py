@@ -28,10 +28,6 @@ SIZE = skeleton.POSE_SIZE - 2
 """Number of variables."""
 NOISE = 0.1
 """Radians, standard deviation of a tracked joint angle; about the same fraction of the leg length for the height."""
-_RAISED_THIGH = -float(np.cos(np.radians(60.0)))
-"""Vertical component of a thigh's direction in the root's frame above which a person may be seated."""
-_UPRIGHT = float(np.cos(np.radians(50.0)))
-"""Vertical component of the trunk's direction below which a person is not seated."""
 _WIDEST = 10.0
 """Largest absolute variable, radians or leg lengths."""
 _COLUMNS = {
@@ -40,8 +36,6 @@ _COLUMNS = {
     "covariances": Column("f", ("components", SIZE, SIZE), -(_WIDEST**2), _WIDEST**2),
     "situation": Column("i", ("components",), 0, len(SITUATIONS) - 1),
 }
-_LYING_TRUNK, _LYING_HEIGHT = 0.5, 0.55
-_STANDING_HEIGHT = 0.8
 
 
 def variables(poses: np.ndarray, body: Body) -> np.ndarray:
@@ -70,11 +64,17 @@ def situations(values: np.ndarray) -> np.ndarray:
     """
     up, height = values[:, UP], values[:, HEIGHT]
     raised = np.ones(len(values), dtype=np.bool_)
+    # Vertical component of a thigh's direction in the root's frame above which a person may be seated.
+    raised_thigh = -float(np.cos(np.radians(60.0)))
     for side in ("left", "right"):
-        raised &= _thigh(values, side) > _RAISED_THIGH
-    out = np.where(height < _STANDING_HEIGHT, SITUATIONS.index("crouching"), SITUATIONS.index("standing"))
-    out[raised & (up[:, 1] > _UPRIGHT)] = SITUATIONS.index("seated")
-    out[(up[:, 1] < _LYING_TRUNK) & (height < _LYING_HEIGHT)] = SITUATIONS.index("lying")
+        raised &= _thigh(values, side) > raised_thigh
+    standing_height = 0.8
+    out = np.where(height < standing_height, SITUATIONS.index("crouching"), SITUATIONS.index("standing"))
+    # Vertical component of the trunk's direction below which a person is not seated.
+    upright = float(np.cos(np.radians(50.0)))
+    out[raised & (up[:, 1] > upright)] = SITUATIONS.index("seated")
+    lying_trunk, lying_height = 0.5, 0.55
+    out[(up[:, 1] < lying_trunk) & (height < lying_height)] = SITUATIONS.index("lying")
     return out
 
 
@@ -175,8 +175,9 @@ class PosePrior:
     def _condition(self, given: np.ndarray, missing: np.ndarray, noise: float) -> tuple[np.ndarray, ...]:
         """Return `gaussians.condition`, cached, because the same limbs stay occluded from frame to frame."""
         key = (given.tobytes(), noise)
+        cached_conditions = 32  # number of sets of known variables with cached factors, half a megabyte each
         if key not in self._conditioned:
-            if len(self._conditioned) >= CACHED_CONDITIONS:
+            if len(self._conditioned) >= cached_conditions:
                 self._conditioned.clear()
             count = len(self.weights)
             made = (
@@ -189,7 +190,6 @@ class PosePrior:
         return self._conditioned[key]
 
 
-CACHED_CONDITIONS = 32
 """Number of sets of known variables with cached factors, half a megabyte each."""
 
 

@@ -10,9 +10,6 @@ from toolkit.io.errors import DataError, OutputError
 from toolkit.io.files import atomic_path, is_file
 from toolkit.io.progress import Progress, silent
 
-TIMEOUT = 30.0
-"""Seconds without an answer of the server after which a download fails."""
-
 
 def fetch_data_set(data_set: DataSet | str, folder: str | Path | None = None, *, progress: Progress = silent) -> Path:
     """Bring all files of a data set into the data folder and return the data set's folder.
@@ -90,9 +87,10 @@ def _download(file: DataFile, root: Path, name: str) -> None:
 
     again = f"run `depthmocap data fetch {name}` again to continue"
     target = root / file.path
+    timeout = 30.0  # seconds without an answer of the server after which a download fails
     with atomic_path(target, lasting=False) as temporary:
         try:
-            HTTPDownloader(timeout=TIMEOUT)(file.url, str(temporary), None, check_only=False)
+            HTTPDownloader(timeout=timeout)(file.url, str(temporary), None, check_only=False)
         except requests.HTTPError as error:
             raise DataError(f"{error}; {again}, or get the file by hand") from error
         except requests.RequestException as error:

@@ -26,9 +26,6 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
 from toolkit.tracks.runs import PEOPLE_FILE, person_runs
 
-FARTHEST_MEDIAN = 65.5
-"""Metres: the largest depth of a 16-bit image in millimetres."""
-
 
 def evaluate_runs(
     runs: Sequence[str | Path],
@@ -178,7 +175,8 @@ def evaluate_tracks(tracks: Sequence[tuple[str, Track]], truth: np.ndarray) -> E
     if any(len(track) != truth.shape[-3] for _, track in tracks):
         raise UsageError(f"the truth has {truth.shape[-3]} frames and the track {len(tracks[0][1])}; give as many")
     distance = float(np.nanmedian(np.abs(truth[..., 2]))) if np.isfinite(truth[..., 2]).any() else 0.0
-    if distance > FARTHEST_MEDIAN:
+    farthest_median = 65.5  # metres: the largest depth of a 16-bit image in millimetres
+    if distance > farthest_median:
         raise UsageError(f"the truth is {distance:g} m away in the median; give metres, not millimetres")
     own, missing = match_people(Reference(truth, True), [track for _, track in tracks])
     rows = [_scores(track, name, "", len(track), person) for (name, track), person in zip(tracks, own, strict=True)]

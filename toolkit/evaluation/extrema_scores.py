@@ -10,11 +10,6 @@ from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
-FOUND = 0.2
-"""Maximum distance of an extremum that detects an end effector, metres."""
-FREE = 0.25
-"""Minimum geodesic distance of a free end effector to all other body parts, metres."""
-
 TIPS = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
 """Indices of the five end effectors among the reported joints."""
 
@@ -50,7 +45,8 @@ def all_found(extrema: np.ndarray, ends: np.ndarray) -> bool:
 
     if len(extrema) < len(ends):
         return False
-    missed = np.linalg.norm(ends[:, None] - extrema[None], axis=-1) >= FOUND
+    found = 0.2  # maximum distance of an extremum that detects an end effector, metres
+    missed = np.linalg.norm(ends[:, None] - extrema[None], axis=-1) >= found
     rows, columns = linear_sum_assignment(missed)
     return not missed[rows, columns].any()
 
@@ -77,7 +73,8 @@ def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bo
     from scipy.sparse.csgraph import dijkstra
 
     nodes = np.linalg.norm(cloud.points[None] - joints[TIPS][:, None], axis=-1).argmin(axis=1)
-    reached = dijkstra(grid_graph(cloud, settings).matrix(), directed=False, indices=nodes, limit=FREE) <= FREE
+    free = 0.25  # minimum geodesic distance of a free end effector to all other body parts, metres
+    reached = dijkstra(grid_graph(cloud, settings).matrix(), directed=False, indices=nodes, limit=free) <= free
     owners = limbs_of_points(cloud.points.astype(np.float64), joints)
     foreign = [(owners != i) & ((owners >= 0) | (tip != "head")) for i, tip in enumerate(skeleton.END_EFFECTORS)]
     return not any((reached[i] & foreign[i]).any() for i in range(len(nodes)))

@@ -13,12 +13,8 @@ from toolkit.io.errors import RecordingError
 from toolkit.io.yaml_reader import read_json
 
 HINT = "give a JSON file of the offline processor of the Azure Kinect body tracking SDK"
-FASTEST = 5.0
-"""Maximum speed of a body without id between two frames, m/s."""
 LEVELS = ("confidence_level", "confidence_levels", "joint_confidences", "confidences")
 """Keys under which programs store the confidence levels of the SDK."""
-TOLERANCE = 0.6
-"""Maximum difference between the times of a skeleton and a frame, as a fraction of the frame interval."""
 MILLIMETRES, MICROSECONDS = 1000.0, 1e6
 
 
@@ -64,10 +60,12 @@ class KinectBodies:
             return joints
         step = float(np.median(np.diff(timestamps))) if len(timestamps) > 1 else 1.0
         best, rows = -1, np.zeros(0, dtype=np.int64)
+        # Maximum difference between the times of a skeleton and a frame, as a fraction of the frame interval.
+        tolerance = 0.6
         for shift in (0.0, timestamps[0] - own[0]):
             near = np.abs(timestamps[:, None] - (own + shift)[None, :])
             chosen = near.argmin(axis=1)
-            hit = near[np.arange(len(timestamps)), chosen] < TOLERANCE * step
+            hit = near[np.arange(len(timestamps)), chosen] < tolerance * step
             if hit.sum() > best:
                 best, rows = int(hit.sum()), np.where(hit, chosen, -1)
         if best < 0.5 * min(len(own), len(timestamps)):
@@ -143,13 +141,14 @@ def _numbered(times: list[float], rows: list[list[dict[str, Any]]]) -> list[list
 
     given = [row["id"] for frame in rows for row in frame if row["id"] is not None]
     fresh, last = max([0, *map(int, given)]) + 1, dict[int, tuple[float, np.ndarray]]()
+    fastest = 5.0  # maximum speed of a body without id between two frames, m/s
     for time, frame in zip(times, rows, strict=True):
         unknown = [row for row in frame if row["id"] is None]
         known = {int(row["id"]) for row in frame if row["id"] is not None}
         free = [number for number in last if number not in known]
         if unknown and free:
             reach = np.array([[_distance(row, last[number]) for number in free] for row in unknown])
-            limit = np.array([FASTEST * max(0.1, min(1.0, time - last[number][0])) for number in free])
+            limit = np.array([fastest * max(0.1, min(1.0, time - last[number][0])) for number in free])
             for r, c in zip(*linear_sum_assignment(reach), strict=True):
                 if reach[r, c] <= limit[c]:
                     unknown[r]["id"] = free[c]

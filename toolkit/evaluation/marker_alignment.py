@@ -14,8 +14,6 @@ RATE = 100.0
 """Samples a second of the common clock, the rate of most marker systems."""
 SMOOTHING = 0.05
 """Seconds, standard deviation of the Gaussian before speeds are compared."""
-LONGEST_GAP = 0.1
-"""Seconds of missing markers that are interpolated linearly."""
 LEAST_OVERLAP = 1.0
 """Seconds that both recordings have to share."""
 LEAST_CORRELATION = 0.5
@@ -44,7 +42,7 @@ class RigidAlignment:
         return np.asarray(points @ self.rotation.T + self.translation)
 
 
-def resampled(times: np.ndarray, values: np.ndarray, at: np.ndarray, longest_gap: float = LONGEST_GAP) -> np.ndarray:
+def resampled(times: np.ndarray, values: np.ndarray, at: np.ndarray, longest_gap: float = 0.1) -> np.ndarray:
     """Interpolate values (T, ...) linearly at other times; NaN outside and across gaps longer than `longest_gap`."""
     flat = values.reshape(len(values), -1)
     out = np.full((len(at), flat.shape[1]), np.nan)

@@ -15,8 +15,6 @@ SUFFIXES = frozenset({".trc", ".c3d", ".csv", ".bvh", ".mot"})
 """Suffixes of the files that this module reads."""
 UNITS = {"m": 1.0, "meters": 1.0, "cm": 0.01, "centimeters": 0.01, "mm": 0.001, "millimeters": 0.001}
 """Metres per unit, by the name that TRC and C3D files give it."""
-LARGEST_IN_METRES = 30.0
-"""Metres from the origin that a capture volume can reach; larger coordinates of a file without unit are millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +183,10 @@ def _read_csv(file: Path) -> MarkerRecording:
     table = table.reshape(-1, len(head))
     points = table[:, order].reshape(len(table), len(names), 3)
     notes: tuple[str, ...] = ()
-    if np.nanmax(np.abs(points), initial=0.0) > LARGEST_IN_METRES:
+    # Metres from the origin that a capture volume can reach; larger coordinates of a file without unit are
+    # millimetres.
+    largest_in_metres = 30.0
+    if np.nanmax(np.abs(points), initial=0.0) > largest_in_metres:
         points, notes = points * 0.001, ("the coordinates have no unit and were taken as millimetres",)
     labels, subjects = _split(names)
     return MarkerRecording(file.stem, table[:, times_at], labels, subjects, points, notes=notes)

@@ -111,8 +111,6 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
 """Columns of the terminal table, most important first: name, heading, format. Up to `SHOWN` available columns are
 printed; files hold all."""
 SHOWN = 5
-LONGEST_NAME = 26
-"""Maximum length of a name in one line; with `SHOWN` columns the table has 80 characters."""
 
 
 class EvaluationTable:
@@ -156,7 +154,8 @@ class EvaluationTable:
 
         held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)][:SHOWN]
         table = Table(title=title)
-        table.add_column("run", overflow="fold", max_width=LONGEST_NAME)
+        longest_name = 26  # maximum length of a name in one line; with `SHOWN` columns the table has 80 characters
+        table.add_column("run", overflow="fold", max_width=longest_name)
         for _, heading, _ in held:
             table.add_column(heading, justify="right", max_width=1 + max(map(len, heading.split())))
         mean = [self.mean()] if len(self) > 1 else []

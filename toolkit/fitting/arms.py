@@ -24,12 +24,8 @@ from toolkit.kernels.fit import limbs as kernel
 CARRIER = "thorax"
 JOINTS = ("clavicle", "shoulder", "elbow", "wrist")
 SIDES = ("left", "right")
-DAMPING = 5e-4
-"""Damping of the fit, m^2 / rad^2: a third of the weight of ten samples at a forearm's length from the joint."""
 COARSE = 3
 """Step between the samples of the first comparison."""
-DIFFERENT = 0.2
-"""Maximum difference of all angles between arms that count as one candidate, radians."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +130,11 @@ class Arm:
         cheapest = np.argsort(costs, kind="stable")[: settings.fitted]
         angles, costs = self._fitted(self.angles[cheapest], measured, settings, sigma)
         chosen: list[np.ndarray] = []
+        different = 0.2  # maximum difference of all angles between arms that count as one candidate, radians
         for k in np.argsort(costs, kind="stable"):
             if costs[k] > own - settings.margin or len(chosen) == most:
                 break
-            if all(np.abs(angles[k] - other).max() > DIFFERENT for other in chosen):
+            if all(np.abs(angles[k] - other).max() > different for other in chosen):
                 chosen.append(angles[k])
         proposed = np.repeat(pose[None], len(chosen), axis=0)
         for candidate, arm in zip(proposed, chosen, strict=True):
@@ -162,7 +159,9 @@ class Arm:
         self, angles: np.ndarray, measured: kernel.Measured, settings: ArmSettings, sigma: float
     ) -> tuple[np.ndarray, np.ndarray]:
         angles, costs = angles.copy(), np.empty(len(angles))
-        kernel.fit_limbs(angles, self.chain, measured, sigma, DAMPING, settings.iterations, costs)
+        # Damping of the fit, m^2 / rad^2: a third of the weight of ten samples at a forearm's length from the joint.
+        damping = 5e-4
+        kernel.fit_limbs(angles, self.chain, measured, sigma, damping, settings.iterations, costs)
         return angles, costs
 
 

@@ -15,8 +15,6 @@ WITHIN = 0.05
 """Distance from the ray of its pixel within which a joint has no cost, metres: the error of detectors."""
 CAP = 0.2
 """Maximum cost of a joint, metres, as `FittingSettings.unexplained` for a point."""
-SIGMA = 0.2
-"""Scale of the Geman-McClure weight of a joint, metres."""
 PULL = 20.0
 """Weight of a joint with confidence 1 relative to one correspondence, equal to that of the vertices around it."""
 
@@ -44,8 +42,9 @@ class SightedJoints:
         """See `FrameEvidence.attract`: joints are attracted to within 5 cm of their rays."""
         points = _joints(placed)
         weights, beyond = min((self._beyond(points, side) for side in SIDES), key=_mean)
+        sigma = 0.2  # scale of the Geman-McClure weight of a joint, metres
         for row in np.flatnonzero((weights > 0.0) & beyond.any(axis=1)):
-            pull(system, CARRIERS[row][0], points[row], beyond[row], PULL * float(weights[row]), SIGMA)
+            pull(system, CARRIERS[row][0], points[row], beyond[row], PULL * float(weights[row]), sigma)
 
     def cost(self, placed: PlacedBody) -> float:
         """See `FrameEvidence.cost`: weighted mean excess distance of the joints from their rays."""

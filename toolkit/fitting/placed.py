@@ -19,8 +19,6 @@ QUOTAS: dict[str, int] = {
     "hip": 26, "knee": 24, "ankle": 14,
 }  # fmt: skip
 """Number of chosen vertices per body part: limbs get more than their share of the surface (Baak 2013, 5.4.1)."""
-AROUND_JOINT = 16
-"""Number of chosen vertices that define the support of a joint."""
 
 
 def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
@@ -56,9 +54,10 @@ def _chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
     """Return weights (20, C) that average over the chosen vertices nearest to each reported joint in the rest pose."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
     distances = np.linalg.norm(joints[:, None] - body.vertices[chosen][None], axis=2)
-    rows = np.argsort(distances, axis=1, kind="stable")[:, :AROUND_JOINT]
+    around_joint = 16  # number of chosen vertices that define the support of a joint
+    rows = np.argsort(distances, axis=1, kind="stable")[:, :around_joint]
     weights = np.zeros(distances.shape)
-    np.put_along_axis(weights, rows, 1.0 / AROUND_JOINT, axis=1)
+    np.put_along_axis(weights, rows, 1.0 / around_joint, axis=1)
     return weights
 
 

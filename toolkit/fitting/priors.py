@@ -25,8 +25,6 @@ class PoseTerm(Protocol):
 
 SPREAD = 0.1
 """Additional spread of each angle in the pose prior, radians."""
-STEP = 1e-5
-"""Step of finite differences, radians."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +106,11 @@ class ResidualTerm:
         if not here.any():
             return
         slopes = np.empty((len(self.entries), len(here)))
+        step = 1e-5  # step of finite differences, radians
         for row, entry in enumerate(self.entries):
             moved = pose.copy()
-            moved[entry] += STEP
-            slopes[row] = (self.residuals(moved) - here) / STEP
+            moved[entry] += step
+            slopes[row] = (self.residuals(moved) - here) / step
         robust = self.weight / (1.0 + (here / self.sigma) ** 2) ** 2
         system.vector[self.entries] += (slopes * robust * here).sum(axis=1)
         system.matrix[np.ix_(self.entries, self.entries)] += (slopes[:, None] * slopes[None] * robust).sum(axis=2)

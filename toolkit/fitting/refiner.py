@@ -17,11 +17,6 @@ from toolkit.kernels.fit import twists
 
 Solve = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 """Solver `solve(matrix, vector, pose, limits, damping, step)` of the damped step within the limits."""
-ANGLE_DAMPING, ROOT_DAMPING = 1.0, 0.1
-"""Damping of the angles, and of the root, which moves the whole body."""
-CONVERGED = 0.01
-"""Maximum step entry at convergence, radians and metres; the remaining motion is below 2 mm. With 0.002 no frame is
-better and most are slower."""
 
 
 def mesh_terms(settings: FittingSettings) -> tuple[SurfaceTerm, CloudTerm]:
@@ -66,8 +61,9 @@ class Refiner:
         self.terms = pair_terms(settings) if terms is None else tuple(terms)
         self.pose_terms = tuple(pose_terms)
         self._system, self._solve = system or NormalSystem(), solve
-        self._damping = np.full(skeleton.POSE_SIZE, ANGLE_DAMPING)
-        self._damping[:6] = ROOT_DAMPING
+        angle_damping, root_damping = 1.0, 0.1  # damping of the angles, and of the root, which moves the whole body
+        self._damping = np.full(skeleton.POSE_SIZE, angle_damping)
+        self._damping[:6] = root_damping
 
     def refine(
         self,
@@ -81,6 +77,9 @@ class Refiner:
         """Refine `pose` (P,), level frame, for the frame, with optional further terms; return a new pose (P,)."""
         pose, system = pose.copy(), self._system
         step = np.empty_like(pose)
+        # Maximum step entry at convergence, radians and metres; the remaining motion is below 2 mm. With 0.002 no
+        # frame is better and most are slower.
+        converged = 0.01
         for _ in range(iterations or self.settings.iterations):
             placed = self.placer.place(body, pose)
             system.reset(placed.origins[0])
@@ -92,6 +91,6 @@ class Refiner:
             for prior in (*self.pose_terms, *scene.priors):
                 prior.add(system, pose)
             self._solve(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
-            if twists.advance(pose, step) < CONVERGED:
+            if twists.advance(pose, step) < converged:
                 break
         return pose

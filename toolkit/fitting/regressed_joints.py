@@ -13,16 +13,12 @@ from toolkit.fitting.terms import CARRIERS, carried, pull
 from toolkit.kernels import linear
 from toolkit.landmarks.joint_network import JointEstimate
 
-SURE = 0.8
-"""Minimum reliability of a vote that is used as evidence."""
 WITHIN = 0.1
 """Error for which the reliability of a vote is defined, metres; a pose within it has no cost."""
 CAP = 0.2
 """Maximum excess distance of a joint, metres, as `FittingSettings.unexplained` for a point."""
 OUT_OF_VIEW = 0.2
 """Probability of being in view below which a joint counts as out of view."""
-SIGMA = 0.3
-"""Scale of the Geman-McClure weight of the excess distance, metres."""
 
 
 class VotedJoints:
@@ -36,18 +32,20 @@ class VotedJoints:
     """
 
     def __init__(self, votes: JointEstimate, rotation: np.ndarray, weight: float) -> None:
+        sure = 0.8  # minimum reliability of a vote that is used as evidence
         self._rows = [
-            row for row, (carrier, _) in enumerate(CARRIERS) if carrier >= 0 and votes.reliability[row] >= SURE
+            row for row, (carrier, _) in enumerate(CARRIERS) if carrier >= 0 and votes.reliability[row] >= sure
         ]
         self._targets = linear.rotated(votes.points, rotation)
         self._weight = weight
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
         """See `FrameEvidence.attract`: joints are attracted to within 10 cm of their votes."""
+        sigma = 0.3  # scale of the Geman-McClure weight of the excess distance, metres
         for row in self._rows:
             point, beyond = self._beyond(placed, row)
             if beyond.any():
-                pull(system, CARRIERS[row][0], point, beyond, self._weight, SIGMA)
+                pull(system, CARRIERS[row][0], point, beyond, self._weight, sigma)
 
     def cost(self, placed: PlacedBody) -> float:
         """See `FrameEvidence.cost`: mean excess distance of the reliable joints."""

@@ -23,30 +23,10 @@ from toolkit.io.errors import BodyError
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
-WIDE = 200
-"""Image width above which the body is drawn at half resolution, pixels."""
-BEHIND = 0.1
-"""Distance from the surface to the middle of the body, metres."""
-ROUNDS = 60
-"""Number of alternating fits of poses and coefficients; limb length and pose are coupled and converge slowly."""
 FIRST_ITERATIONS, ITERATIONS = 20, 4
 """Iterations of each pose in the first round and in later rounds."""
-PRIOR = 3.0
-"""Weight of the shape prior, see `ShapeSettings.prior`; each view has many more equations."""
-REACH = 0.04
-"""Maximum distance of a measured point along the normal of its vertex, metres."""
-FACING = 0.5
-"""Minimum cosine between normal and ray of a well measured vertex."""
 MOST = 0.03
 """Maximum offset, metres."""
-STIFFNESS = 1.0
-"""Smoothing weight of a vertex's neighbours relative to one measurement."""
-SWEEPS = 100
-"""Number of smoothing passes over all vertices."""
-NARROW = 0.7
-"""Minimum arm span in some view as a fraction of the stature."""
-UNLIKE = 0.08
-"""Maximum relative difference of statures between views of one person."""
 
 
 class ScanView(NamedTuple):
@@ -93,8 +73,11 @@ def fit_scan(views: Sequence[ScanView]) -> Scan:
     placers = [Placer(body, _small(view.cloud), view.cloud.rotation) for view in views]
     scenes = [Scene(view.cloud, np.zeros((0, 3)), fitting.cloud_samples) for view in views]
     poses = np.array([_t_pose(body, view) for view in views])
-    shape_settings = ShapeSettings(prior=PRIOR, forgetting=1.0)
-    for k in range(ROUNDS):
+    prior = 3.0  # weight of the shape prior, see `ShapeSettings.prior`; each view has many more equations
+    shape_settings = ShapeSettings(prior=prior, forgetting=1.0)
+    # Number of alternating fits of poses and coefficients; limb length and pose are coupled and converge slowly.
+    rounds = 60
+    for k in range(rounds):
         estimator = ShapeEstimator(body, shape_settings, placers[0], mesh_terms(fitting))
         for i, (placer, scene) in enumerate(zip(placers, scenes, strict=True)):
             iterations = FIRST_ITERATIONS if k == 0 else ITERATIONS
@@ -117,13 +100,15 @@ def _checked_stature(views: Sequence[ScanView]) -> float:
         raise BodyError(f"view {empty[0]} shows no person; record a person in a T-pose")
     extents = np.array([np.ptp(np.percentile(v.cloud.points, [0.2, 99.8], axis=0), axis=0) for v in views])
     statures = extents[:, 1]
-    if np.ptp(statures) > UNLIKE * statures.max():
+    unlike = 0.08  # maximum relative difference of statures between views of one person
+    if np.ptp(statures) > unlike * statures.max():
         raise BodyError(
             f"the views show people of {statures.min():.2f} and {statures.max():.2f} m, or a truncated person; "
             "record one whole person"
         )
     stature = float(np.median(statures))
-    if extents[:, 0].max() < NARROW * stature:
+    narrow = 0.7  # minimum arm span in some view as a fraction of the stature
+    if extents[:, 0].max() < narrow * stature:
         raise BodyError(
             f"the arms span {extents[:, 0].max():.2f} m at most, of a stature of {stature:.2f} m; hold them out to the "
             "sides in every view, and face the camera in one"
@@ -133,14 +118,16 @@ def _checked_stature(views: Sequence[ScanView]) -> float:
 
 def _small(cloud: Cloud) -> Camera:
     """Return the camera of the image into which the body is drawn."""
-    return cloud.camera.subsampled(2) if cloud.camera.width > WIDE else cloud.camera
+    wide = 200  # image width above which the body is drawn at half resolution, pixels
+    return cloud.camera.subsampled(2) if cloud.camera.width > wide else cloud.camera
 
 
 def _t_pose(body: Body, view: ScanView) -> np.ndarray:
     """Return the rest pose at the cloud: equal top of the head, middle of the body behind the surface."""
     points, pose = view.cloud.points, np.zeros(skeleton.POSE_SIZE)
     top, middle = np.percentile(points[:, 1], 99.8), np.median(points, axis=0)
-    pose[skeleton.ROOT_POSITION] = middle[0], top - body.vertices[:, 1].max(), middle[2] - BEHIND
+    behind = 0.1  # distance from the surface to the middle of the body, metres
+    pose[skeleton.ROOT_POSITION] = middle[0], top - body.vertices[:, 1].max(), middle[2] - behind
     pose[skeleton.ROOT_ROTATION] = 0.0, view.yaw, 0.0
     return pose
 
@@ -149,6 +136,8 @@ def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.
     """Return the signed distance of the measured surface from each vertex, metres (V,), and its weight, 0 = not
     measured."""
     total, weight = (np.zeros(len(placed[0].vertices)) for _ in range(2))
+    reach = 0.04  # maximum distance of a measured point along the normal of its vertex, metres
+    facing = 0.5  # minimum cosine between normal and ray of a well measured vertex
     for one, cloud in zip(placed, clouds, strict=True):
         vertices, normals = one.vertices, one.normals
         rays = vertices / np.sqrt((vertices * vertices).sum(axis=1, keepdims=True))
@@ -159,7 +148,7 @@ def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.
         z = np.where(inside, cloud.depth[v, u], 0.0).astype(np.float64)
         at = np.stack([(u - cloud.camera.cx) * z / cloud.camera.fx, (v - cloud.camera.cy) * z / cloud.camera.fy, z], 1)
         outward = (normals * (at - vertices)).sum(axis=1)
-        use = (z > 0) & (cosine > FACING) & (np.abs(outward) < REACH)
+        use = (z > 0) & (cosine > facing) & (np.abs(outward) < reach)
         total += np.where(use, cosine * outward, 0.0)
         weight += np.where(use, cosine, 0.0)
     return np.where(weight > 0, total / np.maximum(weight, 1e-9), 0.0), weight
@@ -170,10 +159,12 @@ def _spread(measured: np.ndarray, weight: np.ndarray, faces: np.ndarray) -> np.n
     ends = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
     count = np.bincount(ends.ravel(), minlength=len(measured))
     smooth = np.where(weight > 0, measured, 0.0)
-    for _ in range(SWEEPS):
+    stiffness = 1.0  # smoothing weight of a vertex's neighbours relative to one measurement
+    sweeps = 100  # number of smoothing passes over all vertices
+    for _ in range(sweeps):
         around = np.zeros(len(measured))
         np.add.at(around, ends[:, 0], smooth[ends[:, 1]])
         np.add.at(around, ends[:, 1], smooth[ends[:, 0]])
-        smooth = (weight * measured + STIFFNESS * around) / (weight + STIFFNESS * np.maximum(count, 1))
+        smooth = (weight * measured + stiffness * around) / (weight + stiffness * np.maximum(count, 1))
         smooth = np.where(weight > 0, np.clip(smooth, -MOST, MOST), 0.0)
     return smooth

@@ -41,8 +41,6 @@ class ShapeSettings:
     limit: float = constant(3.0)
 
 
-STEP = 0.25
-"""Finite difference of the mesh in each coefficient, standard deviations; the mesh is linear in it."""
 NOISE = 0.01
 """Residual of one standard deviation, metres."""
 
@@ -89,11 +87,12 @@ class ShapeEstimator:
         normals, base = placed.normals[vertex], placed.vertices[vertex]
         columns = np.empty((len(vertex), len(self.coefficients)))
         paired = self._space.at(vertex)
+        step = 0.25  # finite difference of the mesh in each coefficient, standard deviations; the mesh is linear in it
         for k in range(len(self.coefficients)):
             changed = self.coefficients.copy()
-            changed[k] += STEP
+            changed[k] += step
             moved = placer.place(paired.body(changed), pose, normals).vertices
-            columns[:, k] = linear.dots(normals, moved - base) / STEP
+            columns[:, k] = linear.dots(normals, moved - base) / step
         weight = weight / NOISE**2
         wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)
         forget = self._settings.forgetting

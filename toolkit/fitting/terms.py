@@ -13,9 +13,6 @@ from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs, twists
 
-HIDDEN = 0.03
-"""Distance behind the drawn body at which a vertex is hidden, metres: below the thickness of a hand, above the mesh
-facets."""
 CLOUD_PLANE, CLOUD_POINT = 1.0, 0.3
 """Plane and point weights of a cloud-to-mesh pair."""
 
@@ -120,7 +117,10 @@ def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, vertices: st
     """
     if vertices == "front":
         return placed.placer.front
-    visible = placed.visible(facing, HIDDEN, scene.seen, scene.intrinsics)
+    # Distance behind the drawn body at which a vertex is hidden, metres: below the thickness of a hand, above the
+    # mesh facets.
+    hidden = 0.03
+    visible = placed.visible(facing, hidden, scene.seen, scene.intrinsics)
     if scene.withheld is not None:
         visible &= ~scene.withheld[placed.body.part[placed.placer.chosen]]
     return visible

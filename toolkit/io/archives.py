@@ -27,9 +27,6 @@ CHECKSUM = "checksum"
 """Name of the array that holds the SHA-256 of all others; files of other programs may lack it."""
 PLAIN_KINDS = "biufU"
 """Kinds of NumPy types that a file may hold: Booleans, numbers and text."""
-LARGEST_ARRAYS = 1 << 30
-"""Largest total size in bytes of the arrays of one file; no file that is read whole needs more."""
-MOST_ARRAYS = 10_000
 KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
 
 _END_MARK, _END_BYTES, _COUNT, _MANY = b"PK\x05\x06", 22, slice(10, 12), 0xFFFF
@@ -175,7 +172,7 @@ def load_archive(
     hint: str,
     *,
     only: Collection[str] | None = None,
-    most: int = LARGEST_ARRAYS,
+    most: int = 1 << 30,
     inside: bool = False,
 ) -> dict[str, np.ndarray]:
     """Read the arrays of an NPZ file and verify its checksum, if it has one.
@@ -277,8 +274,9 @@ def _reason(path: Path, problem: Exception) -> str:
 def _names(archive: zipfile.ZipFile) -> list[str]:
     """Return the names of the arrays in an archive; raise ValueError for duplicate or inconsistent names."""
     names = [name.removesuffix(".npy") for name in archive.namelist()]
-    if len(names) > MOST_ARRAYS:
-        raise ValueError(f"it lists {len(names)} arrays, more than {MOST_ARRAYS}")
+    most_arrays = 10_000
+    if len(names) > most_arrays:
+        raise ValueError(f"it lists {len(names)} arrays, more than {most_arrays}")
     for member in archive.infolist():
         archive.open(member).close()
     if len(set(names)) != len(names):

@@ -16,8 +16,6 @@ from toolkit.io.yaml_reader import parse_json
 VERSION = 1
 HEADER = "header"
 HINT = "track the recording again"
-INDEX_DIGITS = 9
-"""Largest number of digits in the index of a person or a frame: below 10**9, which a 32-bit integer holds."""
 
 
 def save_checkpoint(path: str | Path, kind: str, state: Mapping[str, Any]) -> None:
@@ -81,7 +79,9 @@ def check_state(state: Any, columns: Mapping[str, Column], nested: Collection[st
 
 def numbered(state: Any, what: str) -> dict[int, Any]:
     """Return the states of people or frames by their numbers; raise TrackError if a name is no number."""
-    if not isinstance(state, Mapping) or not all(name.isdecimal() and len(name) <= INDEX_DIGITS for name in state):
+    # Largest number of digits in the index of a person or a frame: below 10**9, which a 32-bit integer holds.
+    index_digits = 9
+    if not isinstance(state, Mapping) or not all(name.isdecimal() and len(name) <= index_digits for name in state):
         raise TrackError(f"the state of the {what} has names where numbers belong; {HINT}")
     return {int(name): value for name, value in state.items()}
 

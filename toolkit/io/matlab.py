@@ -16,8 +16,6 @@ import numpy as np
 from toolkit.io.errors import DepthMocapError
 from toolkit.io.safe_open import read_file
 
-HEADER_BYTES = 128
-"""Bytes before the first variable; the last two give the byte order."""
 LARGEST_FILE = 1 << 31
 """Largest size in bytes of a file and of an inflated variable."""
 INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
@@ -27,9 +25,6 @@ NUMBERS = {
 """Data types of stored numbers (MATLAB file format, table 1-1)."""
 CELL, FIRST_NUMERIC, LAST_NUMERIC = 1, 6, 15
 """Classes of variables. Numbers are stored in the smallest sufficient type, whatever the class."""
-COMPLEX = 0x0800
-DEEPEST = 4
-"""Largest nesting depth of cells; sensor files have tables in cells."""
 
 Variable = np.ndarray | list[np.ndarray]
 
@@ -52,10 +47,11 @@ def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Var
 
 
 def _variables(content: bytes) -> Iterator[tuple[str, Variable]]:
-    order = {b"IM": "<", b"MI": ">"}.get(content[HEADER_BYTES - 2 : HEADER_BYTES])
+    header_bytes = 128  # bytes before the first variable; the last two give the byte order
+    order = {b"IM": "<", b"MI": ">"}.get(content[header_bytes - 2 : header_bytes])
     if order is None:
         raise ValueError("it is not of level 5")
-    for kind, data in _elements(content[HEADER_BYTES:], order):
+    for kind, data in _elements(content[header_bytes:], order):
         if kind == COMPRESSED:
             ((kind, data),) = _elements(_inflated(data), order)
         if kind == MATRIX:
@@ -90,18 +86,20 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 def _matrix(data: bytes, order: str, depth: int = 0) -> Iterator[tuple[str, Variable]]:
     """Yield name and value of a variable in `depth` cells, if it holds numbers."""
-    if depth > DEEPEST:
-        raise ValueError(f"its cells are nested more than {DEEPEST} deep")
+    deepest = 4  # largest nesting depth of cells; sensor files have tables in cells
+    if depth > deepest:
+        raise ValueError(f"its cells are nested more than {deepest} deep")
     elements = list(_elements(data, order))
     if len(elements) < 3 or (elements[0][0], elements[1][0]) != (UINT32, INT32):
         raise ValueError("a variable has no flags, shape and name")
     flags = struct.unpack_from(f"{order}I", elements[0][1])[0]
     shape = np.frombuffer(elements[1][1], f"{order}i4").tolist()
     name, parts = elements[2][1].decode("ascii"), elements[3:]
+    complex_flag = 0x0800
     if flags & 0xFF == CELL:
         cells = [value for _, part in parts for _, value in _matrix(part, order, depth + 1)]
         yield name, [cell for cell in cells if isinstance(cell, np.ndarray)]
-    elif FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & COMPLEX:
+    elif FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & complex_flag:
         if len(parts) != 1 or parts[0][0] not in NUMBERS or min(shape, default=-1) < 0:
             raise ValueError(f"the variable {name!r} holds something else than numbers")
         yield name, np.frombuffer(parts[0][1], order + NUMBERS[parts[0][0]]).reshape(shape, order="F")

@@ -10,8 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-POLL_SECONDS = 0.5
-"""Seconds between two checks of the parent process."""
 _watching: set[int] = set()
 
 
@@ -26,9 +24,10 @@ def end_with(parent: int) -> None:
 
 def _watch(parent: int) -> None:
     known = multiprocessing.parent_process()
+    poll_seconds = 0.5  # seconds between two checks of the parent process
     if os.name == "posix":
         while os.getppid() == parent:  # an orphan gets another parent
-            time.sleep(POLL_SECONDS)
+            time.sleep(poll_seconds)
     elif known is not None:
         known.join()
     os._exit(1)

@@ -31,8 +31,6 @@ JOINTS: tuple[tuple[str, str], ...] = (
 """Joints of an SMPL body and their parents, in the order of `poses`."""
 PELVIS_HEIGHT = 0.09
 """Height of SMPL's pelvis above its hips, metres."""
-SMPL_HEAD_FRACTION = 0.35
-"""Position of SMPL's head joint between the base of the neck (0) and the centre of the skull (1)."""
 Y_UP: np.ndarray = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """Rotation from a world with z up to a world with y up."""
 RATES = ("mocap_framerate", "mocap_frame_rate")
@@ -109,5 +107,7 @@ def _rest() -> dict[str, np.ndarray]:
     rest |= {f"{side}_collar": ours[f"{side}_clavicle"] for side in ("left", "right")}
     rest |= {name: ours[name] for name in ("left_hand", "right_hand")}
     rest["skull"] = ours["head"]
-    rest["head"] = ours["cervical"] + SMPL_HEAD_FRACTION * (ours["head"] - ours["cervical"])
+    # Position of SMPL's head joint between the base of the neck (0) and the centre of the skull (1).
+    smpl_head_fraction = 0.35
+    rest["head"] = ours["cervical"] + smpl_head_fraction * (ours["head"] - ours["cervical"])
     return rest

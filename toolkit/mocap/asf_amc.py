@@ -15,8 +15,6 @@ from toolkit.mocap.clip import Clip, check_tree
 from toolkit.mocap.units import metres_per_unit, rest_size
 
 ROOT = "root"
-DEFAULT_RATE = 120.0
-"""Frames a second without an argument or a rate in the file name (CMU and HDM05 are 120 Hz; AMC has no rate)."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +120,11 @@ def read_amc(
     bones = asf if isinstance(asf, AsfSkeleton) else read_asf(asf or find_asf(file), unit=unit)
     degrees, body = _amc_header(text, bones.degrees, file.name)
     table = _amc_table(body, bones, file.name)
+    # Frames a second without an argument or a rate in the file name (CMU and HDM05 are 120 Hz; AMC has no rate).
+    default_rate = 120.0
     if rate is None:
         named = re.search(r"_(\d+)$", file.stem)
-        rate = float(named[1]) if named and 10 <= int(named[1]) <= 1000 else DEFAULT_RATE
+        rate = float(named[1]) if named and 10 <= int(named[1]) <= 1000 else default_rate
     return _clip(file.stem, bones, table, degrees, rate)
 
 

@@ -12,8 +12,6 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.io.errors import MocapError
 
-MAX_EXTENT = 1e5
-"""Largest plausible distance from the origin, metres."""
 MIRROR: np.ndarray = np.diag([-1.0, 1.0, 1.0])
 """Reflection at the plane x = 0."""
 
@@ -63,11 +61,12 @@ class Clip:
             raise MocapError(f"clip {self.name!r} has no frames; remove the file or record it again")
         if not (np.isfinite(self.frame_rate) and self.frame_rate > 0):
             raise MocapError(f"clip {self.name!r} has frame rate {self.frame_rate}; it must be positive")
+        max_extent = 1e5  # largest plausible distance from the origin, metres
         for array in (self.offsets, self.root_positions, self.rotations, self.translations):
             if array is not None and not np.isfinite(array).all():
                 raise MocapError(f"clip {self.name!r} holds values that are not finite; repair or remove the file")
-            if array is not None and array.size and max(array.max(), -array.min()) > MAX_EXTENT:
-                raise MocapError(f"clip {self.name!r} moves farther than {MAX_EXTENT:g} m; repair it or give its unit")
+            if array is not None and array.size and max(array.max(), -array.min()) > max_extent:
+                raise MocapError(f"clip {self.name!r} moves farther than {max_extent:g} m; repair it or give its unit")
 
     def __len__(self) -> int:
         return len(self.root_positions)

@@ -10,16 +10,8 @@ from toolkit.io.errors import MocapError, PlausibilityWarning, RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.rig import load_rig
 
-SLOWEST, FASTEST = 5.0, 1000.0
-"""Frame rates in Hz of motion capture; a frame time in milliseconds gives 0.03 Hz."""
-FEWEST = 10
-"""Minimum number of frames for a statement about motion."""
 STILL = 2.0 * np.pi
 """Degrees: range of angles that a full turn has if radians are read as degrees."""
-STEP = 30.0
-"""Degrees that a knee turns in a step or a squat, which move the root."""
-SIDEWAYS = 0.3
-"""Minimum of the normalised triple product of left, up and forward, for a statement about sides; 1 at right angles."""
 
 
 def check_clip(clip: Clip) -> Clip:
@@ -35,10 +27,11 @@ def check_clip(clip: Clip) -> Clip:
     PlausibilityWarning
         No joint turns, the root stays in place while the joints turn, or left and right are exchanged at rest.
     """
-    if not SLOWEST <= clip.frame_rate <= FASTEST:
+    slowest, fastest = 5.0, 1000.0  # frame rates in Hz of motion capture; a frame time in milliseconds gives 0.03 Hz
+    if not slowest <= clip.frame_rate <= fastest:
         raise MocapError(
-            f"clip {clip.name!r} has {clip.frame_rate:g} frames a second; motion capture has {SLOWEST:g} to "
-            f"{FASTEST:g}: write the frame time in seconds, not milliseconds"
+            f"clip {clip.name!r} has {clip.frame_rate:g} frames a second; motion capture has {slowest:g} to "
+            f"{fastest:g}: write the frame time in seconds, not milliseconds"
         )
     for text in _doubts(clip):
         warnings.warn(PlausibilityWarning(f"{clip.name}: {text}; see docs/troubleshooting.md"), stacklevel=3)
@@ -51,14 +44,19 @@ def _doubts(clip: Clip) -> list[str]:
     except RigError:
         joints = {}
     found = []
-    if len(clip) >= FEWEST:
+    fewest = 10  # minimum number of frames for a statement about motion
+    step = 30.0  # degrees that a knee turns in a step or a squat, which move the root
+    if len(clip) >= fewest:
         turns = _turns(clip)
         knees = [turns[joints[key]] for key in ("left_knee", "right_knee") if key in joints]
         if turns.max() < STILL:
             found.append(f"no joint turns by more than {turns.max():.1f} degrees; radians have to be given in degrees")
-        elif max(knees, default=0.0) > STEP and np.ptp(clip.root_positions, axis=0).max() == 0.0:
+        elif max(knees, default=0.0) > step and np.ptp(clip.root_positions, axis=0).max() == 0.0:
             found.append("the root stays in one place; export the motion with position channels of the root")
-    if _sides(clip, joints) < -SIDEWAYS:
+    # Minimum of the normalised triple product of left, up and forward, for a statement about sides; 1 at right
+    # angles.
+    sideways = 0.3
+    if _sides(clip, joints) < -sideways:
         found.append("the rest pose has left and right exchanged, or is mirrored by a negative scale")
     return found
 

@@ -9,10 +9,6 @@ from toolkit.io.errors import MocapError
 CMU_UNIT = 0.0254 / 0.45
 """Metres per file unit of the CMU and HDM05 skeletons: inches, scaled by 1 / 0.45 (0.056444 m)."""
 
-PERSON = (0.9, 2.3)
-"""Metres, size range of a skeleton whose unit is guessed."""
-PLAUSIBLE = (0.4, 3.0)
-"""Metres, size range of a skeleton with a given unit; outside, the unit is wrong."""
 
 GUESSES: tuple[float, ...] = (1.0, CMU_UNIT, 0.0254, 0.01, 0.001)
 """Candidate units: metres, CMU units, inches, centimetres, millimetres. Only sizes of 35 to 41 fit two: CMU units, and
@@ -36,15 +32,17 @@ def metres_per_unit(size: float, unit: float | None, name: str) -> float:
     MocapError
         No guess fits, or the given unit makes the skeleton smaller than 0.4 m or larger than 3 m.
     """
+    person = (0.9, 2.3)  # metres, size range of a skeleton whose unit is guessed
     if unit is None:
         for guess in GUESSES:
-            if PERSON[0] <= size * guess <= PERSON[1]:
+            if person[0] <= size * guess <= person[1]:
                 return guess
         raise MocapError(
             f"{name}: the skeleton is {size:.4g} file units tall, which fits no usual unit; "
             "give `unit`, the metres of one file unit (0.01 for centimetres)"
         )
-    if not (unit > 0 and PLAUSIBLE[0] <= size * unit <= PLAUSIBLE[1]):
+    plausible = (0.4, 3.0)  # metres, size range of a skeleton with a given unit; outside, the unit is wrong
+    if not (unit > 0 and plausible[0] <= size * unit <= plausible[1]):
         raise MocapError(
             f"{name}: with unit={unit:g} the skeleton is {size * unit:.4g} m tall; "
             "give the metres of one file unit (0.01 for centimetres) or leave it out"

@@ -44,8 +44,6 @@ SETTINGS = ContactSettings()
 
 GAUSSIAN_RADIUS = 4.0
 """Radius of a truncated Gaussian, standard deviations (SciPy's default)."""
-SHORTEST_STEP = 1e-4
-"""Seconds; frames with a smaller time step are ignored for the frame rate."""
 
 
 ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
@@ -113,7 +111,8 @@ def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarra
 def typical_step(times: np.ndarray) -> float:
     """Return the median time step in seconds, 1/30 for fewer than two frames."""
     steps = np.diff(times)
-    steps = steps[steps > SHORTEST_STEP]
+    shortest_step = 1e-4  # seconds; frames with a smaller time step are ignored for the frame rate
+    steps = steps[steps > shortest_step]
     return float(np.median(steps)) if len(steps) else 1.0 / 30.0
 
 

@@ -19,8 +19,6 @@ PAIRED = tuple(
     if motion
 )
 """Joint and motion of the angles of both sides."""
-EXTREMES = (1.0, 99.0)
-"""Percentiles that bound a range of motion, so that a single wrong frame does not widen it."""
 
 
 class AngleRanges(NamedTuple):
@@ -56,13 +54,14 @@ def summary_of(person: Person) -> Summary:
 def _ranges_of(angles: Angles) -> tuple[AngleRanges, ...]:
     """Return the ranges of the angles of both sides; NaN for a person without a frame."""
     found = []
+    extremes = (1.0, 99.0)  # percentiles that bound a range of motion, so that a single wrong frame does not widen it
     for joint, motion in PAIRED:
         sides = []
         for side in ("left", "right"):
             number = next(i for i, known in enumerate(JOINTS) if known.joint == f"{side}_{joint}")
             values = angles.of(f"{side}_{joint}_{motion}")[~angles.locked[:, number]]
             values = values[np.isfinite(values)]
-            low, high = np.percentile(values, EXTREMES) if len(values) else (np.nan, np.nan)
+            low, high = np.percentile(values, extremes) if len(values) else (np.nan, np.nan)
             sides.append((float(low), float(high)))
         found.append(AngleRanges(joint, motion, *sides))
     return tuple(found)

@@ -10,8 +10,6 @@ from toolkit.tracks.runs import Person
 
 PELVIS_TO_HIPS = np.array([-0.0563, -0.0786, 0.0])
 """Metres, ISB axes: from the origin of the generic model's pelvis (between its spines) to the middle of its hips."""
-GENERIC_STATURE = 1.70
-"""Metres, of that model (Rajagopal 2016)."""
 
 
 def coordinates(person: Person, rows: np.ndarray) -> dict[str, np.ndarray]:
@@ -27,7 +25,8 @@ def coordinates(person: Person, rows: np.ndarray) -> dict[str, np.ndarray]:
 
     pelvis = angles("", "root")
     hips = poses[:, skeleton.ROOT_POSITION] @ ISB_AXES
-    place = hips - turned["root"] @ PELVIS_TO_HIPS * person.body.height / GENERIC_STATURE
+    generic_stature = 1.70  # metres, of that model (Rajagopal 2016)
+    place = hips - turned["root"] @ PELVIS_TO_HIPS * person.body.height / generic_stature
     found = dict(zip(("pelvis_tilt", "pelvis_list", "pelvis_rotation"), pelvis.T, strict=True))
     found |= dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), place.T, strict=True))
     for side in ("right", "left"):

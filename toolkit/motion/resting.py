@@ -25,8 +25,6 @@ ARMS: dict[str, list[int]] = {
     side: [skeleton.REPORTED.index(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist", "hand")]
     for side in ("left", "right")
 }
-FORWARD_STEP = 1e-5
-"""Radians of a forward difference."""
 
 
 @dataclass(frozen=True)
@@ -175,13 +173,14 @@ def _bent(body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target:
     low, high = skeleton.POSE_LIMITS[entries].T
     start, current = pose[entries], pose.copy()
     aim = np.concatenate([target, points(pose)[3:]])
+    forward_step = 1e-5  # radians of a forward difference
     for _ in range(SETTINGS.iterations):
         here = points(current)
         jacobian = np.empty((here.size, len(entries)))
         for k, entry in enumerate(entries):
             nudged = current.copy()
-            nudged[entry] += FORWARD_STEP
-            jacobian[:, k] = (points(nudged) - here).ravel() / FORWARD_STEP
+            nudged[entry] += forward_step
+            jacobian[:, k] = (points(nudged) - here).ravel() / forward_step
         system = np.concatenate([jacobian, SETTINGS.stiffness * np.eye(len(entries))])
         wanted = np.concatenate([(aim - here).ravel(), SETTINGS.stiffness * (start - current[entries])])
         step = np.linalg.lstsq(system, wanted, rcond=None)[0]

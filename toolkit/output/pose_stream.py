@@ -15,8 +15,6 @@ from toolkit.tracking.live_people import LivePose
 from toolkit.tracks import STATE_NAMES
 
 SCHEMA = "depthmocap.live/1"
-DECIMALS = 4
-"""Of metres and confidences: a tenth of a millimetre, and 0.5 kB less for each person."""
 
 
 def live_line(frame: int, timestamp: float, latency_ms: float, dropped: int, poses: Sequence[LivePose]) -> str:
@@ -30,13 +28,14 @@ def live_line(frame: int, timestamp: float, latency_ms: float, dropped: int, pos
     dropped : frames that were left out since the start
     poses : of each person in the frame
     """
+    decimals = 4  # of metres and confidences: a tenth of a millimetre, and 0.5 kB less for each person
     people = [
         {
             "id": pose.row.person,
             "state": STATE_NAMES[pose.row.result.state],
             "provisional": pose.provisional,
-            "joints": np.round(pose.row.result.joints.astype(np.float64), DECIMALS).tolist(),
-            "confidence": np.round(pose.row.result.confidence.astype(np.float64), DECIMALS).tolist(),
+            "joints": np.round(pose.row.result.joints.astype(np.float64), decimals).tolist(),
+            "confidence": np.round(pose.row.result.confidence.astype(np.float64), decimals).tolist(),
         }
         for pose in poses
     ]

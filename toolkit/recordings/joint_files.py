@@ -22,8 +22,6 @@ FORMATS = {
     99: ("MediaPipe's 33 points", POSE_MODEL),
 }
 """Number of values of a person -> name of the format, and its points."""
-NORMALISED = 2.0
-"""Maximum coordinate of a folder whose coordinates are fractions of the image instead of pixels."""
 KEYS = ("pose_keypoints_2d", "keypoints")
 """Key of a person's values in OpenPose and in COCO files."""
 HINT = "use the format of OpenPose"
@@ -56,7 +54,8 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
     people = {frame: _people(path) for frame, path in _files(folder, count).items()}
     known = [rows[rows[:, 2] > 0] for persons in people.values() for rows in persons]
     pixels = np.concatenate(known)[:, :2] if known else np.zeros((0, 2))
-    if len(pixels) and np.abs(pixels).max() < NORMALISED:
+    normalised = 2.0  # maximum coordinate of a folder whose coordinates are fractions of the image instead of pixels
+    if len(pixels) and np.abs(pixels).max() < normalised:
         raise RecordingError(
             f"the coordinates in {folder} are all below {np.abs(pixels).max():.2g}, fractions of the image; write them "
             "in pixels (OpenPose: keypoint_scale 0)"

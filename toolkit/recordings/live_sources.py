@@ -19,8 +19,6 @@ from toolkit.sensing.stream import Frame
 
 FILE = "file:"
 REALSENSE = "realsense"
-SILENT_SECONDS = 5.0
-"""Without a frame of a camera after which it counts as unplugged; librealsense waits as long for a frame set."""
 
 
 class LiveSource(Protocol):
@@ -148,7 +146,9 @@ class RealSenseSource:
 
     def _next(self) -> tuple[np.ndarray, float]:
         """Return the next depth image, uint16 (H, W), millimetres, and its time in seconds."""
-        deadline = time.perf_counter() + SILENT_SECONDS
+        # Without a frame of a camera after which it counts as unplugged; librealsense waits as long for a frame set.
+        silent_seconds = 5.0
+        deadline = time.perf_counter() + silent_seconds
         while time.perf_counter() < deadline:
             try:
                 images = self._sensor.capture_frame(True, True)
@@ -159,7 +159,7 @@ class RealSenseSource:
                 if self._millimetres != 1.0:
                     depth = np.minimum(np.rint(depth * self._millimetres), 65534).astype(np.uint16)
                 return depth, self._sensor.get_timestamp() / 1e6
-        raise RecordingError(f"the RealSense camera gave no frame for {SILENT_SECONDS:g} s; plug it in again")
+        raise RecordingError(f"the RealSense camera gave no frame for {silent_seconds:g} s; plug it in again")
 
 
 def _reason(error: RuntimeError) -> str:

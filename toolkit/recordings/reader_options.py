@@ -14,8 +14,6 @@ from toolkit.sensing.conversion import unit_in_metres
 
 LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
 FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
-LARGEST_RATE = 1000.0  # maximum frame rate of a depth camera, Hz
-LARGEST_SIDE = 20_000  # maximum width or height of an image, pixels
 SETTINGS = {
     "segment": "settings={'sensing.segment': ...}",
     "subject": "settings={'sensing.subject': ...}",
@@ -81,9 +79,10 @@ class ReaderOptions:
             plain["frame_rate"] = _number(plain["frame_rate"], "--frame-rate", "frames a second")
         made = cls(**plain)
         rate = made.frame_rate
-        if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= LARGEST_RATE):
+        largest_rate = 1000.0  # Hz, of a depth camera
+        if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= largest_rate):
             raise UsageError(
-                f"--frame-rate {made.frame_rate} is not positive or above {LARGEST_RATE:g}; give frames a second"
+                f"--frame-rate {made.frame_rate} is not positive or above {largest_rate:g}; give frames a second"
             )
         if made.depth_unit is not None:
             unit_in_metres(made.depth_unit)
@@ -140,6 +139,7 @@ def _numbers(name: str, value: Any) -> Any:
         raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers") from None
     if len(numbers) != LENGTHS[name] or not np.isfinite(numbers).all():
         raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers")
-    if name == "size" and not all(0 < n <= LARGEST_SIDE and n == int(n) for n in numbers):
+    largest_side = 20_000  # pixels, of an image
+    if name == "size" and not all(0 < n <= largest_side and n == int(n) for n in numbers):
         raise UsageError(f"--size is {value!r}; give width and height in pixels")
     return tuple(int(n) for n in numbers) if name == "size" else numbers

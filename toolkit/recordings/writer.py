@@ -18,7 +18,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import check_rows
 from toolkit.sensing.recording import check_joints, check_timestamps
 
-COMPRESSION = 3  # zlib level (of 9): a tenth of the size for segmented depth, a third of the default level's time
 BLOCK = 1 << 20
 
 
@@ -125,10 +124,11 @@ class RecordingWriter:
         OutputError
             The file cannot be written.
         """
+        compression = 3  # zlib level of 9: a tenth of the size, a third of the default level's time
         try:
             arrays = self._arrays()
             with atomic_path(self._path) as temporary:
-                with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=COMPRESSION) as archive:
+                with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=compression) as archive:
                     for key, array in arrays.items():
                         with archive.open(f"{key}.npy", "w") as member:
                             npy.write_array(member, array, allow_pickle=False)

@@ -18,7 +18,6 @@ from toolkit.retrieval.features.relational import FeatureMatrix, pack
 
 WILDCARD = -1
 """Entry of a quantised template that matches any value."""
-_UNDECIDED = 0.5
 
 
 @dataclass(frozen=True)
@@ -175,7 +174,8 @@ def _average(
 
 def _settled(values: np.ndarray) -> np.ndarray:
     """Replace every entry with disagreement by a wildcard."""
-    return np.where((values > 0.0) & (values < 1.0), _UNDECIDED, values)
+    undecided = 0.5
+    return np.where((values > 0.0) & (values < 1.0), undecided, values)
 
 
 def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:

@@ -16,9 +16,6 @@ from toolkit.io.errors import RecordingError
 
 DEFAULT_UP = (0.0, -1.0, 0.0)
 """Vertical in the camera frame of a horizontal camera."""
-LEAST_STRETCH = 0.3
-"""Smallest plausible radial factor of a lens at a corner of the image; fisheye lenses, which this model does not fit,
-are below it."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +72,10 @@ class Camera:
             raise RecordingError(
                 f"distortion {self.distortion} is not five finite numbers k1, k2, p1, p2, k3, or eight with k4, k5, k6"
             )
-        if not LEAST_STRETCH <= self._stretch() <= 1 / LEAST_STRETCH:
+        # Smallest plausible radial factor of a lens at a corner of the image; fisheye lenses, which this model does
+        # not fit, are below it.
+        least_stretch = 0.3
+        if not least_stretch <= self._stretch() <= 1 / least_stretch:
             raise RecordingError(
                 f"distortion {self.distortion} moves the corners of the image {self._stretch():.3g} times as far from "
                 "its centre; give the numbers of this lens, or none"

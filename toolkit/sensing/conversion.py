@@ -9,11 +9,8 @@ import numpy as np
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.sensing.camera import Camera
 
-LARGEST_MM = 65535
 INVALID_FROM = 65000
 """Raw 16-bit values from here on mean no measurement (Azure Kinect files; others saturate at 65535)."""
-NEAREST_MEDIAN_MM = 100.0
-"""Nearest range of a depth camera; metres read as millimetres are below."""
 FARTHEST_MEDIAN_MM = 20_000.0
 """Twice the length of a room."""
 DEPTH_UNITS = {
@@ -80,8 +77,9 @@ class DepthConverter:
             if self._slant is None:
                 self._slant = 1.0 / np.sqrt(1.0 + (camera.rays() ** 2).sum(axis=-1))
             values *= self._slant
+        largest_mm = 65535
         with np.errstate(invalid="ignore"):
-            usable = (values > 0) & (values <= LARGEST_MM)
+            usable = (values > 0) & (values <= largest_mm)
         rounded = np.zeros(values.shape, dtype=np.uint16)
         rounded[usable] = np.rint(values[usable])
         return rounded
@@ -102,7 +100,8 @@ class DepthConverter:
 
     @staticmethod
     def _plausible(median_mm: float) -> bool:
-        return NEAREST_MEDIAN_MM <= median_mm <= FARTHEST_MEDIAN_MM
+        nearest_median_mm = 100.0  # nearest range of a depth camera; metres read as millimetres are below
+        return nearest_median_mm <= median_mm <= FARTHEST_MEDIAN_MM
 
 
 def unit_in_metres(unit: str | float) -> float:

@@ -13,9 +13,6 @@ import numpy as np
 
 from toolkit.io.errors import ModelError
 
-CHECK_LEVELS, CHECK_STRIDE = 257, 7919
-"""Different values of the check input, -128 to 128, and the step between neighbours in that range."""
-
 
 def digest_path(path: Path) -> Path:
     """Path of the digest of a network's outputs, beside its file."""
@@ -74,7 +71,9 @@ class _Loaded:
 
     def digest(self, shape: tuple[int, ...]) -> str:
         """SHA-256 of the outputs for a fixed input."""
-        values = (np.arange(np.prod(shape)) * CHECK_STRIDE) % CHECK_LEVELS - CHECK_LEVELS // 2
+        # Different values of the check input, -128 to 128, and the step between neighbours in that range.
+        check_levels, check_stride = 257, 7919
+        values = (np.arange(np.prod(shape)) * check_stride) % check_levels - check_levels // 2
         digest = hashlib.sha256()
         for output in self.run(values.reshape(shape).astype(np.float32)):
             digest.update((np.ascontiguousarray(output, dtype=np.float32) + np.float32(0.0)).tobytes())

@@ -19,10 +19,6 @@ USUAL_LENSES: dict[tuple[int, int], tuple[tuple[str, tuple[float, float, float, 
     (176, 144): (("SwissRanger", (220.0, 220.0, 87.5, 71.5)),),
 }
 """Width and height -> camera and fx, fy, cx, cy in pixels, by the makers' fields of view; good to a few percent."""
-OTHER_SIZES = ((424, 240), (640, 360), (960, 540), (1280, 960), (1280, 1024), (1920, 1080), (1920, 1440))
-"""Sizes of colour images, whose intrinsics are taken for those of the depth by mistake."""
-CENTRE_TOLERANCE = 0.04
-"""Share of width and height by which the principal points of cameras of one size differ."""
 
 
 def size_of_centre(cx: float, cy: float) -> tuple[int, int] | None:
@@ -31,5 +27,8 @@ def size_of_centre(cx: float, cy: float) -> tuple[int, int] | None:
     def distance(size: tuple[int, int]) -> float:
         return max(abs(cx - (size[0] - 1) / 2) / size[0], abs(cy - (size[1] - 1) / 2) / size[1])
 
-    nearest = min([*USUAL_LENSES, *OTHER_SIZES], key=distance)
-    return nearest if distance(nearest) <= CENTRE_TOLERANCE else None
+    # Sizes of colour images, whose intrinsics are taken for those of the depth by mistake.
+    other_sizes = ((424, 240), (640, 360), (960, 540), (1280, 960), (1280, 1024), (1920, 1080), (1920, 1440))
+    nearest = min([*USUAL_LENSES, *other_sizes], key=distance)
+    centre_tolerance = 0.04  # share of width and height by which the principal points of cameras of one size differ
+    return nearest if distance(nearest) <= centre_tolerance else None

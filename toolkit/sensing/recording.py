@@ -25,8 +25,6 @@ from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotate
 from toolkit.sensing.stream import Frame
 
 JOINT_COUNT = len(skeleton.REPORTED)
-LONGEST_STEP = 10.0
-"""Largest median step of the timestamps, seconds; a larger one means milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +286,8 @@ def check_timestamps(timestamps: np.ndarray, count: int, path: Path) -> np.ndarr
         raise RecordingError(f"the timestamps of {path} are not finite or run backwards; write seconds, in order")
     if count > 1 and times[0] == times[-1]:
         raise RecordingError(f"all timestamps of {path} are {times[0]:g}; write one per frame, or leave them out")
-    if count > 1 and (step := float(np.median(np.diff(times)))) > LONGEST_STEP:
+    longest_step = 10.0  # largest median step of the timestamps, seconds; a larger one means milliseconds
+    if count > 1 and (step := float(np.median(np.diff(times)))) > longest_step:
         raise RecordingError(f"the timestamps of {path} are {step:g} s apart; write seconds, not milliseconds")
     return times
 

@@ -10,7 +10,6 @@ from toolkit.io.errors import SettingsError
 from toolkit.io.typed_values import constant
 
 MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
-MOST_EMPTY_FRAMES = 1000
 SUPPORT = {"keep": 0, "mixed": 3}
 """Number of supporting neighbours (of 8) that a pixel needs, by the setting `contour`."""
 CONTOURS = (*SUPPORT, "silhouette")
@@ -42,8 +41,9 @@ class SegmentationMode:
             raise SettingsError(f"--segment is {text!r}; give one of: {MODES}")
         if name == "range" and numbers[0] >= numbers[1]:
             raise SettingsError(f"--segment {text!r} is no range; give metres, the nearer first")
-        if name == "empty-frames" and not (1 <= numbers[0] <= MOST_EMPTY_FRAMES and numbers[0] == int(numbers[0])):
-            raise SettingsError(f"--segment {text!r} needs a number of frames from 1 to {MOST_EMPTY_FRAMES}")
+        most_empty_frames = 1000
+        if name == "empty-frames" and not (1 <= numbers[0] <= most_empty_frames and numbers[0] == int(numbers[0])):
+            raise SettingsError(f"--segment {text!r} needs a number of frames from 1 to {most_empty_frames}")
         return cls(name, numbers)
 
 

@@ -22,14 +22,6 @@ HAIRS = _palette("231c18 463020 785430 bea06e 8c8884")
 CLOTHES = _palette("283c78 a0282c 3c6e46 dcdcd6 2e2e34 d2aa3c 785a8c 5a82a0")
 TROUSERS = _palette("2c3654 28282c 786c58 5c6064 46342a")
 SHOES = _palette("1e1c1c d2d2cd 5a3c28")
-HEAD_WIDTH = 0.17
-"""Width in metres of the head for positions on it."""
-HAIRLINE = ((-0.1, -0.04, 0.0, 0.04, 0.085), (-0.09, -0.06, 0.01, 0.025, 0.065))
-"""Height of the hairline above the middle of the head by the distance in front of it, metres."""
-LONG_HAIR = -0.15
-"""Lowest height of long hair at the back of the head, metres."""
-STRIPES = 0.09
-"""Period of the stripes of a shirt, metres."""
 UPPER = ("lumbar", "thorax", "left_clavicle", "right_clavicle", "left_shoulder", "right_shoulder")
 FOREARMS, FEET = ("left_elbow", "right_elbow"), ("left_ankle", "right_ankle")
 LEGS = ("root", "left_hip", "right_hip", "left_knee", "right_knee")
@@ -68,7 +60,8 @@ def vertex_colors(body: Body, look: Appearance, hanging: int = 0) -> np.ndarray:
     """Return the colours of a body's vertices, float64 (V, 3), 0 to 255; the last `hanging` vertices are a skirt."""
     colors = np.tile(np.array(look.skin, dtype=np.float64), (len(body.vertices), 1))
     height = body.vertices[:, 1]
-    striped = np.where((height // (0.5 * STRIPES) % 2 == 0)[:, None], look.shirt, look.stripes)
+    stripes = 0.09  # period of the stripes of a shirt, metres
+    striped = np.where((height // (0.5 * stripes) % 2 == 0)[:, None], look.shirt, look.stripes)
     above_belt = _carried(body, ("root",)) & (height > 0.05 * body.height)
     shirt = _carried(body, UPPER) | above_belt | (_carried(body, FOREARMS) & look.long_sleeves)
     colors[shirt] = striped[shirt]
@@ -88,10 +81,14 @@ def _draw_head(body: Body, look: Appearance, colors: np.ndarray) -> None:
     """Draw hair, and a face with brows, eyes and lips, which distinguishes front and back."""
     head = np.flatnonzero(_carried(body, ("cervical",)))
     middle = body.sites[[name for name, _ in skeleton.SITES].index("head")]
-    places = (body.vertices[head] - middle) * HEAD_WIDTH / np.ptp(body.vertices[head, 0])
+    head_width = 0.17  # width in metres of the head for positions on it
+    places = (body.vertices[head] - middle) * head_width / np.ptp(body.vertices[head, 0])
     x, y, z = np.abs(places[:, 0]), places[:, 1], places[:, 2]
     front, ear = z > 0.04, (x > 0.07) & (np.abs(z + 0.01) < 0.02) & (y < 0.02)
-    covered = (y > np.interp(z, *HAIRLINE)) | (look.long_hair & (z < 0.0) & (y > LONG_HAIR))
+    # Height of the hairline above the middle of the head by the distance in front of it, metres.
+    hairline = ((-0.1, -0.04, 0.0, 0.04, 0.085), (-0.09, -0.06, 0.01, 0.025, 0.065))
+    long_hair = -0.15  # lowest height of long hair at the back of the head, metres
+    covered = (y > np.interp(z, *hairline)) | (look.long_hair & (z < 0.0) & (y > long_hair))
     skin = np.array(look.skin)
     parts = (
         (covered & ~ear, look.hair),

@@ -12,8 +12,6 @@ HOLDINGS: dict[str, tuple[float, float, float]] = {
     "box": (0.0, 0.28, 0.3), "tablet": (0.0, 0.2, 0.015), "bag": (0.3, 0.36, 0.14),
 }  # fmt: skip
 """Width, height and depth in metres of held objects; an object in both hands is as wide as their distance."""
-STRAPS = 0.14
-"""Metres from the hand to the top of a bag."""
 _LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
 
 
@@ -30,10 +28,11 @@ def held_mesh(kind: str, joints: np.ndarray) -> Mesh:
     """
     _, high, deep = HOLDINGS[kind]
     left, right = joints[_LEFT], joints[_RIGHT]
+    straps = 0.14  # metres from the hand to the top of a bag
     if kind == "bag":
         wide = HOLDINGS[kind][0]
-        bag = box((-0.5 * deep, -STRAPS - high, -0.5 * wide), (0.5 * deep, -STRAPS, 0.5 * wide))
-        strap = box((-0.02, -STRAPS, -0.5 * wide + 0.05), (0.02, 0.0, 0.5 * wide - 0.05))
+        bag = box((-0.5 * deep, -straps - high, -0.5 * wide), (0.5 * deep, -straps, 0.5 * wide))
+        strap = box((-0.02, -straps, -0.5 * wide + 0.05), (0.02, 0.0, 0.5 * wide - 0.05))
         return moved(joined([bag, strap]), left[0], left[1], left[2], _facing(joints))
     middle, across = 0.5 * (left + right), left - right
     wide = max(float(np.hypot(across[0], across[2])), 0.2)

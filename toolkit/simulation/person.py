@@ -82,8 +82,9 @@ class SimulatedPerson:
 
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)
-        if not np.abs(np.asarray(self.at, dtype=np.float64)).max() <= FARTHEST_PLACE:
-            raise UsageError(f"no person can stand at {self.at}; give metres up to {FARTHEST_PLACE:g} to each side")
+        farthest_place = 60.0  # metres on the floor plan; depth beyond is not stored
+        if not np.abs(np.asarray(self.at, dtype=np.float64)).max() <= farthest_place:
+            raise UsageError(f"no person can stand at {self.at}; give metres up to {farthest_place:g} to each side")
 
 
 RANGES: dict[str, tuple[float, float, str]] = {
@@ -91,8 +92,6 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "stature": (0.3, 3.0, "metres"),
     "enters": (0.0, 86_400.0, "seconds, a day at most"),
 }
-"""Inclusive ranges of the numbers of a person, with their unit."""
-FARTHEST_PLACE = 60.0
 """Metres on the floor plan; depth beyond is not stored."""
 
 

@@ -16,14 +16,8 @@ from toolkit.simulation.scene import PlacedCamera
 
 FINER = 2
 """Supersampling factor of images, for smooth contours."""
-IMAGE_NOISE = 2.5
-"""Standard deviation of an image's noise, grey levels."""
 LIGHTS = np.array([0.35, 0.5, 0.2])
 """Fractions of ambient light, of a lamp, and of light from the camera."""
-KEY_SPREAD = 0.6
-"""Largest deviation of the lamp from above and before the people, as the tangent of an angle."""
-BOX_FACES = 12
-"""Triangles of a box; the first box of a room is its shell."""
 
 
 class DrawnMesh(NamedTuple):
@@ -61,7 +55,8 @@ class Backdrop:
     @classmethod
     def of_room(cls, hits: Hits, camera: Camera, view: PlacedCamera, rng: np.random.Generator) -> Backdrop:
         """Draw a room of boxes for `camera`: painted walls with pictures, a plank floor, furniture."""
-        aside, before = rng.uniform(-KEY_SPREAD, KEY_SPREAD), rng.uniform(0.2, 0.2 + KEY_SPREAD)
+        key_spread = 0.6  # largest deviation of the lamp from above and before the people, as the tangent of an angle
+        aside, before = rng.uniform(-key_spread, key_spread), rng.uniform(0.2, 0.2 + key_spread)
         lamp = np.array([aside, 1.0, before])
         key = lamp / np.linalg.norm(lamp) @ view.R_level_camera
         rays = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
@@ -71,7 +66,8 @@ class Backdrop:
         normals *= np.where((normals * rays[seen]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
         light = LIGHTS[0] + LIGHTS[1] * np.maximum((normals * key).sum(axis=1), 0.0) + 0.5 * LIGHTS[2]
         image = np.zeros((*camera.shape, 3))
-        image[seen] = _paint(points, hits.triangles[seen] // BOX_FACES, rng) * light[:, None]
+        box_faces = 12  # triangles of a box; the first box of a room is its shell
+        image[seen] = _paint(points, hits.triangles[seen] // box_faces, rng) * light[:, None]
         return cls(image, np.where(seen, hits.depth, np.inf).astype(np.float64), key, camera)
 
     def with_people(self, people: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:
@@ -86,7 +82,8 @@ class Backdrop:
             )
         fine = image.reshape(len(image) // FINER, FINER, -1, FINER, 3)
         coarse = fine.mean(axis=(1, 3), dtype=np.float32)
-        return np.clip(np.rint(coarse + rng.normal(0.0, IMAGE_NOISE, coarse.shape)), 0, 255).astype(np.uint8)
+        image_noise = 2.5  # standard deviation of an image's noise, grey levels
+        return np.clip(np.rint(coarse + rng.normal(0.0, image_noise, coarse.shape)), 0, 255).astype(np.uint8)
 
 
 def _paint(points: np.ndarray, box: np.ndarray, rng: np.random.Generator) -> np.ndarray:

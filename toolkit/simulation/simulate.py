@@ -41,8 +41,6 @@ from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 from toolkit.simulation.skinning import SKINNINGS
 
-EMPTY_FRAMES = 9
-"""Number of frames of the empty room whose median becomes the recorded background."""
 AIM_HEIGHT = 0.52
 """Height at which a camera without a given tilt aims, as a fraction of the subject's stature."""
 FRAME_RATES = (0.1, 1000.0)
@@ -205,7 +203,8 @@ class Simulation:
         if not self.shot.furnished:
             return None
         rng = np.random.default_rng([self.shot.seed, 1])
-        frames = [self.sensor.measure(self._room, rng)[0] for _ in range(EMPTY_FRAMES)]
+        empty_frames = 9  # number of frames of the empty room whose median becomes the recorded background
+        frames = [self.sensor.measure(self._room, rng)[0] for _ in range(empty_frames)]
         return np.median(frames, axis=0).astype(np.uint16)
 
     def frames(self) -> Iterator[SimulatedFrame]:

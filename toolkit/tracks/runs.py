@@ -20,10 +20,6 @@ from toolkit.tracks import EMPTY, RunInfo, Track
 from toolkit.tracks.track import AGAIN
 
 PEOPLE_FILE = "people.json"
-LONGEST_NAME = 200
-"""Maximum length of the name of a person's folder, bytes."""
-MOST_PEOPLE = 1000
-"""Maximum number of people in one recording: a person who is not re-identified counts twice."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +100,8 @@ def load_people(run: str | Path) -> People:
     folders = [person.folder for person in people]
     if not all(_is_plain(folder) for folder in folders):
         raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run")
-    if len(people) > MOST_PEOPLE or len(set(folders)) < len(folders):
+    most_people = 1000  # maximum number of people in one recording: a person who is not re-identified counts twice
+    if len(people) > most_people or len(set(folders)) < len(folders):
         raise TrackError(f"{path} lists {len(people)} people, some of them twice or more than a camera sees; {AGAIN}")
     if linked := [folder for folder in folders if (Path(run) / folder).is_symlink()]:
         raise TrackError(f"{Path(run) / linked[0]} is a link; put the folder itself there")
@@ -112,7 +109,8 @@ def load_people(run: str | Path) -> People:
 
 
 def _is_plain(name: str) -> bool:
-    short = len(name.encode(errors="replace")) <= LONGEST_NAME
+    longest_name = 200  # maximum length of the name of a person's folder, bytes
+    short = len(name.encode(errors="replace")) <= longest_name
     return short and name.isprintable() and Path(name).name == name and name not in ("", ".", "..")
 
 

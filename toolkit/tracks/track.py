@@ -19,8 +19,6 @@ STATE_NAMES = ("tracked", "lost", "empty")
 
 TRACK_FILE, PARTIAL_FILE = "track.npz", "track.partial"
 AGAIN = "track the recording again"
-FARTHEST, LATEST = 1e4, 1e12
-"""Bounds of values: metres or radians of a pose; seconds or milliseconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,10 +148,11 @@ def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
 def row_columns(pose_size: int, stages: int, sources: int) -> dict[str, Column]:
     """Return the columns that every tracker writes."""
     shapes = columns(pose_size, stages)
+    farthest, latest = 1e4, 1e12  # bounds of values: metres or radians of a pose; seconds or milliseconds
     spans = {
-        "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),
+        "joints": (-farthest, farthest), "pose": (-farthest, farthest), "confidence": (0.0, 1.0),
         "state": (0.0, len(STATE_NAMES) - 1.0), "source": (0.0, max(0.0, sources - 1.0)),
-        "timestamps": (-LATEST, LATEST), "stage_ms": (0.0, LATEST),
+        "timestamps": (-latest, latest), "stage_ms": (0.0, latest),
     }  # fmt: skip
     kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
     wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}

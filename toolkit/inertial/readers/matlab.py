@@ -17,15 +17,12 @@ from toolkit.inertial.stream import FREE, GRAVITY, Sensors, SensorStream, checke
 from toolkit.io.errors import InertialError
 from toolkit.io.matlab import Variable, read_matlab
 
-UTD_RATE = 50.0
-FIRST_THIGH_ACTION = 22
 CZU_LIMBS = (
     "chest", "pelvis", "left_upper_arm", "left_forearm", "right_upper_arm", "right_forearm",
     "left_thigh", "left_shin", "right_thigh", "right_shin",
 )  # fmt: skip
 """Parts of the body of the sensors 00 to 09: chest, abdomen, then elbow and wrist, knee and ankle; a sensor at a joint
 is assigned to the bone above it."""
-DAY = 86400.0
 _ACTION = re.compile(r"^a(\d+)_s\d+_t\d+")
 _PI = re.compile(r"^pi0?(\d)(\.\w+)?$", re.IGNORECASE)
 
@@ -64,15 +61,18 @@ def _utd_stream(path: Path, values: Variable, options: SensorOptions) -> SensorS
         found = "cells" if isinstance(values, list) else f"shape {values.shape}"
         raise InertialError(f"d_iner in {path} has {found}; expected (N, 6) with at least 2 rows")
     action = _ACTION.match(path.stem)
-    limb = "right_thigh" if action and int(action.group(1)) >= FIRST_THIGH_ACTION else "right_forearm"
-    times = np.arange(len(values)) / (options.rate or UTD_RATE)
+    first_thigh_action = 22
+    limb = "right_thigh" if action and int(action.group(1)) >= first_thigh_action else "right_forearm"
+    utd_rate = 50.0
+    times = np.arange(len(values)) / (options.rate or utd_rate)
     return _raw(options.sensor or limb, times, values.astype(np.float64))
 
 
 def _czu_stream(path: Path, number: int, values: np.ndarray, options: SensorOptions) -> SensorStream:
     if values.ndim != 2 or values.shape[1] != 7 or len(values) < 2:
         raise InertialError(f"sensor {number} in {path} has shape {values.shape}; expected (N, 7) with at least 2 rows")
-    times = values[:, 6] + DAY * np.concatenate([[0], np.cumsum(np.diff(values[:, 6]) < -0.5 * DAY)])
+    day = 86400.0
+    times = values[:, 6] + day * np.concatenate([[0], np.cumsum(np.diff(values[:, 6]) < -0.5 * day)])
     return _raw(options.sensor or CZU_LIMBS[number], times, values)
 
 

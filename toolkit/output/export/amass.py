@@ -13,9 +13,6 @@ from toolkit.tracks.runs import Person
 
 OURS = {"pelvis": "root", "spine2": "lumbar", "spine3": "thorax", "neck": "cervical"}
 """SMPL joint -> our joint with the same rotation."""
-SMPL_H = 52
-"""Number of joints of a body with hands (156 values per frame)."""
-BETAS, DMPLS = 16, 8
 
 
 def export_amass(path: str | Path, person: Person) -> None:
@@ -43,7 +40,8 @@ def amass_arrays(poses: np.ndarray, frame_rate: float) -> dict[str, np.ndarray]:
 
     vectors = np.zeros((len(poses), len(skeleton.JOINT_NAMES), 3))
     vectors[:, skeleton.DOF_JOINT, skeleton.DOF_AXIS] = poses[:, 3:]
-    rotations = np.zeros((len(poses), SMPL_H, 3))
+    smpl_h = 52  # number of joints of a body with hands (156 values per frame)
+    rotations = np.zeros((len(poses), smpl_h, 3))
     for j, (name, _) in enumerate(JOINTS):
         ours = OURS.get(name, name.replace("collar", "clavicle"))
         if ours in skeleton.JOINT_NAMES:
@@ -51,11 +49,12 @@ def amass_arrays(poses: np.ndarray, frame_rate: float) -> dict[str, np.ndarray]:
     z_up, root = Rotation.from_matrix(Y_UP.T), Rotation.from_rotvec(rotations[:, 0])
     rotations[:, 0] = (z_up * root).as_rotvec()
     pelvis = poses[:, skeleton.ROOT_POSITION] + PELVIS_HEIGHT * root.apply([0.0, 1.0, 0.0])
+    betas, dmpls = 16, 8
     return {
         "poses": rotations.reshape(len(poses), -1),
         "trans": z_up.apply(pelvis),
         "mocap_framerate": np.array(float(frame_rate)),
-        "betas": np.zeros(BETAS),
+        "betas": np.zeros(betas),
         "gender": np.array("neutral"),
-        "dmpls": np.zeros((len(poses), DMPLS)),
+        "dmpls": np.zeros((len(poses), dmpls)),
     }

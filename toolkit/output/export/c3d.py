@@ -12,9 +12,6 @@ from toolkit.io.errors import UsageError
 from toolkit.io.files import atomic_path
 from toolkit.tracks.runs import Person
 
-MILLIMETRES = 1000.0
-"""Units per metre (millimetres)."""
-
 
 def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     """Write the reported joints as points of a C3D file: y up (level frame), millimetres.
@@ -36,7 +33,8 @@ def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     rate, lengths = people[0].frame_rate(), {len(person.track) for person in people}
     if len(lengths) > 1:
         raise UsageError(f"the tracks have {sorted(lengths)} frames; a C3D file holds people of one recording")
-    points = np.concatenate([person.joints_level for person in people], axis=1) * MILLIMETRES
+    millimetres = 1000.0  # units per metre (millimetres)
+    points = np.concatenate([person.joints_level for person in people], axis=1) * millimetres
     prefixes = [f"{person.name}:" for person in people] if len(people) > 1 else [""]
     file = ezc3d.c3d()
     parameters = file["parameters"]["POINT"]

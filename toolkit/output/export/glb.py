@@ -16,15 +16,8 @@ from toolkit.io.files import atomic_path
 from toolkit.output.export.tree import OWN, JointTree, tree_of
 from toolkit.tracks.runs import Person
 
-VERTEX_DATA, INDEX_DATA = 34962, 34963
-"""Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
 COMPONENTS = {"<f4": 5126, "<u2": 5123, "<u4": 5125, "|u1": 5121}
 SHAPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (16,): "MAT4"}
-SKIN = (0.80, 0.66, 0.56, 1.0)
-"""Default base colour, linear RGBA."""
-ROUGHNESS = 0.8
-INFLUENCES = 4
-"""Number of joints per vertex that each reader of the format supports."""
 
 
 class _Nodes(NamedTuple):
@@ -64,7 +57,8 @@ def export_glb(
     OutputError
         The file cannot be written.
     """
-    scene = GlbDocument(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
+    skin = (0.80, 0.66, 0.56, 1.0)  # default base colour, linear RGBA
+    scene = GlbDocument(skin if colors is None else (1.0, 1.0, 1.0, 1.0))
     scene.document["animations"] = []
     start = min(float(person.track.timestamps[0]) for person in people)
     for k, person in enumerate(people):
@@ -84,7 +78,8 @@ class GlbDocument:
     """A glTF document and its buffer under construction."""
 
     def __init__(self, color: Sequence[float]) -> None:
-        surface = {"baseColorFactor": color, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+        roughness = 0.8
+        surface = {"baseColorFactor": color, "metallicFactor": 0.0, "roughnessFactor": roughness}
         self._blocks: list[bytes] = []
         self._length = 0
         self.document: dict[str, Any] = {
@@ -164,17 +159,18 @@ def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes
     joints, weights = skinning(body, tree)
     inverse = np.tile(np.eye(4), (len(tree.names), 1, 1))
     inverse[:, 3, :3] = -tree.rest  # matrices are stored in column-major order
+    vertex_data, index_data = 34962, 34963  # targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER
     attributes = {
-        "POSITION": scene.accessor(body.vertices, "<f4", target=VERTEX_DATA, bounds=True),
-        "NORMAL": scene.accessor(body.normals, "<f4", target=VERTEX_DATA),
-        "JOINTS_0": scene.accessor(joints, "|u1", target=VERTEX_DATA),
-        "WEIGHTS_0": scene.accessor(weights, "<f4", target=VERTEX_DATA),
+        "POSITION": scene.accessor(body.vertices, "<f4", target=vertex_data, bounds=True),
+        "NORMAL": scene.accessor(body.normals, "<f4", target=vertex_data),
+        "JOINTS_0": scene.accessor(joints, "|u1", target=vertex_data),
+        "WEIGHTS_0": scene.accessor(weights, "<f4", target=vertex_data),
     }
     if colors is not None:
         linear = (np.asarray(colors, dtype=np.float64) / 255.0) ** 2.2
-        attributes["COLOR_0"] = scene.accessor(linear, "<f4", target=VERTEX_DATA)
+        attributes["COLOR_0"] = scene.accessor(linear, "<f4", target=vertex_data)
     wide = "<u4" if len(body.vertices) > 65534 else "<u2"
-    indices = scene.accessor(body.faces.ravel(), wide, target=INDEX_DATA)
+    indices = scene.accessor(body.faces.ravel(), wide, target=index_data)
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
     mesh = scene.add("meshes", {"name": person.name, "primitives": [primitive]})
     matrices = scene.accessor(inverse.reshape(-1, 16), "<f4")
@@ -191,7 +187,8 @@ def skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
     rows = np.arange(len(dense))
     for slot in range(body.skin_joints.shape[1]):
         dense[rows, place[body.skin_joints[:, slot]]] += body.skin_weights[:, slot]
-    joints = np.argsort(-dense, axis=1, kind="stable")[:, :INFLUENCES]
+    influences = 4  # number of joints per vertex that each reader of the format supports
+    joints = np.argsort(-dense, axis=1, kind="stable")[:, :influences]
     weights = np.take_along_axis(dense, joints, axis=1).astype(np.float32)
     weights /= weights.sum(axis=1, keepdims=True)
     return np.where(weights > 0, joints, 0), weights

@@ -17,12 +17,8 @@ from toolkit.tracks import EMPTY, TRACKED
 from toolkit.tracks.runs import Person
 
 MILLIMETRES, MICROSECONDS = 1000.0, 1e6
-DECIMALS, QUATERNION_DECIMALS = 4, 8
-"""Decimal places of millimetres and of quaternions."""
 NONE, LOW, MEDIUM = 0, 1, 2
 """Confidence levels of the SDK, which never uses its fourth (high)."""
-SURE, GUESSED = 0.5, 0.1
-"""Minimum probability of an observed joint for level MEDIUM, and maximum one for level NONE."""
 
 
 def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
@@ -69,10 +65,11 @@ def _bodies(person: Person) -> list[dict[str, Any] | None]:
     placed = k4abt.place(person.body, track.pose[there])
     upright = rotated_points(np.eye(3), person.turns)  # the rows are the axes of the camera as mounted
     R_camera_level = upright @ person.R_level_camera.T
-    positions = np.round(placed.positions @ R_camera_level.T * MILLIMETRES, DECIMALS)
+    decimals, quaternion_decimals = 4, 8  # decimal places of millimetres and of quaternions
+    positions = np.round(placed.positions @ R_camera_level.T * MILLIMETRES, decimals)
     turns = R_camera_level @ placed.frames
     quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat()[:, [3, 0, 1, 2]]
-    quaternions = np.round(quaternions, QUATERNION_DECIMALS).reshape(len(there), len(k4abt.NAMES), 4)
+    quaternions = np.round(quaternions, quaternion_decimals).reshape(len(there), len(k4abt.NAMES), 4)
     levels = confidence_levels(person)[there]
     rows: list[dict[str, Any] | None] = [None] * len(track)
     for k, i in enumerate(there.tolist()):
@@ -89,6 +86,8 @@ def confidence_levels(person: Person) -> np.ndarray:
     """Return the SDK levels of the 32 joints, int64 (T, 32), from probability and visibility of our nearest joint."""
     track = person.track
     likely, seen = track.confidence[:, k4abt.WITNESS], track.observed[:, k4abt.WITNESS]
-    levels = np.where(likely < GUESSED, NONE, LOW)
-    levels[(likely >= SURE) & seen & (track.state == TRACKED)[:, None]] = MEDIUM
+    # Minimum probability of an observed joint for level MEDIUM, and maximum one for level NONE.
+    sure, guessed = 0.5, 0.1
+    levels = np.where(likely < guessed, NONE, LOW)
+    levels[(likely >= sure) & seen & (track.state == TRACKED)[:, None]] = MEDIUM
     return levels

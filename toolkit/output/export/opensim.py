@@ -26,8 +26,6 @@ from toolkit.tracks.runs import Person
 
 logger = logging.getLogger(__name__)
 
-ARM = 0.10
-"""Metres from a joint to the markers on its segment's axes: the size of a rigid marker cluster in gait laboratories."""
 WEIGHTS = {"pelvis": 10.0, "torso": 0.1, "humerus": 0.1, "ulna": 0.1, "hand": 0.1}
 """Weights of markers by body, 1 for legs: the models' trunk has one joint, ours three, and pulls at the pelvis."""
 DENSITY = 985.0
@@ -227,10 +225,14 @@ def _markers(at: dict[str, np.ndarray], turned: dict[str, np.ndarray], bodies: C
     """Place the markers at joints (T, 3) on segments with axes (T, 3, 3)."""
     found: dict[str, np.ndarray] = {}
 
+    # Metres from a joint to the markers on its segment's axes: the size of a rigid marker cluster in gait
+    # laboratories.
+    arm = 0.10
+
     def cluster(body: str, origin: np.ndarray, rotation: np.ndarray) -> None:
         found[f"{body}__o"] = origin
-        found[f"{body}__x"] = origin + ARM * rotation[:, :, 0]
-        found[f"{body}__z"] = origin + ARM * rotation[:, :, 2]
+        found[f"{body}__x"] = origin + arm * rotation[:, :, 0]
+        found[f"{body}__z"] = origin + arm * rotation[:, :, 2]
 
     cluster("pelvis", (at["left_hip"] + at["right_hip"]) / 2, turned["root"])
     cluster("torso", (at["left_shoulder"] + at["right_shoulder"]) / 2, turned["thorax"])

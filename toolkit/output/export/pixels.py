@@ -21,13 +21,10 @@ from toolkit.tracks.runs import Person
 
 BACKGROUND = 255
 """Value of background pixels (K4ABT_BODY_INDEX_MAP_BACKGROUND of the Azure Kinect SDK)."""
-MILLIMETRES = 1000.0
 REACH = 0.35
 """Maximum median distance from the points of a sighting to the joints of its person, metres."""
 CONTOUR, ROUNDS = 60, 2
 """Maximum depth step between neighbouring pixels of one person, millimetres, and width of a contour, pixels."""
-SAMPLES = 300
-"""Number of points of a sighting that are compared with the joints."""
 HEAD = skeleton.REPORTED.index("head")
 
 
@@ -117,7 +114,8 @@ def _matched(sightings: Sequence[Sighting], people: Sequence[Person], frame: int
 def _distance(sighting: Sighting, person: Person, frame: int) -> float:
     """Return the median distance of a sighting's points to the nearest joint of a person, metres."""
     points = camera_points(sighting.depth, sighting.camera)
-    points = points[:: max(1, len(points) // SAMPLES)]
+    samples = 300  # number of points of a sighting that are compared with the joints
+    points = points[:: max(1, len(points) // samples)]
     joints = person.track.joints[frame].astype(np.float64)
     return float(np.median(np.linalg.norm(points[:, None] - joints[None], axis=2).min(axis=1)))
 
@@ -159,8 +157,9 @@ def write_clouds(
         A file cannot be written.
     """
     kind = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("person", "u1")])
+    millimetres = 1000.0
     for frame in frames:
-        depth = np.where(frame.labels != BACKGROUND, frame.depth, 0) / MILLIMETRES
+        depth = np.where(frame.labels != BACKGROUND, frame.depth, 0) / millimetres
         points = camera_points(depth, camera) @ R_file_camera.T - offset
         rows = np.empty(len(points), dtype=kind)
         for k, axis in enumerate("xyz"):

@@ -19,8 +19,6 @@ from toolkit.tracks.runs import Person
 
 POINTS = 6000
 """Maximum number of cloud points per frame, for some hundred megabytes per minute."""
-MILLIMETRES = 1000.0
-COLORS = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
 GREY = (150, 156, 166)
 
 
@@ -49,6 +47,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
         import rerun as rr
     except ImportError as error:
         raise UsageError("rerun files need its package; type `pip install '.[rerun]'` in the project") from error
+    colors = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
     with atomic_path(path) as temporary:
         stream = rr.RecordingStream("depthmocap", recording_id="depthmocap")
         stream.save(str(temporary))
@@ -59,7 +58,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
             if frames is not None and recording is not None:
                 log_points(rr, stream, next(frames), recording, people[0].R_level_camera, origin.offset)
             for number, person in enumerate(people):
-                _log_person(rr, stream, person, i, COLORS[number % len(COLORS)])
+                _log_person(rr, stream, person, i, colors[number % len(colors)])
         stream.flush()
         stream.disconnect()
 
@@ -68,7 +67,8 @@ def log_points(
     rr: Any, stream: Any, depth_mm: np.ndarray, recording: Recording, R_level_camera: np.ndarray, offset: np.ndarray
 ) -> None:
     """Return about `POINTS` measured points of a frame, level frame, metres."""
-    points = camera_points(depth_mm / MILLIMETRES, recording.camera)
+    millimetres = 1000.0
+    points = camera_points(depth_mm / millimetres, recording.camera)
     points = points[:: max(1, -(-len(points) // POINTS))] @ R_level_camera.T - offset
     stream.log("world/points", rr.Points3D(points, colors=GREY, radii=0.006))
 

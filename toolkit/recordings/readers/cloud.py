@@ -23,14 +23,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
 SUFFIXES = (".pcd", ".ply")
-GRID_RESIDUAL = 0.5  # maximum distance of projected points from their pixels, pixels
 GRID_POINTS = 100  # minimum number of points for a fit of four intrinsics
-LARGEST_SIDE = 640  # maximum number of pixels of a virtual camera
-SPACING_SAMPLES = 2000
-LARGEST_CLOUD = 50_000_000
-"""Maximum number of points, ten times the pixels of a depth camera; Open3D allocates the stated number."""
-LONGEST_WORD = 255
-"""Maximum length of a word in the text of a PLY file, because Open3D's reader overflows its buffer for longer ones."""
 NEAREST, FARTHEST = (
     1e-4,
     1e5,
@@ -74,9 +67,14 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     header = _header(path)
     if path.suffix.lower() == ".pcd" and not _stated(header):  # Open3D accepts any number of points
         raise RecordingError(f"{path} states no points; it is empty, truncated or no PCD")
-    if path.suffix.lower() == ".ply" and _longest_word(path) > LONGEST_WORD:
-        raise RecordingError(f"{path} holds a word of more than {LONGEST_WORD} characters; it is damaged or no PLY")
-    if _stated(header) > LARGEST_CLOUD:
+    # Maximum length of a word in the text of a PLY file, because Open3D's reader overflows its buffer for longer
+    # ones.
+    longest_word = 255
+    if path.suffix.lower() == ".ply" and _longest_word(path) > longest_word:
+        raise RecordingError(f"{path} holds a word of more than {longest_word} characters; it is damaged or no PLY")
+    # Maximum number of points, ten times the pixels of a depth camera; Open3D allocates the stated number.
+    largest_cloud = 50_000_000
+    if _stated(header) > largest_cloud:
         raise RecordingError(f"{path} states {_stated(header)} points; it is damaged, or no picture of a camera")
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         try:
@@ -175,11 +173,12 @@ def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
         return None
     x, y, z = points[v * width + u].T
     numbers = []
+    grid_residual = 0.5  # largest distance of projected points from their pixels, pixels
     for slope, pixel in ((x / z, u), (y / z, v)):
         if np.ptp(slope) == 0:
             return None
         line = np.polyfit(slope, pixel, 1)
-        if np.quantile(np.abs(np.polyval(line, slope) - pixel), 0.99) > GRID_RESIDUAL:
+        if np.quantile(np.abs(np.polyval(line, slope) - pixel), 0.99) > grid_residual:
             return None
         numbers.append(line)
     (fx, cx), (fy, cy) = numbers
@@ -193,14 +192,16 @@ def _virtual_camera(points: np.ndarray) -> Camera:
     seen = points[points[:, 2] > 0]
     slopes = seen[:, :2] / seen[:, 2:]
     slopes = slopes[np.lexsort(slopes.T)]  # Open3D returns the points of an image in varying order
-    picked = slopes[np.linspace(0, len(slopes) - 1, min(SPACING_SAMPLES, len(slopes))).astype(np.int64)]
+    spacing_samples = 2000
+    picked = slopes[np.linspace(0, len(slopes) - 1, min(spacing_samples, len(slopes))).astype(np.int64)]
     gaps = cKDTree(slopes).query(picked, k=2)[0][:, 1] if len(slopes) > 1 else np.array([0.01])
     usual, wide = np.quantile(gaps, (0.5, 0.9))
     # On a grid all gaps are equal, and pixels slightly wider than one gap suffice; at random, twice the mean leaves 2 %
     # holes.
     pitch = 1.2 * wide * (wide / usual if usual > 0 else 1.0)
     low, high = np.minimum(slopes.min(axis=0), -FIELD), np.maximum(slopes.max(axis=0), FIELD)
-    pitch = max(float(pitch), float((high - low).max()) / (LARGEST_SIDE - 1))
+    largest_side = 640  # pixels of a virtual camera
+    pitch = max(float(pitch), float((high - low).max()) / (largest_side - 1))
     width, height = (int(s) for s in np.ceil((high - low) / pitch) + 1)
     cx, cy = (float(c) for c in -low / pitch)
     return Camera(1 / pitch, 1 / pitch, cx, cy, width, height)

@@ -25,9 +25,6 @@ CLUSTER_TIME, SIMPLE_BLOCK, BLOCK_GROUP, BLOCK, TIME_SCALE = 0xE7, 0xA3, 0xA0, 0
 ATTACHED_FILE, FILE_NAME, FILE_DATA = 0x61A7, 0x466E, 0x465C
 PARENTS = frozenset({SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO, TRACK_ENTRY, VIDEO, BLOCK_GROUP, ATTACHED_FILE})
 """Identifiers of the elements that contain relevant elements."""
-SMALL = 1 << 24
-"""Maximum size of an element that is no block or attachment, bytes."""
-DEEPEST = 8
 
 
 class Block(NamedTuple):
@@ -88,7 +85,8 @@ class Matroska:
         return identifier, start, self._size if unknown else start + size
 
     def _walk(self, place: int, end: int, depth: int) -> None:
-        if depth > DEEPEST:
+        deepest = 8
+        if depth > deepest:
             raise ValueError("its elements are nested too deep")
         while place < end:
             identifier, start, stop = self._element_at(place)
@@ -106,7 +104,8 @@ class Matroska:
 
     @staticmethod
     def _bounded(identifier: int, size: int) -> int:
-        if size > SMALL:
+        small = 1 << 24  # maximum size of an element that is no block or attachment, bytes
+        if size > small:
             raise ValueError(f"element {identifier:x} has {size} bytes")
         return size
 

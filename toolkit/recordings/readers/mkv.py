@@ -35,8 +35,6 @@ DEPTH_MODES = {
 """Image size -> side of the binned sensor in pixels, and first column and row of the window."""
 IMU_CODEC, IMU_SAMPLE = "S_K4A/IMU", struct.Struct("<Q3fQ3f")
 """Record of time in ns, acceleration in m/s^2, time, and angular velocity."""
-ACCELERATIONS = 2000
-"""Number of samples in the median of the vertical (some seconds)."""
 
 
 def matches(path: Path) -> bool:
@@ -207,10 +205,11 @@ def _up(path: Path, file: Matroska, lenses: FactoryCalibration | None) -> np.nda
     blocks = [block for track in file.tracks if track.codec == IMU_CODEC for block in track.blocks]
     if lenses is None or not blocks:
         return None
+    accelerations = 2000  # number of samples in the median of the vertical (some seconds)
     with damaged(path):
         samples = [
             sample[1:4]
-            for block in blocks[:ACCELERATIONS]
+            for block in blocks[:accelerations]
             for sample in IMU_SAMPLE.iter_unpack(file.read(block)[: block.size // IMU_SAMPLE.size * IMU_SAMPLE.size])
         ]
     measured = np.array(samples, dtype=np.float64).reshape(-1, 3)

@@ -93,8 +93,6 @@ METADATA = {
 NUMBER, SMALL, MOST_NUMBERS = 16, 1 << 16, 64 * 20 * 10
 """Maximum number of bytes per value, of values beside frames and background, and of values per frame (joints of 64
 people)."""
-MOST_FRAMES = 50_000_000
-"""Maximum number of frames (more than two weeks at 30 Hz)."""
 
 
 def matches(path: Path) -> bool:
@@ -111,7 +109,8 @@ class _NpzFrames(FrameSource):
         if len(self._depth.shape) != 3:
             raise RecordingError(f"depth in {path} has shape {self._depth.shape}; expected (frames, height, width)")
         count, height, width = self._depth.shape
-        if count > MOST_FRAMES or height * width > LARGEST_PICTURE:
+        most_frames = 50_000_000  # maximum number of frames (more than two weeks at 30 Hz)
+        if count > most_frames or height * width > LARGEST_PICTURE:
             raise RecordingError(f"{path} states {count} frames of {width}x{height} pixels; {RECORD_AGAIN}")
         expected = (*self._depth.shape, 3)
         if self._color is not None and (self._color.shape != expected or self._color.dtype != np.uint8):

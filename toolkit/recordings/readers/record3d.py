@@ -27,9 +27,6 @@ from toolkit.recordings.readers.base import (
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
-LARGEST_SIDE = 4096
-"""Maximum number of depth pixels of a phone."""
-
 
 def matches(path: Path) -> bool:
     """Return whether `path` has the suffix of Record3D."""
@@ -97,7 +94,8 @@ def read(path: Path, options: ReaderOptions) -> Recording:
 def facts_of(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
     """Return the shape of the depth images, their camera, and times in seconds (empty without)."""
     shape = (int(known["dh"]), int(known["dw"]))
-    if not all(0 < side <= LARGEST_SIDE for side in shape):
+    largest_side = 4096  # maximum number of depth pixels of a phone
+    if not all(0 < side <= largest_side for side in shape):
         raise ValueError(f"depth of {shape[1]}x{shape[0]} pixels")
     k = np.array(known["K"], dtype=np.float64).reshape(3, 3, order="F")
     sx, sy = shape[1] / float(known["w"]), shape[0] / float(known["h"])

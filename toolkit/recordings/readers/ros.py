@@ -28,8 +28,6 @@ from toolkit.sensing.recording import FrameSource, Recording
 IMAGE, COMPRESSED, CAMERA, IMU = (
     f"sensor_msgs/{name}" for name in ("Image", "CompressedImage", "CameraInfo", "Imu")
 )  # fmt: skip
-ACCELERATIONS = 2000
-"""Number of accelerometer messages in the median of the vertical (some seconds)."""
 REALSENSE_ACCELERATION = "/Accel_0/imu/data"
 """Last part of the SDK's acceleration topic, in the axes of its depth camera."""
 
@@ -182,11 +180,12 @@ def unit_of(path: Path, file: MessageFile, topic: str, picture: decode.Picture) 
 
 def _up(path: Path, file: MessageFile) -> np.ndarray | None:
     """Return the vertical from an accelerometer in the axes of the camera, or None."""
+    accelerations = 2000  # number of accelerometer messages in the median of the vertical (some seconds)
     for topic, kind in sorted(file.topics.items()):
         if kind != IMU:
             continue
         with damaged(path):
-            read = [decode.acceleration(data, file.cdr) for data in islice(file.messages(topic), ACCELERATIONS)]
+            read = [decode.acceleration(data, file.cdr) for data in islice(file.messages(topic), accelerations)]
         if read and (topic.endswith(REALSENSE_ACCELERATION) or "optical" in read[0][0]):
             return upright(np.array([acceleration for _, acceleration in read]))
     return None

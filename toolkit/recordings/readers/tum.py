@@ -26,8 +26,6 @@ from toolkit.recordings.readers.base import (
 from toolkit.sensing.recording import Recording
 
 DEPTH_LIST, COLOR_LIST = "depth.txt", "rgb.txt"
-UNIT = 0.0002
-"""Metres per unit of depth."""
 CAMERA = {(480, 640): (525.0, 525.0, 319.5, 239.5)}
 """Image shape -> camera recommended by the benchmark."""
 
@@ -77,4 +75,5 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     shape: tuple[int, int] = source.depth(0).shape
     camera = None if options.intrinsics is not None else camera_beside([path], path / "depth", shape)
     camera = camera or chosen_camera(options, shape, path, CAMERA.get(shape))
-    return recording_of_source(path, source, camera, options, FileFacts(unit=UNIT, timestamps=times - times[0]))
+    unit = 0.0002  # metres per unit of depth
+    return recording_of_source(path, source, camera, options, FileFacts(unit=unit, timestamps=times - times[0]))

@@ -20,13 +20,9 @@ from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
-INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # intrinsics of the raw, mirrored image
 SUFFIX = "_depth"
-FRAME_RATE = 18.8
-"""Frame rate in Hz by the clock of the wearable sensors: median over the 108 shared clips."""
 
 _OURS_FROM_KINECT = {3: 0, **{4 + i: 4 + i for i in range(16)}}
-_SHOULDERS, _HIPS = (4, 8), (12, 16)
 
 
 def matches(path: Path) -> bool:
@@ -43,7 +39,8 @@ def joints_from_kinect(found: np.ndarray) -> np.ndarray:
     joints = np.empty(kinect.shape, dtype=np.float32)
     for ours, theirs in _OURS_FROM_KINECT.items():
         joints[:, ours] = kinect[:, theirs]
-    joints[:, 0], joints[:, 1], joints[:, 2] = skeleton.trunk_of(kinect[:, _HIPS], kinect[:, _SHOULDERS])
+    shoulders, hips = (4, 8), (12, 16)
+    joints[:, 0], joints[:, 1], joints[:, 2] = skeleton.trunk_of(kinect[:, hips], kinect[:, shoulders])
     return joints
 
 
@@ -57,12 +54,14 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         if kinect.shape != (20, 3, len(depth)):
             raise RecordingError(f"d_skel in {beside} has shape {kinect.shape}; expected (20, 3, {len(depth)})")
         reference = joints_from_kinect(kinect)
+    intrinsics = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image, pixels
+    frame_rate = 18.8  # frame rate in Hz by the clock of the wearable sensors: median over the 108 shared clips
     return recording_of_source(
         path,
         ArrayFrames(depth),
-        chosen_camera(options, depth.shape[1:], path, np.array(INTRINSICS)),
+        chosen_camera(options, depth.shape[1:], path, np.array(intrinsics)),
         options,
-        FileFacts(mirrored=True, timestamps=frame_times(len(depth), options, FRAME_RATE), reference_joints=reference),
+        FileFacts(mirrored=True, timestamps=frame_times(len(depth), options, frame_rate), reference_joints=reference),
     )
 
 

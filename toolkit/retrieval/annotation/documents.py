@@ -31,8 +31,6 @@ class TransitionSettings(NamedTuple):
 
 
 JOINS = TransitionSettings(1.5, 0.25, 1.5)
-FILLER_SECONDS = (2.0, 5.0)
-"""Shortest and longest excerpt of a filler, seconds."""
 HARD_JOINS = TransitionSettings(6.0, 0.02, 0.1)
 """Joins faster than any person, so that motions begin and end abruptly."""
 
@@ -116,9 +114,10 @@ def shuffled_parts(
 ) -> list[tuple[Motion, str | None]]:
     """Return the clips in random order, with a random filler excerpt before about every second one."""
     parts: list[tuple[Motion, str | None]] = []
+    filler_seconds = (2.0, 5.0)  # shortest and longest excerpt of a filler, seconds
     for index in rng.permutation(len(clips)):
         if fillers and rng.random() < 0.5 and parts:
-            parts.append((excerpt(fillers, FILLER_SECONDS, rng), None))
+            parts.append((excerpt(fillers, filler_seconds, rng), None))
         parts.append(clips[index])
     return parts
 

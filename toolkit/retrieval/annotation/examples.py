@@ -14,8 +14,6 @@ from toolkit.kernels.motion.graded import differences, distinct_hits, nearest_ex
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FeatureMatrix
 
-LARGEST_COST = 0.3
-"""Largest cost of a place: motions of a class by other people cost 0.05 to 0.2, random ones 0.2 to 0.3."""
 SHORTEST_CLIP = BLOCK + 1
 """Frames of the shortest example, two coarse columns."""
 
@@ -115,7 +113,9 @@ class ExampleSet:
         """Return the places in coarse columns, int8 (M, 40), of documents that start at `edges`, int64 (D + 1,)."""
         examples, weights = self._floats
         costs, starts, nearest = nearest_example(examples, self.starts, weights, self.of_class(label), columns, edges)
-        owners, firsts, lasts = distinct_hits(costs, starts, edges, LARGEST_COST, len(costs)).T
+        # Largest cost of a place: motions of a class by other people cost 0.05 to 0.2, random ones 0.2 to 0.3.
+        largest_cost = 0.3
+        owners, firsts, lasts = distinct_hits(costs, starts, edges, largest_cost, len(costs)).T
         ends = edges[owners] + lasts
         numbers = nearest[ends].astype(np.int64)
         places = np.stack([numbers, edges[owners] + firsts, ends], axis=1)

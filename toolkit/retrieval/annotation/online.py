@@ -23,8 +23,6 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.search.find import find
 
-LONGEST_WINDOW = 0.25
-"""Longest smoothing window of a feature, seconds; half of it and the next frame are look-ahead."""
 RULES = DecisionSettings()
 """Acceptance of overlapping hits."""
 HOLD = 3
@@ -173,7 +171,9 @@ class FeatureStream:
 
     def __init__(self, body: Body, frame_rate: float) -> None:
         self._features, self._rate = FrameFeatures(body, frame_rate), frame_rate
-        window = max(1, int(np.ceil(LONGEST_WINDOW * frame_rate - 1e-9)))
+        # Longest smoothing window of a feature, seconds; half of it and the next frame are look-ahead.
+        longest_window = 0.25
+        window = max(1, int(np.ceil(longest_window * frame_rate - 1e-9)))
         self._ahead, self._behind = window // 2 + 1, (window - 1) // 2 + 1
         self._frames: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=self._ahead + self._behind + 1)
         self._count = 0

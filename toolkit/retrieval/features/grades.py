@@ -13,8 +13,6 @@ FULL = 127
 """Largest grade; `-FULL` is the smallest."""
 BLOCK = 4
 """Number of columns of graded features (30 Hz) whose mean is one coarse column (7.5 Hz)."""
-IDLE_FEATURE_WEIGHT = 0.3
-"""Weight of a feature that an example does not change, relative to 1 for the usual change."""
 
 SCALES: np.ndarray = np.array(
     [
@@ -50,7 +48,8 @@ def importance(grades: np.ndarray) -> np.ndarray:
     The weight grows with the standard deviation of the example's grades relative to the usual one: features that the
     example changes characterise its motion.
     """
-    weights = IDLE_FEATURE_WEIGHT + grades.std(axis=1) / SPREADS
+    idle_feature_weight = 0.3  # weight of a feature that an example does not change, relative to 1 for the usual change
+    weights = idle_feature_weight + grades.std(axis=1) / SPREADS
     return weights / weights.sum()
 
 

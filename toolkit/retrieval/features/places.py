@@ -15,14 +15,9 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion
 PLACED: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in ("elbow", "wrist", "knee", "ankle"))
 """Joints with three rows (x, y, z) each."""
 ROWS = 3 * len(PLACED)
-STEPS_PER_BODY = 200.0
-"""Quantisation steps per body length; an outstretched arm, 0.6 body lengths, is below `FULL`."""
 SPREADS: np.ndarray = np.array([35, 50, 41, 58, 35, 50, 41, 58], dtype=np.float64)
 """float64 (8,): root mean square distance of each limb's position from its mean in the mocap of `grades.SPREADS`, equal
 for left and right, in steps. `depthmocap bench by_example DATA --constants` prints them."""
-IDLE_LIMB_WEIGHT = 0.01
-"""Weight of a limb that an example does not move, relative to 1 for the usual motion; close to 0, because the pose of
-an idle arm varies between people."""
 
 _CHOSEN = np.array([NAMED_JOINTS.index(name) for name in PLACED])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
@@ -36,7 +31,8 @@ def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
     cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     x, y, z = np.moveaxis(joints[:, _CHOSEN] - joints[:, [_ROOT]], -1, 0)
     size = BodyLengths.of(motion).body
-    turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (STEPS_PER_BODY / (size or 1.0))
+    steps_per_body = 200.0  # quantisation steps per body length; an outstretched arm, 0.6 body lengths, is below `FULL`
+    turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (steps_per_body / (size or 1.0))
     return np.ascontiguousarray(np.clip(np.rint(turned), -FULL, FULL).astype(np.int8).reshape(len(columns), ROWS).T)
 
 
@@ -50,7 +46,10 @@ def importance(places: np.ndarray) -> np.ndarray:
 
     As `grades.importance`, by limbs: limbs that the example moves count more than idle ones.
     """
-    weights = np.repeat(IDLE_LIMB_WEIGHT + spread(places) / SPREADS, 3)
+    # Weight of a limb that an example does not move, relative to 1 for the usual motion; close to 0, because the pose
+    # of an idle arm varies between people.
+    idle_limb_weight = 0.01
+    weights = np.repeat(idle_limb_weight + spread(places) / SPREADS, 3)
     return np.asarray(weights / weights.sum())
 
 

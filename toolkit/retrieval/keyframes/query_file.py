@@ -13,8 +13,6 @@ from toolkit.retrieval.features.relational import feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_at_once
 
 QUERY_VERSION: int = 1
-LONGEST_MOTION = 10**6
-"""Largest number of frames at 30 Hz, nine hours."""
 
 
 def save_queries(path: str | Path, queries: Sequence[KeyframeQuery]) -> None:
@@ -61,14 +59,15 @@ def load_queries(path: str | Path) -> list[KeyframeQuery]:
 
 
 def _query(entry: dict[str, Any], path: Path) -> KeyframeQuery:
+    longest_motion = 10**6  # largest number of frames at 30 Hz, nine hours
     try:
         groups = [keyframes_at_once(dict(keyframe)) for keyframe in entry["keyframes"]]
         distances = [(int(a), None if b is None else int(b)) for a, b in entry.get("distances", [])]
-        if any(not 0 <= n <= LONGEST_MOTION for pair in distances for n in pair if n is not None):
-            raise ValueError(f"a distance is not in 0 to {LONGEST_MOTION} frames")
+        if any(not 0 <= n <= longest_motion for pair in distances for n in pair if n is not None):
+            raise ValueError(f"a distance is not in 0 to {longest_motion} frames")
         lead, tail, label = int(entry.get("lead", 0)), int(entry.get("tail", 0)), str(entry.get("label", ""))
-        if not (0 <= lead <= LONGEST_MOTION and 0 <= tail <= LONGEST_MOTION):
-            raise ValueError(f"lead or tail is not in 0 to {LONGEST_MOTION} frames")
+        if not (0 <= lead <= longest_motion and 0 <= tail <= longest_motion):
+            raise ValueError(f"lead or tail is not in 0 to {longest_motion} frames")
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise RetrievalError(
             f"a query in {path} is incomplete ({error!r}); give keyframes as feature: value and "

@@ -21,8 +21,6 @@ SOURCE = "head_hands"
 CANDIDATES = 8
 """Number of geodesic extrema, in the order found; head and both hands are among them in 96 % of frames from the waist
 up."""
-SWIVELS = 12
-"""Number of swivel samples of an arm with its hand at a candidate (30 degrees apart)."""
 AIM = aiming.Aim(0.05, 0.0, -8.0)
 """Maximum distance of a hand from its candidate, metres; the fit corrects the rest."""
 
@@ -58,7 +56,8 @@ class AimedArms:
     ) -> list[np.ndarray]:
         """Return the versions of `pose` (P,) with one arm at a candidate that leave less unexplained, best first."""
         rig = self._bodies.of(body).arms[SIDES.index(side)]
-        poses, _ = aimed_all_round(pose, rig, candidates, SWIVELS, AIM)
+        swivels = 12  # number of swivel samples of an arm with its hand at a candidate (30 degrees apart)
+        poses, _ = aimed_all_round(pose, rig, candidates, swivels, AIM)
         if len(poses) == 0:
             return []
         arm = Arm(side, body, np.ascontiguousarray(poses[:, entries_of(side)]))

@@ -18,13 +18,8 @@ from toolkit.trackers.lopez2011.upper import UpperBody
 
 CAP = 0.10
 """Cap of a depth difference (`d_max`), metres: the width of a limb."""
-DEPTH, SILHOUETTE = 40.0, 20.0
-"""Weights of the mean squared depth difference in units of the cap (`lambda_1`), and of the silhouette mismatch
-(`lambda_2`), which is half of the former."""
 OVERLAP = 10.0
 """Weight of squared overlaps in units of the ball radii (`lambda_3`)."""
-TRUNK_MARGIN = 0.22
-"""Margin around the trunk's joints for the trunk cost, metres at their depth: half a shoulder."""
 ARM_MARGIN = 0.15
 """Margin around an arm's joints and its candidates, metres: contains the proposed hands."""
 TRUNK_JOINTS: np.ndarray = np.array(
@@ -82,7 +77,10 @@ class ParticleImage(NamedTuple):
         """Return rows `window[0]` to `window[1]` and columns `window[2]` to `window[3]` of the image."""
         part = self.seen[window[0] : window[1], window[2] : window[3]]
         pixels = max(int(np.count_nonzero(part > 0)), 1)
-        return kernel.Tile(self.seen, self.intrinsics, window, pixels, CAP, DEPTH, SILHOUETTE)
+        # Weights of the mean squared depth difference in units of the cap (`lambda_1`), and of the silhouette
+        # mismatch (`lambda_2`), which is half of the former.
+        depth, silhouette = 40.0, 20.0
+        return kernel.Tile(self.seen, self.intrinsics, window, pixels, CAP, depth, silhouette)
 
 
 class ParticleFrame(NamedTuple):
@@ -128,7 +126,8 @@ def mean_cost(upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float
 
 def costs_of_trunks(upper: UpperBody, poses: np.ndarray, before: np.ndarray, frame: ParticleFrame) -> np.ndarray:
     """Return the trunk costs (N,) of `poses` (N, P) around the trunk of the pose `before` (P,)."""
-    return _drawn(upper, poses, frame.coarse.tile(_joints(upper, before, TRUNK_JOINTS), TRUNK_MARGIN))
+    trunk_margin = 0.22  # margin around the trunk's joints for the trunk cost, metres at their depth: half a shoulder
+    return _drawn(upper, poses, frame.coarse.tile(_joints(upper, before, TRUNK_JOINTS), trunk_margin))
 
 
 def trunk_pictures(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:

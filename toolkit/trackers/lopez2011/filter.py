@@ -24,8 +24,6 @@ from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.proposals import UpperProposals
 from toolkit.trackers.lopez2011.upper import UpperBody
 
-BASES = 16
-"""Maximum number of different trunks after the first layer."""
 SHARPNESS = 3.0
 """Factor of the cost in the log weights: costs are means over pixels, so a wrong arm changes them little."""
 
@@ -111,7 +109,8 @@ class UpperFilter:
         pose."""
         distinct, member = np.unique(poses, axis=0, return_inverse=True)
         member = member.reshape(-1)
-        often = np.argsort(-np.bincount(member), kind="stable")[:BASES]
+        bases = 16  # maximum number of different trunks after the first layer
+        often = np.argsort(-np.bincount(member), kind="stable")[:bases]
         place = np.zeros(len(distinct), dtype=np.int64)
         place[often] = np.arange(len(often))
         return distinct[often], place[member]

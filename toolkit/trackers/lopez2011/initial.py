@@ -23,23 +23,8 @@ from toolkit.trackers.lopez2011.upper import UpperBody, aimed_all_round
 
 HANGING = 1.1
 """Angle of hanging arms from the T-pose before inverse kinematics, radians."""
-FRAME_TIME = 1.0 / 30.0
-"""Diffusion time of each round on the first frame, seconds."""
-HEADS = 3
-"""Number of head candidates without a fork; raised hands may be higher than the head."""
-TURNS = (-0.6, 0.0, 0.6)
-"""Angles of the body from the camera that are tried without a fork, radians."""
-LEANS = (0.0, 0.35, 0.7)
-"""Forward leans that are tried, radians."""
-ARMED = 6
-"""Number of trunks that get arms."""
-FILTERED = 2
-"""Number of filtered starts; the cheapest may have a hand in place of the head."""
 LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
 """Elevations from the T-pose in radians, and fractions of the elbow's range, of arms without a candidate."""
-
-SWIVELS = 24
-"""Number of swivels of each arm (15 degrees apart)."""
 
 
 @dataclass(frozen=True)
@@ -110,18 +95,22 @@ def initial_pose(
     filtered, and the best result is returned. None if nothing can be tried.
     """
     starts = [] if fork is None else [_labelled(upper, effectors.points, fork, frame)]
+    turns = (-0.6, 0.0, 0.6)  # angles of the body from the camera that are tried without a fork, radians
+    leans = (0.0, 0.35, 0.7)  # forward leans that are tried, radians
+    armed = 6  # number of trunks that get arms
     if settings.unlabelled:
-        trunks = [(head, turn, lean) for head in _heads(effectors) for turn in TURNS for lean in LEANS]
+        trunks = [(head, turn, lean) for head in _heads(effectors) for turn in turns for lean in leans]
         poses = np.stack([standing_pose(upper, *trunk) for trunk in trunks])
         costs = costs_of_whole(upper, poses, frame)
         starts += [
             unlabelled_start(upper, effectors.points, trunks[row][0], poses[row], frame)
-            for row in np.argsort(costs, kind="stable")[:ARMED]
+            for row in np.argsort(costs, kind="stable")[:armed]
         ]
     if not starts:
         return None
     costs = costs_of_whole(upper, np.stack([start.pose for start in starts]), frame)
-    cheapest = np.argsort(costs, kind="stable")[:FILTERED]
+    filtered = 2  # number of filtered starts; the cheapest may have a hand in place of the head
+    cheapest = np.argsort(costs, kind="stable")[:filtered]
     found = [_filtered(upper, filtering, starts[row], frame, settings, rng) for row in cheapest]
     return found[int(np.argmin(costs_of_whole(upper, np.stack([first.pose for first in found]), frame)))]
 
@@ -129,7 +118,8 @@ def initial_pose(
 def _heads(effectors: Effectors) -> np.ndarray:
     """Return the possible crowns (K, 3): the highest candidates, and the highest point above the source."""
     points = effectors.points
-    highest = points[np.argsort(-points[:, 1], kind="stable")[:HEADS]]
+    heads = 3  # number of head candidates without a fork; raised hands may be higher than the head
+    highest = points[np.argsort(-points[:, 1], kind="stable")[:heads]]
     return np.concatenate([highest, effectors.summit[None]])
 
 
@@ -141,9 +131,10 @@ def _filtered(
     pose, wanted = start
     labelled = frame._replace(candidates=wanted[1:]) if len(wanted) > 1 else frame
     particles = np.repeat(pose[None], filtering.settings.count, axis=0)
+    frame_time = 1.0 / 30.0  # diffusion time of each round on the first frame, seconds
     for turn in range(settings.rounds):
-        particles = filtering.trunk(upper, particles, pose, labelled, FRAME_TIME, rng)
-        filtered = filtering.arms(upper, particles, pose, labelled, FRAME_TIME, filtering.first_arm(turn), rng)
+        particles = filtering.trunk(upper, particles, pose, labelled, frame_time, rng)
+        filtered = filtering.arms(upper, particles, pose, labelled, frame_time, filtering.first_arm(turn), rng)
         particles, pose = filtered.particles, filtered.estimate
     crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
     found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]
@@ -194,7 +185,8 @@ def _best_arm(
     Resting arms take part if allowed; the arm is unchanged if no target can be reached.
     """
     anything = aiming.Aim(SPREAD, 0.0, -np.inf)
-    poses, _ = aimed_all_round(pose, upper.arms[side], targets, SWIVELS, anything)
+    swivels = 24  # number of swivels of each arm (15 degrees apart)
+    poses, _ = aimed_all_round(pose, upper.arms[side], targets, swivels, anything)
     if resting or len(poses) == 0:
         poses = np.concatenate([_rested(pose, side) if resting else pose[None], poses])
     return poses[int(costs_of_both_arms(upper, poses, frame).argmin())]

@@ -12,21 +12,13 @@ from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_near_arm, like
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.upper import TRUNK, UpperBody, aimed_all_round
 
-RATE = 30.0
-"""Frame rate for which the diffusion is given, Hz."""
-LONGEST = 0.5
-"""Maximum time between frames in the diffusion, seconds."""
 SPREAD = 0.03
 """Spread of a hand about a candidate (`Sigma_e`), metres; candidates lie on the surface, at fingertip or knuckles."""
 AIM = aiming.Aim(SPREAD, 0.1, -8.0)
 """Spread of arm angles (`lambda` of Eq. 4), and log-probability of Eq. 4 below which an arm diffuses instead: four
 spreads from the candidate."""
-SWIVEL = 0.5
-"""Spread about the swivel nearest to the previous arm, radians."""
 NEAR = 0.25
 """Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR)^power)."""
-HOLDING = 0.15
-"""Distance at which the other hand occupies a candidate, metres."""
 DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
     f"{side}_{name}": spread
     for side in SIDES
@@ -103,7 +95,8 @@ class UpperProposals:
                 aimed[np.ix_(informed, swing)] = arms[np.ix_(cells, swing)]
                 target[informed] = candidates[reached[cells]]
         target = target + SPREAD * rng.standard_normal((len(poses), 3))
-        swivels = SWIVEL * rng.standard_normal(len(poses))
+        swivel = 0.5  # spread about the swivel nearest to the previous arm, radians
+        swivels = swivel * rng.standard_normal(len(poses))
         scores = np.empty(len(poses))
         aiming.aim_arms(aimed, arm, wanted, target, swivels, AIM, scores)
         taken = np.isfinite(scores)
@@ -128,7 +121,8 @@ class UpperProposals:
         5)."""
         s = self.settings
         own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
-        weights = np.maximum(np.exp(-((own / NEAR) ** s.power)), s.floor) * np.where(other < HOLDING, s.held, 1.0)
+        holding = 0.15  # distance at which the other hand occupies a candidate, metres
+        weights = np.maximum(np.exp(-((own / NEAR) ** s.power)), s.floor) * np.where(other < holding, s.held, 1.0)
         return weights / weights.sum(axis=1, keepdims=True)
 
     def _far(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
@@ -143,7 +137,9 @@ class UpperProposals:
         Half of the poses diffuse less, and the first one not at all, because few particles in many dimensions need
         several widths.
         """
-        scale = float(np.sqrt(RATE * min(max(dt, 0.0), LONGEST)))
+        rate = 30.0  # frame rate for which the diffusion is given, Hz
+        longest = 0.5  # maximum time between frames in the diffusion, seconds
+        scale = float(np.sqrt(rate * min(max(dt, 0.0), longest)))
         noise = rng.standard_normal((len(poses), len(entries)))
         noise[np.arange(len(noise)) // 2 % 2 == 1] *= self.settings.fine
         noise[0] = 0.0

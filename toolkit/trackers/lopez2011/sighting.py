@@ -19,13 +19,6 @@ from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage
 from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_effectors
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 
-TOP = 0.12
-"""Distance from the middle of a head to its crown, metres."""
-TRUNK_SHARE = 75
-"""Percentile of the distances of upper points that gives the trunk's distance; hands are in front of it."""
-BEFORE = 0.2
-"""Distance in front of the trunk from which low points belong to a lap, metres: the thickness of the trunk."""
-
 
 class Limits(NamedTuple):
     """Limits of the upper body in a sighting, metres; see `ParticleTrackerSettings`."""
@@ -112,9 +105,13 @@ class UpperViewer:
         depths = crown - points[:, 1]
         beyond = depths > self._limits.reach
         low = depths > self._limits.lap
+        # Percentile of the distances of upper points that gives the trunk's distance; hands are in front of it.
+        trunk_share = 75
+        # Distance in front of the trunk from which low points belong to a lap, metres: the thickness of the trunk.
+        before = 0.2
         if self._limits.lap > 0 and not low.all():
             away = np.hypot(points[:, 0], points[:, 2])
-            beyond |= low & (away < np.percentile(away[~low], TRUNK_SHARE) - BEFORE)
+            beyond |= low & (away < np.percentile(away[~low], trunk_share) - before)
         return beyond
 
     def _crown(self, depth: np.ndarray) -> float | None:
@@ -122,4 +119,5 @@ class UpperViewer:
         seen = depth > 0
         view = self._lens.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
         heads = find_heads(view, self._lens, cut_out=True)
-        return float(heads[0].place[1]) + TOP if heads else None
+        top = 0.12  # distance from the middle of a head to its crown, metres
+        return float(heads[0].place[1]) + top if heads else None

@@ -14,32 +14,12 @@ from toolkit.kernels import linear
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011.upper import arm_of
 
-BREADTH_NOISE, ARM_NOISE = 0.04, 0.09
-"""Standard deviations of the two measurements (medians over a recording), metres."""
-FLESH = 0.02
-"""Difference between the silhouette's width at the shoulders and the distance of the joints, metres."""
-HIDDEN = 0.10
-"""Length of an arm above the bend of its path, metres."""
-BIN = 0.01
-"""Height of a row for the widths, metres."""
 SMOOTH = 5
 """Number of averaged rows."""
 HEAD = 0.16
 """Minimum distance of the shoulders below the crown, metres; the head itself widens faster."""
-LOWEST = 0.45
-"""Maximum distance of the shoulders below the crown, metres."""
-STEEPEST = 1.0
-"""Minimum width gain per height of a prominent maximum."""
-SHOULDER_ROWS = 0.06
-"""Distance below the maximum in which the outermost points are taken, metres."""
-BREADTHS = (0.25, 0.60)
-"""Range of valid silhouette widths, metres; raised arms exceed it."""
-STEP = 0.02
-"""Distance of path points for the curvature, metres."""
 BEND = (0.25, 0.50)
 """Range of the shoulder bend as fractions of the path length."""
-ARMS = (0.45, 0.85)
-"""Range of valid arm lengths, metres."""
 
 
 def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
@@ -49,9 +29,11 @@ def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
     measurements without outliers.
     """
     space = ShapeSpace.load()
+    # Standard deviations of the two measurements (medians over a recording), metres.
+    breadth_noise, arm_noise = 0.04, 0.09
     measured = [
         (_settled(values), noise, read)
-        for values, noise, read in ((breadths, BREADTH_NOISE, _breadth), (arms, ARM_NOISE, _arm))
+        for values, noise, read in ((breadths, breadth_noise, _breadth), (arms, arm_noise, _arm))
         if len(values)
     ]
     if not measured:
@@ -74,12 +56,14 @@ def _settled(values: Sequence[float]) -> float:
 
 def _breadth(body: Body) -> float:
     left, right = (body.joints[skeleton.JOINT_NAMES.index(f"{side}_shoulder")] for side in SIDES)
-    return float(left[0] - right[0]) + FLESH
+    flesh = 0.02  # difference between the silhouette's width at the shoulders and the distance of the joints, metres
+    return float(left[0] - right[0]) + flesh
 
 
 def _arm(body: Body) -> float:
     arm = arm_of("left", body)
-    return float(linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand])).sum()) - HIDDEN
+    hidden = 0.10  # length of an arm above the bend of its path, metres
+    return float(linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand])).sum()) - hidden
 
 
 def shoulder_breadth(cloud: Cloud) -> float | None:
@@ -90,8 +74,10 @@ def shoulder_breadth(cloud: Cloud) -> float | None:
     if len(cloud) == 0:
         return None
     x, y = cloud.points[:, 0].astype(np.float64), cloud.points[:, 1].astype(np.float64)
-    rows = ((y.max() - y) / BIN).astype(np.int64)
-    count = int(LOWEST / BIN)
+    bin = 0.01  # height of a row for the widths, metres
+    rows = ((y.max() - y) / bin).astype(np.int64)
+    lowest = 0.45  # maximum distance of the shoulders below the crown, metres
+    count = int(lowest / bin)
     left, right = np.full(count, np.inf), np.full(count, -np.inf)
     inside = rows < count
     np.minimum.at(left, rows[inside], x[inside])
@@ -101,11 +87,14 @@ def shoulder_breadth(cloud: Cloud) -> float | None:
         return None
     widths = np.interp(np.arange(count), np.flatnonzero(known), (right - left)[known])
     smooth = np.convolve(np.pad(widths, SMOOTH // 2, mode="edge"), np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
-    growth = np.gradient(smooth, BIN)
-    for row in range(int(HEAD / BIN), count - 1):
-        if growth[row] >= max(growth[row - 1], growth[row + 1], STEEPEST):
-            breadth = float(np.median(widths[row : row + int(SHOULDER_ROWS / BIN)]))
-            return breadth if BREADTHS[0] <= breadth <= BREADTHS[1] else None
+    growth = np.gradient(smooth, bin)
+    steepest = 1.0  # minimum width gain per height of a prominent maximum
+    shoulder_rows = 0.06  # distance below the maximum in which the outermost points are taken, metres
+    breadths = (0.25, 0.60)  # range of valid silhouette widths, metres; raised arms exceed it
+    for row in range(int(HEAD / bin), count - 1):
+        if growth[row] >= max(growth[row - 1], growth[row + 1], steepest):
+            breadth = float(np.median(widths[row : row + int(shoulder_rows / bin)]))
+            return breadth if breadths[0] <= breadth <= breadths[1] else None
     return None
 
 
@@ -116,7 +105,8 @@ def arm_length(path: np.ndarray) -> float | None:
     """
     steps = np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1))
     along = np.concatenate([[0.0], np.cumsum(steps)])
-    count = int(along[-1] / STEP) + 1
+    step = 0.02  # distance of path points for the curvature, metres
+    count = int(along[-1] / step) + 1
     if count < 8:
         return None
     places = np.linspace(0.0, along[-1], count)
@@ -130,4 +120,5 @@ def arm_length(path: np.ndarray) -> float | None:
         return None
     bend = int(np.argmax(np.where(allowed, turns, -1.0)))
     length = float(along[-1] * (1.0 - shares[bend]))
-    return length if ARMS[0] <= length <= ARMS[1] else None
+    arms = (0.45, 0.85)  # range of valid arm lengths, metres
+    return length if arms[0] <= length <= arms[1] else None

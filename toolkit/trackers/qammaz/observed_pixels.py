@@ -14,11 +14,6 @@ from toolkit.sensing.joints2d import BEHIND_SKIN
 from toolkit.trackers.qammaz.discrepancy import JOINT_WEIGHTS, SeenJoints
 from toolkit.tracking.observation import Observation
 
-SWAPPED = (0.08, 0.6)
-"""Minimum distance in metres of the previous joints from the detected ones, and maximum ratio after an exchange of left
-and right, for exchanged sides of the detector."""
-SIDEWAYS = 0.12
-"""Minimum depth order between left and right that counts, metres across the view."""
 TRUNK = [skeleton.REPORTED.index(f"{side}_{name}") for name in ("shoulder", "hip") for side in ("left", "right")]
 NEAR = 0.05
 """Minimum distance from the camera, metres."""
@@ -57,7 +52,10 @@ def looks_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
         float(np.median(previous[:, 2])) * linear.dot(weights, _lengths(s.slopes - before))
         for s in (seen, exchanged(seen))
     )
-    return away > SWAPPED[0] and other < SWAPPED[1] * away
+    # Minimum distance in metres of the previous joints from the detected ones, and maximum ratio after an exchange of
+    # left and right, for exchanged sides of the detector.
+    swapped = (0.08, 0.6)
+    return away > swapped[0] and other < swapped[1] * away
 
 
 def gap(seen: SeenJoints | None, joints: np.ndarray) -> float:
@@ -90,7 +88,8 @@ def first_poses(observation: Observation, seen: SeenJoints | None) -> list[np.nd
     up = _unit(left_shoulder + right_shoulder - left_hip - right_hip)
     left = 0.5 * (left_shoulder - right_shoulder + left_hip - right_hip)
     ahead = _unit(place - linear.dot(place, up) * up)  # away from the camera at the origin
-    if abs(linear.dot(left, np.cross(up, ahead))) < SIDEWAYS:
+    sideways = 0.12  # minimum depth order between left and right that counts, metres across the view
+    if abs(linear.dot(left, np.cross(up, ahead))) < sideways:
         return [_standing(place, ahead, up), _standing(place, -ahead, up)]
     return [_standing(place, left, up)]
 

@@ -22,22 +22,12 @@ from toolkit.tracking.state import PersonState
 
 ANGLES = np.arange(6, skeleton.POSE_SIZE)
 """Pose entries that perturbations change."""
-BELIEVED = 0.35
-"""Duration of exchanged sides after which a global search decides, seconds."""
 REST = 0.3
 """Minimum time between two unsuccessful global searches, seconds; their cause usually lasts longer."""
 
-TILT = 0.8
-"""Range of the root rotation about each axis without a previous pose, radians; shoulders and hips give the orientation
-of the trunk."""
 COPIES, SPREAD = 7, 0.05
 """Number of best results of the joint-only swarm that start the next swarm, and their minimum distance in radians and
 metres."""
-PULL, PULL_SIGMA = 20.0, 0.1
-"""Weight of a confident joint relative to one correspondence, and distance in metres beyond which a joint has no
-weight, because occluded joints are lifted to the occluder."""
-TRUST = 0.5
-"""Weight of the mean joint distance in the score of a pose, relative to the distance from the frame."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +131,8 @@ class SwarmSearch:
             found, _ = self.global_search(frame, state.body, rng)
             return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _memory(found.pose[None], 0.0, 0.0))
         poses = self._history(state)
-        kept, asked = poses[: self._settings.history], doubts > BELIEVED
+        believed = 0.35  # duration of exchanged sides after which a global search decides, seconds
+        kept, asked = poses[: self._settings.history], doubts > believed
         rest = max(_remembered(state, "rest") - observation.elapsed, 0.0)
         rivals = [] if best is None else [_Found(best.hypothesis.pose, best.comparison)]
         found = self._follow(frame, state.body, poses, rivals, rng)
@@ -206,7 +197,10 @@ class SwarmSearch:
         found = []
         s = self._settings
         half = np.full(skeleton.POSE_SIZE, np.inf)
-        half[skeleton.ROOT_POSITION], half[skeleton.ROOT_ROTATION] = s.reach, TILT
+        # Range of the root rotation about each axis without a previous pose, radians; shoulders and hips give the
+        # orientation of the trunk.
+        tilt = 0.8
+        half[skeleton.ROOT_POSITION], half[skeleton.ROOT_ROTATION] = s.reach, tilt
         for start in first_poses(frame.observation, frame.seen):
             costs = frame.discrepancy(body, start, self._discrepancy)
             starts = costs.position_of(np.clip(start, *self._limits.T)[None])
@@ -237,9 +231,12 @@ class SwarmSearch:
     def _finished(self, frame: _Frame, body: Body, costs: Discrepancy, position: np.ndarray) -> _Found:
         """Return a position as a refined and scored pose."""
         s, scene, pose = self._settings, frame.observation.scene, costs.pose_of(position)
+        # Weight of a confident joint relative to one correspondence, and distance in metres beyond which a joint has
+        # no weight, because occluded joints are lifted to the occluder.
+        pull, pull_sigma = 20.0, 0.1
         if s.pulled and frame.seen is not None and costs.guided:
-            weights = np.where(np.isfinite(frame.seen.points[:, 0]), PULL * frame.seen.confidence, 0.0)
-            term = JointTerm(np.nan_to_num(frame.seen.points), weights, PULL_SIGMA)
+            weights = np.where(np.isfinite(frame.seen.points[:, 0]), pull * frame.seen.confidence, 0.0)
+            term = JointTerm(np.nan_to_num(frame.seen.points), weights, pull_sigma)
             pose = self._refiner.refine(body, pose, scene, terms=[term], iterations=s.pulled)
         if s.refined:
             pose = self._refiner.refine(body, pose, scene, iterations=s.refined)
@@ -254,7 +251,8 @@ class SwarmSearch:
         if self._settings.sides is None:
             costs = frame.discrepancy(body, found.pose, self._discrepancy)
             return float(costs(costs.position_of(found.pose[None]))[0])
-        return found.comparison.distance + TRUST * frame.gap(body, found.pose)
+        trust = 0.5  # weight of the mean joint distance in the score of a pose, relative to the distance from the frame
+        return found.comparison.distance + trust * frame.gap(body, found.pose)
 
 
 @dataclass(frozen=True, eq=False)
