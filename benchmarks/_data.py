@@ -15,11 +15,9 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "accuracy": MOCAP,
     "annotation": MOCAP,
     "by_example": (*MOCAP, "utd-mhad"),
-    "database collections": (*MOCAP, "cmu-mocap-more"),
     "feet": MOCAP,
     "feet --real": (*MOCAP, "utd-mhad"),
     "gait_opensim": ("opensim",),
-    "inertial real": (*MOCAP, "utd-mhad", "utd-mhad-inertial"),
     "inertial simulated": MOCAP,
     "joints": MOCAP,
     "joints --real": (*MOCAP, "utd-mhad", "realsense"),
@@ -31,14 +29,13 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "recovery": MOCAP,
     "regressor": MOCAP,
     "rooms": ("rooms",),
-    "scale": ("utd-mhad",),
     "scenes": MOCAP,
     "stabilise": MOCAP,
     "swarm suite": MOCAP,
     "upper track": MOCAP,
     "upper track --real": ("skeltrack", "realsense"),
 }
-"""Script, script and part, or these and `--real` -> data sets; benchmarks that are not listed read bundled motions."""
+"""Benchmarks: each script measures figures, prints them and stores them as JSON with machine, commit and settings."""
 
 
 def needed(words: Sequence[str]) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from toolkit.retrieval.workflow.learn import learn_templates
 
 
 def told_events(parser: argparse.ArgumentParser) -> None:
-    """Learn, tell, compare, print, write JSON."""
+    """Learn, annotate online, compare, print, write JSON."""
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--threshold", type=float, default=0.06)
     parser.add_argument("--queries", type=Path, help="keyframes of `depthmocap learn`, for both")

@@ -18,7 +18,7 @@ from toolkit.io.html import png_of
 from toolkit.retrieval.annotation.measures import Scores
 
 SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
-"""Figures over thresholds and their colours."""
+"""Figures over thresholds, and their colours."""
 TRUTHS = {"off by 45 degrees": "-", "injected": "--"}
 """Definition of an error, in place of the thesis's annotators -> line style."""
 Swept = dict[str, list[Scores]]
@@ -27,12 +27,12 @@ SIGNALS = ("orientation", "rate of turn", "acceleration")
 
 
 def nothing_swept() -> Swept:
-    """Without any frame."""
+    """Return empty scores."""
     return {truth: [Scores(0, 0, 0, 0) for _ in THRESHOLDS] for truth in TRUTHS}
 
 
 def add_frames(swept: Swept, full: np.ndarray, truths: Mapping[str, np.ndarray]) -> None:
-    """Count frames of one curve (T,), degrees, NaN where it is unknown, against what is an error in them, bool (T,)."""
+    """Count frames of one curve (T,), degrees, NaN where unknown, against the wrong frames, bool (T,)."""
     known = np.isfinite(full)
     for name, wrong in truths.items():
         for place, threshold in enumerate(THRESHOLDS):
@@ -47,7 +47,7 @@ def swept_figures(swept: Swept) -> dict[str, Any]:
 
 
 def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
-    """Fig. 7.12: precision, recall and F over thresholds, a panel for each kind of limb."""
+    """Plot Fig. 7.12: precision, recall and F over thresholds, one panel per kind of limb."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.0 * len(kinds), 3.4), layout="constrained")
@@ -64,7 +64,7 @@ def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
 def signals_of(
     take: CalibrationSequence, calibration: Calibration, limb: str
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Rates of turn, rad/s, and accelerations, m/s2, in the limb's frame: the sensor's and the track's, (T, 3) each.
+    """Return rates of turn, rad/s, and accelerations, m/s2, in the limb's frame: of sensor and track, (T, 3) each.
 
     The track's are differences of its frames; the sensor's, NaN where it measured nothing, are brought into the limb's
     frame by its mounting `q_L`.
@@ -102,7 +102,7 @@ def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
 def plot_signals(
     times: np.ndarray, signals: Mapping[str, tuple[np.ndarray, np.ndarray]], wrong: np.ndarray, path: Path
 ) -> None:
-    """Fig. 7.13: three components of each signal by the sensor (red) and the track (black), wrong frames shaded."""
+    """Plot Fig. 7.13: three components of each signal by the sensor (red) and the track (black), wrong frames shaded."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 9), layout="constrained")
@@ -118,7 +118,7 @@ def plot_signals(
 
 
 def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Fig. 7.14: distances (640,), degrees, with right offsets, with one and with two wrong ones; and right frames.
+    """Return Fig. 7.14: distances (640,), degrees, with correct, one wrong and two wrong offsets; and correct frames.
 
     640 orientations, of which those of frames 50 to 200 and 400 to 600 are tracked wrongly.
     """
@@ -131,7 +131,7 @@ def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
     tracked = quat.multiply(inertial, quat.exponential(error))
 
     def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Eq. 7.17."""
+        """Return the distance of Eq. 7.17."""
         return np.degrees(quat.angle(inertial, quat.multiply(quat.multiply(b, tracked), a)))
 
     a, b = quat.exponential([1.1, -0.9, 0.7]), quat.exponential([-0.8, 1.3, 0.5])
@@ -144,7 +144,7 @@ def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
 
 
 def plot_offsets(curves: Mapping[str, np.ndarray], right: np.ndarray, path: Path) -> None:
-    """The curves below each other, wrong frames shaded."""
+    """Plot the curves in rows, wrong frames shaded."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 5), layout="constrained")

@@ -1,4 +1,4 @@
-"""Clips and documents for the benchmarks of keyframe search and learning, made from HDM05 and CMU motions.
+"""Clips and documents for the benchmarks of keyframe search and learning, from HDM05 and CMU motions.
 
 HDM05 has 188 cut clips of 11 classes by 3 actors, about 6 minutes. Larger corpora are put together from them: clips are
 mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table says so.
@@ -31,14 +31,14 @@ SYMMETRIC = frozenset(
 )
 """Classes that are equal to their mirror image; mirror images of other classes belong to no class."""
 SPEEDS = (0.8, 1.25)
-"""Slowest and fastest speed of a clip in a document, its own being 1."""
+"""Lowest and highest speed factor of a clip in a document."""
 PARTS = 12
-"""Parts of a document, filler included."""
+"""Number of parts of a document, filler included."""
 FILLER_SHARE = 0.5
-"""Share of a document's parts that are excerpts of CMU motions."""
+"""Fraction of a document's parts that are excerpts of CMU motions."""
 FILLER_SECONDS = (2.0, 6.0)
 PIECE, SHORTEST_PIECE = 90, 15
-"""Frames at 30 Hz of a counterexample cut out of a document."""
+"""Length of a counterexample cut out of a document, and its minimum, frames at 30 Hz."""
 HOW = (
     "documents put together from cut HDM05 clips (half of them mirrored, speed 0.8 to 1.25) and excerpts of CMU "
     "motions, joined by eased straight lines; mirror images of one-sided classes and CMU motions bear no label"
@@ -47,7 +47,7 @@ HOW = (
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """A cut clip, its actor and its class."""
+    """Cut clip with its actor and class."""
 
     motion: Motion
     actor: str
@@ -55,7 +55,7 @@ class Example:
 
     @cached_property
     def features(self) -> FeatureMatrix:
-        """Its relational features."""
+        """Relational features of the clip."""
         return relational_features(self.motion)
 
 
@@ -69,7 +69,7 @@ class LabelledDocument:
 
 
 def load_examples(data: Path) -> list[Example]:
-    """All HDM05 clips, sorted by name."""
+    """Return all HDM05 clips, sorted by name."""
     examples = []
     for file in find_clips(data / "mocap" / "hdm05"):
         _, actor, label, *_ = file.stem.split("_")
@@ -78,7 +78,7 @@ def load_examples(data: Path) -> list[Example]:
 
 
 def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:
-    """The clips of each class."""
+    """Return the clips of each class."""
     classes: dict[str, list[Motion]] = {label: [] for label in sorted({e.label for e in examples})}
     for example in examples:
         classes[example.label].append(example.motion)
@@ -86,7 +86,7 @@ def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:
 
 
 def load_filler(data: Path) -> list[Motion]:
-    """All CMU motions, sorted by name, without the T-pose that each begins with."""
+    """Return all CMU motions, sorted by name, without the initial T-pose."""
     motions = (load_motion(file) for file in find_clips(data / "mocap" / "cmu"))
     return [motion.sliced(1, len(motion)) for motion in motions]
 
@@ -94,7 +94,7 @@ def load_filler(data: Path) -> list[Motion]:
 def make_documents(
     examples: Sequence[Example], filler: Sequence[Motion], frames: int, rng: np.random.Generator
 ) -> list[LabelledDocument]:
-    """Documents of one actor, with at least `frames` frames at 30 Hz together."""
+    """Return documents of one actor, together at least `frames` frames at 30 Hz."""
     documents: list[LabelledDocument] = []
     done = 0
     while done < frames:
@@ -120,7 +120,7 @@ def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.
 def documents_of_each(
     examples: Sequence[Example], filler: Sequence[Motion], frames: int, rng: np.random.Generator
 ) -> list[LabelledDocument]:
-    """Documents of `frames` frames made of each actor's own clips, actor by actor."""
+    """Return documents of `frames` frames of each actor's own clips, actor by actor."""
     return [
         document
         for actor in sorted({example.actor for example in examples})
@@ -134,13 +134,15 @@ def learned_from(
     settings: LearningSettings,
     rng: np.random.Generator,
 ) -> dict[str, LearnedQuery]:
-    """Queries for all classes; what is unlabelled in documents made of the same clips serves as counterexamples."""
+    """Return queries for all classes; unlabelled parts of documents of the same clips are the counterexamples."""
     classes, checks = training_clips(by_label(examples), settings)
     return learn(classes, settings, rng, others=unlabelled_pieces(documents), checks=checks)
 
 
 def unlabelled_pieces(documents: Sequence[LabelledDocument]) -> list[FeatureMatrix]:
-    """Filler, joins and mirror images of one-sided classes, cut out of documents into pieces of up to 3 seconds."""
+    """Return filler, joins and mirror images of one-sided classes, cut out of documents into pieces of at most 3
+    seconds.
+    """
     pieces = []
     for document in documents:
         edges = [0, *(edge for start, stop, _ in document.segments for edge in (start, stop)), len(document.features)]
@@ -153,7 +155,7 @@ def unlabelled_pieces(documents: Sequence[LabelledDocument]) -> list[FeatureMatr
 
 
 def confusion(true: np.ndarray, decided: np.ndarray) -> np.ndarray:
-    """Frames by true and found class: int64 (P + 1, P + 1), the last row and column standing for "no class".
+    """Return frames by true and decided class: int64 (P + 1, P + 1); the last row and column stand for "no class".
 
     Parameters
     ----------
@@ -169,7 +171,7 @@ def confusion(true: np.ndarray, decided: np.ndarray) -> np.ndarray:
 
 
 THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
-"""Thresholds that `learn_threshold` chooses from."""
+"""Candidate thresholds of `learn_threshold`."""
 
 
 class Fold(NamedTuple):
@@ -188,7 +190,7 @@ class Fold(NamedTuple):
 
 
 def learn_threshold(folds: Sequence[Fold]) -> float:
-    """The threshold, common to all classes, with the best F over frames on documents of people that were left out.
+    """Return the common threshold of all classes with the best F over frames on documents of left-out people.
 
     The threshold is learned with keyframes, which remove most frames without a motion, so a looser one is best.
 

@@ -31,7 +31,7 @@ RATE = 30.0
 
 
 class Take(NamedTuple):
-    """A recording: name, whose motion (a made one or mocap), body, sensor, yaw in degrees, metres away, seed."""
+    """Recording: name, motion (synthetic or mocap), body, sensor, yaw in degrees, distance in metres, seed."""
 
     name: str
     motion: Walk | Rising | str
@@ -55,7 +55,7 @@ TAKES = (
 
 
 class Tracked(NamedTuple):
-    """A track with its truth.
+    """Track with its truth.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Tracked(NamedTuple):
 
 
 def tracked_run(recording: Path, run: Path, database: Path) -> Person:
-    """The one person of a recording, tracked into `run` if that is not there yet."""
+    """Return the one person of a recording, tracked into `run` unless present."""
     if not (run / TRACK_FILE).exists():
         tracker = TrackerRecipe(database=database).build()
         track_recording(open_recording(recording), tracker, run, resume=True)
@@ -86,10 +86,10 @@ def tracked_run(recording: Path, run: Path, database: Path) -> Person:
 
 
 def tracked_shot(performer: SimulatedPerson, shot: CaptureSettings, run: Path, database: Path) -> Tracked:
-    """A person who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
+    """Return a simulated person, recorded in the file `<run>.npz` and tracked, both unless present."""
     recording = run.with_name(f"{run.name}.npz")
     run.parent.mkdir(parents=True, exist_ok=True)
-    with FileLock(run.with_name(f"{run.name}.lock")):  # benchmarks of the same takes run beside each other
+    with FileLock(run.with_name(f"{run.name}.lock")):  # benchmarks of the same takes may run at the same time
         if not recording.exists():
             simulate_scene([performer], recording, shot)
         person = tracked_run(recording, run, database)
@@ -102,7 +102,7 @@ def tracked_shot(performer: SimulatedPerson, shot: CaptureSettings, run: Path, d
 
 
 def tracked(take: Take, work: Path, database: Path) -> Tracked:
-    """A made take, in `work`."""
+    """Return a synthetic take, in `work`."""
     body = subject_body(take.body, seed=take.seed)
     performer = SimulatedPerson(PoseClip(take.name, _poses(take, body), RATE, take.name), body=body, yaw=take.yaw)
     shot = CaptureSettings(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)

@@ -1,4 +1,4 @@
-"""Gait and rises known without the project's own code for them: from how a motion was made, or from where feet stay.
+"""Reference gait and rises without the project's analysis: from the plan of a motion, or from where feet stay.
 
 A made motion (`tests.support.walking`) has its strides and durations in its plan. Of mocap a foot stands while its
 lowest vertex stays where it is; a stride goes from one stand's place to the foot's next. Neither peaks
@@ -14,15 +14,15 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 
 ONSET = 0.05
-"""Share of the way up at which a rise begins, and that is left when it ends, by definition of the figure."""
+"""Fraction of a rise at which it starts, and that is missing when it ends, by definition of the figure."""
 STAYS = 0.5
-"""Metres a second along the ground of a foot's lowest vertex; of one that swings it goes at several."""
+"""Maximum speed of a standing foot's lowest vertex along the ground, m/s; a swinging one moves at several."""
 SHORTEST = 0.25
-"""Seconds of a stand in a walk."""
+"""Minimum duration of a stand in a walk, seconds."""
 
 
 def planned_walk(walk: Walk) -> dict[str, float]:
-    """The figures of a made walk."""
+    """Return the figures of a synthetic walk."""
     return {
         "stride_length_m": walk.speed * 120.0 / walk.cadence,
         "cadence_steps_per_min": walk.cadence,
@@ -34,9 +34,7 @@ def planned_walk(walk: Walk) -> dict[str, float]:
 
 
 def planned_rises(plan: Rising) -> list[tuple[float, float]]:
-    """Start and duration of every rise, seconds: the way up is half a cosine, of which the first and the last share of
-    `ONSET` do not count.
-    """
+    """Return start and duration of each rise, seconds: half a cosine without its first and last fraction `ONSET`."""
     before = plan.duration * float(np.arccos(1.0 - 2.0 * ONSET)) / np.pi
     cycle = plan.stand + 2.0 * plan.duration + plan.rest
     first = plan.stand + plan.duration + plan.rest + before
@@ -44,7 +42,7 @@ def planned_rises(plan: Rising) -> list[tuple[float, float]]:
 
 
 def walk_on_ground(body: Body, poses: np.ndarray, rate: float) -> dict[str, float]:
-    """The figures of a walk in true poses (T, P), y up, by where the lowest vertices of the feet stay."""
+    """Return the figures of a walk in true poses (T, P), y up, from the places of the feet's lowest vertices."""
     vertices = np.array([body.vertex_positions(pose) for pose in poses])
     ankles = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
     places = body.joint_positions(poses)[:, ankles][..., [0, 2]]
@@ -70,7 +68,9 @@ def walk_on_ground(body: Body, poses: np.ndarray, rate: float) -> dict[str, floa
 
 
 def _stands(foot: np.ndarray, ankle: np.ndarray, rate: float) -> list[tuple[float, np.ndarray]]:
-    """Start, seconds, and the ankle's place of every stand of a foot (T, V, 3) that begins after the first frame."""
+    """Return start, duration and the ankle's place of each stand of a foot (T, V, 3) that begins after the first
+    frame.
+    """
     rows, start = [], 0
     for t in range(1, len(foot) + 1):
         stays = False

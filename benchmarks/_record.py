@@ -23,12 +23,12 @@ CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")
 
 
 def run_part(description: str | None, parts: Mapping[str, Callable[[argparse.ArgumentParser], None]]) -> None:
-    """Run the part of a benchmark that the first argument names; the part adds its options to the parser."""
+    """Run the part that the first argument names; the part adds its options to the parser."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", choices=parts)
     named = " ".join(sys.argv[1:2])
     if named not in parts:
-        parser.parse_args(sys.argv[1:2])  # prints the help, or which parts there are
+        parser.parse_args(sys.argv[1:2])  # prints the help, or the list of parts
     parts[named](parser)
 
 
@@ -65,7 +65,7 @@ def save_jpeg(path: Path, picture: np.ndarray) -> None:
 
 
 def processor_seconds() -> float:
-    """User and system time of this process and of those it has waited for, seconds."""
+    """Return user and system time of this process and its finished children, seconds."""
     spent = os.times()
     return spent.user + spent.system + spent.children_user + spent.children_system
 
@@ -85,7 +85,7 @@ def _processor() -> str:
 
 
 def commit() -> str:
-    """The newest commit with other `CODE` of those that `main` has too, with a plus if the checkout has changes since.
+    """Return the newest commit on `main` that changes `CODE`, with a plus if the checkout has changes since.
 
     Commits of pages and results do not invalidate results. Commits of a branch can be rebased, so they do not count.
     """

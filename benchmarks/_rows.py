@@ -49,10 +49,11 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "baak2013 local": ("baak2013", {}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
 }
-"""Name of the row, shipped settings that it starts from, and overrides; what one setting says, `--set` says.
+"""Row -> shipped settings and overrides; a single override equals one `--set`.
 
 `local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12); `baak2013 mixed` keeps the contour as the hybrid tracker does (5.3.1)."""
+tracker (Fig. 5.12); `baak2013 mixed` keeps the contour as the hybrid tracker does (5.3.1).
+"""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
@@ -147,7 +148,7 @@ class FirstFrames:
 
 
 class LocalTracker(HybridTracker):
-    """Local optimisation alone, after a first pose from the lookup."""
+    """Local optimisation only, after a first pose from the lookup."""
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """See `HybridTracker.searches`."""
@@ -156,17 +157,17 @@ class LocalTracker(HybridTracker):
 
 
 class LocalBaak2013Tracker(LocalTracker, Baak2013Tracker):
-    """The paper's local optimisation alone, after a first pose from its lookup."""
+    """Local optimisation of Baak 2013 only, after a first pose from its lookup."""
 
 
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:
-    """Settings of a row with overrides on top."""
+    """Return the settings of a row with overrides."""
     config, own = ROWS[row]
     return load_settings(HybridSettings, config, {**(overrides or {}), **own})
 
 
 def swarm_settings(row: str, overrides: Mapping[str, Any] | None = None) -> SwarmTrackerSettings:
-    """Settings of a row; the overrides apply unless the row itself says otherwise."""
+    """Return the settings of a row; the row takes precedence over the overrides."""
     config, own = SWARM_ROWS[row]
     return load_settings(SwarmTrackerSettings, config, {**(overrides or {}), **own})
 
@@ -174,7 +175,7 @@ def swarm_settings(row: str, overrides: Mapping[str, Any] | None = None) -> Swar
 def make_tracker(
     row: str, database: PoseDatabase, overrides: Mapping[str, Any] | None = None, path: str = ""
 ) -> HybridTracker:
-    """The tracker of a row; the overrides apply to it unless the row itself says otherwise."""
+    """Return the tracker of a row; the row takes precedence over the overrides."""
     kind = KINDS.get(row, HybridTracker)
     return kind(database, settings_of(row, overrides), database_path=path)
 
@@ -187,7 +188,7 @@ KINDS: dict[str, type[HybridTracker]] = {
     "baak2013 local": LocalBaak2013Tracker,
     "baak2013 lookup": Baak2013Tracker,
 }
-"""Tracker class of each row that is no plain hybrid tracker."""
+"""Tracker class of each row that is not a plain hybrid tracker."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:

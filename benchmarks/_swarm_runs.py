@@ -14,7 +14,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.trackers.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 
 EVERY = 6
-"""Frames from one cold start to the next."""
+"""Frames between two cold starts."""
 
 
 class Tracked(NamedTuple):

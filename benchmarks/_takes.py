@@ -1,4 +1,4 @@
-"""Recordings of the simulated suite and of the four sequences of Qammaz with image joints."""
+"""Recordings of the simulated suite and of Qammaz's four sequences with image joints."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
 
 
 def prepared(take: Scene, source: str, work: Path, frames: int) -> Recording:
-    """The take with joints in the image from `source`."""
+    """Return the take with image joints from `source`."""
     path = record_scene(take, work, frames, color=source == "colour")
     return with_joints(path, source, work, take.seed)
 
 
 def with_joints(path: Path, source: str, work: Path, seed: int = 0) -> Recording:
-    """A recording with joints in the image from `source`; what a network finds is kept beside it.
+    """Return a recording with image joints from `source`; joints of a network are stored beside it.
 
     `seed` is that of the errors of joints that are the true ones.
     """
@@ -63,16 +63,16 @@ def joints_of(recording: Recording, i: int) -> tuple[Joints2D, ...]:
 
 
 TURNS = (0.0, 90.0, 180.0, 270.0)
-"""Degrees to the left, of the four views of a scan."""
+"""Yaws of the four views of a scan, degrees to the left."""
 
 
 def sequence(name: str, source: str, work: Path, frames: int) -> Recording:
-    """A sequence of `frames` frames with joints in the image from `source`; see `with_joints`."""
+    """Return a sequence of `frames` frames with image joints from `source`; see `with_joints`."""
     return with_joints(record_sequence(name, work, frames), source, work)
 
 
 def view_of(name: str, degrees: float, work: Path) -> Path:
-    """The subject of a sequence in a T-pose, turned."""
+    """Return the subject of a sequence in a T-pose, rotated."""
     path = work / "scans" / f"{name}_{degrees:.0f}.npz"
     clip = PoseClip("T-pose", np.zeros((FRAMES, skeleton.POSE_SIZE)), 30.0, "scan")
     simulate_recording(
@@ -83,7 +83,7 @@ def view_of(name: str, degrees: float, work: Path) -> Path:
 
 
 def scanned(name: str, work: Path) -> Body:
-    """The body of a sequence's subject as `depthmocap body scan` finds it, made if it is not there yet."""
+    """Return the body of a sequence's subject as found by `depthmocap body scan`, made unless present."""
     folders = ["toolkit/simulation", "toolkit/body", "toolkit/fitting", "toolkit/sensing"]
     path = work / "scans" / f"{name}_{digest_of([sequence_body], folders, name)}.npz"
     if not path.exists():

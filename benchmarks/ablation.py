@@ -46,7 +46,7 @@ from toolkit.tracking.body_learning import FollowedBody
 LONGEST = 45
 """Frames of a simulated recording."""
 PART = "ablation_part"
-"""The result in which rows are kept until all are there."""
+"""Name of the result with the rows measured so far."""
 ROWS = ("whole", "first frame", "no rooms", "no floor", "one pass")
 
 
@@ -59,7 +59,7 @@ class FloorlessTracker(HybridTracker):
 
 
 class Ablation:
-    """One tracker after the other on the same recordings.
+    """Runs of one tracker after the other on the same recordings.
 
     Parameters
     ----------
@@ -82,13 +82,13 @@ class Ablation:
         kind = FloorlessTracker if row == "no floor" else HybridTracker
         tracker = kind(PoseDatabase.load(database), settings, database_path=str(database))
         folder = options.work / "runs" / "ablation" / row.replace(" ", "_")
-        # The first of the frames that are spread over a recording is its first one.
+        # the first of the frames that are spread over a recording is its first one
         with patch.object(survey, "SAMPLES", 1) if row == "first frame" else nullcontext():
             simulated = {part: self._simulated(part, tracker, folder / part) for part in self._scenes}
             return {"rooms": self._real(tracker, folder), **simulated}
 
     def _real(self, tracker: HybridTracker, folder: Path) -> dict[str, Any]:
-        """The script's counts over all real rooms."""
+        """Return the script's counts over all real rooms."""
         runs, failed = rooms.track_rooms(list(rooms.RATES), self._options.rooms, folder, tracker)
         total: dict[str, Any] = {}
         for name, run in runs.items():
@@ -98,7 +98,7 @@ class Ablation:
         return total
 
     def _simulated(self, part: str, tracker: HybridTracker, folder: Path) -> dict[str, Any]:
-        """Figures of each group of one part of what is simulated, and of all of it."""
+        """Return figures of each group of one simulated part, and of all groups."""
         made = {record_scene(scene, self._options.work, LONGEST): scene for scene in self._scenes[part]}
         runs: dict[Path, tuple[Path, dict[str, Any]]] = {folder / path.stem: (path, {}) for path in made}
         for run, reason in track_each(runs, tracker, people=1 if part == "clean" else None).items():
@@ -114,7 +114,7 @@ class Ablation:
 
 
 def without_rooms(options: argparse.Namespace) -> Path:
-    """The suite's own database with a regressor of people alone; made if it is not there yet."""
+    """Return the suite's database with a regressor trained without rooms; made unless present."""
     parts = RegressorSettings(images=options.images, views=ViewSettings(rooms=0.0))
     return database(options.work, options.threshold, parts)
 
@@ -141,7 +141,7 @@ def main() -> None:
 
 
 def _kept(described: Mapping[str, Any]) -> dict[str, Any]:
-    """Rows that were measured on this commit, without changes to it, as it is `described`."""
+    """Return the rows measured on this commit without changes, by description."""
     path = _record.RESULTS / f"{PART}.json"
     told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     commit, settings = _record.commit(), {name: _record.portable(value) for name, value in described.items()}

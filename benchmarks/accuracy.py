@@ -1,12 +1,12 @@
 """Accuracy on the simulated suite, with ablations: `depthmocap bench accuracy [--split report] [--rows hybrid,local]`.
 
-The suite is described in `tests/support/suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the
-recording and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over
-the frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus the result's,
-over the frames in which a database hypothesis won. Right is a frame of which 18 of 20 joints are within 150 mm; a wrong
-pose that is followed shows in how many are wrong in a row. Rows are compared by a paired bootstrap over recordings.
-Figures without the hybrid tracker are written under the name of their first row, what is measured on a part of the
-suite to files of their own, ending in `_part`.
+The suite is described in `tests/support/suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the recording
+and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over the
+frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus that of the
+result, over the frames that a database hypothesis won. A frame is correct if 18 of 20 joints are within 150 mm; the
+longest run of incorrect frames shows persistent errors. Rows are compared by a paired bootstrap over recordings.
+Figures without the hybrid tracker are written under the name of their first row, those of a part of the suite to files
+that end in `_part`.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ COLOURS = {
     "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "baak2013 mixed": "#b9a8c9",
     "local": "#7f9fc6", "hybrid": "#2b2b2b",
 }  # fmt: skip
-"""Of the rows that are drawn."""
+"""Colours of the plotted rows."""
 BINS = np.linspace(0.0, 1.0, 21)
-"""Of the confidence."""
+"""Bins of the confidence."""
 
 
 class Row:
@@ -80,7 +80,7 @@ class Row:
         self.table = table
 
     def means(self) -> dict[str, RunScores]:
-        """Mean over the recordings of each group, and overall."""
+        """Return means over the recordings of each group, and over all."""
         parts = {group: EvaluationTable([self.table.rows[i] for i in rows]) for group, rows in self.groups.items()}
         return {**{group: part.mean() for group, part in parts.items()}, "overall": self.table.mean()}
 
@@ -95,7 +95,7 @@ class Row:
 def run_row(
     name: str, paths: Sequence[Path], poses: PoseDatabase, poses_path: Path, overrides: dict[str, Any], work: Path
 ) -> tuple[list[Path], list[dict[str, Any]]]:
-    """Track all recordings: run folders, and per recording what the local hypothesis was worth (`one pass` only)."""
+    """Track all recordings; return run folders, and per recording the local hypothesis's errors (`one pass` only)."""
     tracker = make_tracker(name, poses, overrides, str(poses_path))
     runs, gains = [], []
     for i, path in enumerate(paths):
@@ -112,7 +112,7 @@ def run_row(
 
 
 def gain(track: Track, local: Sequence[np.ndarray | None], truth: np.ndarray) -> dict[str, Any]:
-    """Frames in which database and local hypotheses competed, those that the database won, and what it gained (mm)."""
+    """Return frames in which database and local hypotheses competed, those that the database won, and its gain (mm)."""
     both = [i for i, joints in enumerate(local) if joints is not None and track.state[i] == TRACKED]
     won = [i for i in both if track.source_names[track.source[i]] != "local"]
     if not won:
@@ -123,14 +123,14 @@ def gain(track: Track, local: Sequence[np.ndarray | None], truth: np.ndarray) ->
 
 
 def summary_of_gains(gains: Sequence[dict[str, Any]]) -> dict[str, float | None]:
-    """Share of the frames that a database hypothesis won, and its mean gain, over all frames of these recordings."""
+    """Return the fraction of frames that a database hypothesis won, and its mean gain, over all frames."""
     frames, won = (sum(entry[key] for entry in gains) for key in ("frames", "won"))
     gained = [value for entry in gains for value in entry["gains_mm"]]
     return {"won": won / frames if frames else None, "gain_mm": float(np.mean(gained)) if gained else None}
 
 
 def confidence_bins(runs: Sequence[Path], paths: Sequence[Path]) -> list[dict[str, Any]]:
-    """Errors of the joints whose confidence falls into each bin."""
+    """Return errors of the joints by bin of the confidence."""
     tracks, truths = [Track.load(run) for run in runs], [open_recording(path).joints for path in paths]
     errors = np.concatenate([joint_errors(t.joints, truth[: len(t)]) for t, truth in zip(tracks, truths, strict=True)])
     confidence = np.concatenate([track.confidence for track in tracks])
@@ -164,7 +164,7 @@ def wrong_stretches(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, in
 
 
 def print_row(row: Row, gains: Sequence[dict[str, Any]]) -> None:
-    """The table of one tracker, a line per group."""
+    """Print the table of one tracker, a line per group."""
     print(
         f"\n{row.name}\n{'group':<9}{'clips':>6}{'frames':>7}", *(f"{heading:>8}" for _, heading, _ in COLUMNS), end=""
     )
@@ -185,7 +185,7 @@ def print_row(row: Row, gains: Sequence[dict[str, Any]]) -> None:
 
 
 def compare(rows: dict[str, Row]) -> dict[str, Any]:
-    """The hybrid row against every other one: error of the other minus its own, millimetres, overall and per group."""
+    """Return the error of each other row minus that of the hybrid row, millimetres, over all and per group."""
     rng = np.random.default_rng(0)
     own = rows["hybrid"].table.figures("error_mm")
     found = {}
@@ -204,7 +204,7 @@ def compare(rows: dict[str, Row]) -> dict[str, Any]:
 
 
 def plot_rows(rows: dict[str, Row], path: Path) -> None:
-    """Error per recording as bars: the hybrid tracker, or the paper's and its two halves (Fig. 5.12)."""
+    """Plot the error per recording as bars: the hybrid tracker, or the paper's and its two halves (Fig. 5.12)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4.6), layout="constrained")
@@ -221,7 +221,7 @@ def plot_rows(rows: dict[str, Row], path: Path) -> None:
 
 
 def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
-    """Error, and share of joints that are as near as the confidence says, against confidence."""
+    """Plot error, and fraction of joints within 50 mm, against confidence."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.6), layout="constrained")
@@ -242,7 +242,7 @@ def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def parse() -> argparse.Namespace:
-    """The command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_take_options(parser)
     parser.add_argument("--rows", default=",".join(ROWS), help="comma-separated, out of: " + ", ".join(ROWS))
@@ -255,7 +255,7 @@ def parse() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Make what is missing, track, evaluate, print, write JSON and plots."""
+    """Track missing runs, evaluate, print, write JSON and plots."""
     options = parse()
     chosen = chosen_takes(options.split, options.groups.split(","), options.takes)
     print(f"{len(chosen)} takes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")

@@ -50,7 +50,6 @@ COMMANDS: dict[str, str] = {
     "recovery_report": "recovery wrong --split report --database {database}",
     "cold_report_depth": "recovery cold --split report --joints depth --every 24 --database {database}",
     "person_tune": f"regressor people --views 25 --database {PACKAGED}",
-    "builds": "database collections",
     "swarm_report_colour": "swarm suite --split report --joints colour",
     "qammaz_sequences": "swarm sequences",
     "qammaz_table2": "swarm table2 --sequences MS_1,FS_1",

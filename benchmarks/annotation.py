@@ -54,16 +54,16 @@ from toolkit.retrieval.learning.queries import LearningSettings
 
 CLIPS_PER_DOCUMENT = 12
 HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", "49_02", *(f"49_{n:02d}" for n in range(3, 13)))
-"""CMU motions left out of the filler: a jog, jumps and hops, bending to the floor, a kick, acrobatics."""
+"""CMU motions left out of the filler: a jog, jumps and hops, a bend to the floor, a kick, acrobatics."""
 LAST_TRAINING_SUBJECT = 8
-"""CMU subjects up to this one give the filler of training, the others that of the documents reported."""
+"""Last CMU subject whose motions are filler in training; the others are filler of the reported documents."""
 HOW = (
     "documents put together from cut HDM05 clips of one actor (12 each), joined by eased straight lines of 0.25 to "
     "1.5 s, with excerpts of CMU walks, punches and swordplay before every second clip; joins and filler bear no "
     "label; 'without joins' leaves the frames of the joins out of the count"
 )
 COUNTEREXAMPLES = 3
-"""Number of document sets made of a training actor's clips, whose unlabelled parts are counterexamples."""
+"""Number of document sets of a training actor's clips whose unlabelled parts are counterexamples."""
 ALTERNATIVES = 2
 """Keyframe queries per class."""
 VARIANTS: dict[str, tuple[bool, DecisionSettings]] = {
@@ -72,14 +72,14 @@ VARIANTS: dict[str, tuple[bool, DecisionSettings]] = {
     "without keyframes, rules as published": (False, AS_PUBLISHED),
     "with keyframes, rules as published": (True, AS_PUBLISHED),
 }
-"""Name -> whether keyframes narrow the search down, and which overlapping hits count."""
+"""Name -> True with keyframe preselection, and the rule for overlapping hits."""
 THRESHOLDS = tuple(round(0.02 * step, 2) for step in range(1, 13))
 """`tau` of Fig. 5.6, with the thesis's own rules."""
 MEASURES = ("frames", "segments")
 RELEVANT_SHARE = 0.1
-"""Share of labelled frames in the second corpus that is timed."""
+"""Fraction of labelled frames in the second timed corpus."""
 Labelled = tuple[FeatureMatrix, tuple[Segment, ...], tuple[tuple[float, float], ...]]
-"""A document's features, its true segments and its joins."""
+"""Features of a document, its true segments and its joins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Trained:
 
 
 def make_documents(examples: Sequence[Example], filler: Sequence[Motion], seed: int) -> list[Labelled]:
-    """All clips of one actor in documents of `CLIPS_PER_DOCUMENT` clips, filler between."""
+    """Return all clips of one actor in documents of `CLIPS_PER_DOCUMENT` clips with filler between."""
     clips = [(example.motion, example.label) for example in examples]
     groups: list[list[tuple[Motion, str | None]]] = [[]]
     for part in shuffled_parts(clips, filler, np.random.default_rng(seed)):
@@ -104,7 +104,7 @@ def make_documents(examples: Sequence[Example], filler: Sequence[Motion], seed: 
 
 
 def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
-    """Feature matrices of each class."""
+    """Return feature matrices of each class."""
     found: dict[str, list[FeatureMatrix]] = {}
     for example in examples:
         found.setdefault(example.label, []).append(relational_features(example.motion))
@@ -114,7 +114,7 @@ def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
 def train(
     examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace, kept: Path | None
 ) -> Trained:
-    """Templates, threshold and keyframes from the clips of some actors and from filler of the training subjects.
+    """Return templates, threshold and keyframes from the clips of some actors and filler of the training subjects.
 
     Keyframes are learned in this run, unless `kept` is a file of an earlier one; where it is missing it is written.
     """
@@ -136,7 +136,7 @@ def train(
 def keyframes_of(
     examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace
 ) -> list[KeyframeQuery]:
-    """Keyframes learned from clips, and from what bears no label in documents made of them."""
+    """Return keyframes learned from clips, with unlabelled parts of their documents as counterexamples."""
     settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
     made: list[LabelledDocument] = []
     for actor in sorted({example.actor for example in examples}):
@@ -151,7 +151,7 @@ def keyframes_of(
 
 
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
-    """Scores, confusion matrix and the share searched, without and with keyframes, over the documents of one actor."""
+    """Return scores, confusion matrix and searched fraction, without and with keyframes, of one actor's documents."""
     labels = trained.annotator.labels
     index = KeyframeIndex.build([features for features, _, _ in documents])
     intervals = preselect(index, trained.queries, labels)
@@ -182,7 +182,7 @@ def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
 def swept(
     trained: Trained, threshold: float, documents: Sequence[Labelled], intervals: Sequence[Intervals]
 ) -> dict[str, Scores]:
-    """Scores over frames and over segments with keyframes and one threshold for all classes (Fig. 5.6)."""
+    """Return scores over frames and segments with keyframes and a common threshold (Fig. 5.6)."""
     classes = [replace(known, threshold=threshold) for known in trained.annotator.classes]
     annotator, found = Annotator(classes, AS_PUBLISHED), dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
     for (features, segments, _), own in zip(documents, intervals, strict=True):
@@ -194,7 +194,7 @@ def swept(
 
 
 def plot_thresholds(rows: Sequence[dict[str, Scores]], path: Path) -> None:
-    """Precision, recall and F over thresholds, of frames and of segments, as in Fig. 5.6."""
+    """Plot precision, recall and F over thresholds, of frames and segments, as in Fig. 5.6."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.6), layout="constrained")
@@ -208,7 +208,7 @@ def plot_thresholds(rows: Sequence[dict[str, Scores]], path: Path) -> None:
 
 
 def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> dict[str, float]:
-    """CPU seconds to annotate one document of about `minutes`, the given parts over and over, and the speed-up.
+    """Return CPU seconds to annotate a document of about `minutes`, made of repeated parts, and the speed-up.
 
     Where keyframes leave a share of the data, it can be at most 1 over that.
     """
@@ -229,7 +229,7 @@ def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> d
 
 
 def diluted(documents: Sequence[Labelled], filler: Sequence[Motion]) -> list[FeatureMatrix]:
-    """The documents and so much filler that labelled frames are `RELEVANT_SHARE` of all."""
+    """Return the documents with filler, so that labelled frames are `RELEVANT_SHARE` of all."""
     labelled = sum(segment.end - segment.start for _, segments, _ in documents for segment in segments)
     total = sum(features.duration for features, _, _ in documents)
     matrices = [relational_features(motion) for motion in filler]
@@ -238,12 +238,12 @@ def diluted(documents: Sequence[Labelled], filler: Sequence[Motion]) -> list[Fea
 
 
 def _cpu_seconds(run: Callable[[], object], repeats: int = 5) -> float:
-    """Least CPU time of some runs."""
+    """Return the smallest CPU time of some runs."""
     return min(timeit.repeat(run, timer=time.process_time, repeat=repeats, number=1))
 
 
 def hdm05(options: argparse.Namespace) -> dict[str, Any]:
-    """All three rotations."""
+    """Yield all three rotations."""
     examples = load_examples(options.data)
     filler = {name: motion for motion in load_filler(options.data) if (name := motion.name) not in HOLDS_A_CLASS}
     training = [m for name, m in filler.items() if int(name.split("_")[0]) <= LAST_TRAINING_SUBJECT]
@@ -298,7 +298,7 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: str) -> None:
-    """Draw a confusion matrix, rows true, columns found, each row as shares."""
+    """Draw a confusion matrix, rows true, columns found, each row as fractions."""
     from matplotlib.figure import Figure
 
     size = 2.5 + 0.33 * len(labels)
@@ -362,7 +362,7 @@ def thesis(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"thesis": thesis, "events": told_events})
 
 

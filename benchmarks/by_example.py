@@ -1,9 +1,9 @@
 """Search by example: `depthmocap bench by_example DATA`.
 
-Every clip of a person is an example; what is relevant are the clips of its class, by any person, in documents that hold
-each of them once. Mean average precision, and right ones among the first 10 against what is possible. A result is right
-if it and a relevant clip share half of the shorter of the two and no better result had that clip; results on the
-example's own clip do not count.
+Each clip of a person is an example. The clips of its class, by any person, are relevant; documents contain each clip
+once. Figures are the mean average precision, and the correct results among the first 10 as a fraction of the possible
+number. A result is correct if it and a relevant clip share half of the shorter of the two and no better result has that
+clip. Results on the example's own clip do not count.
 
 Corpora
 -------
@@ -11,13 +11,12 @@ people : documents of HDM05 actors bd, bk and dg, with excerpts of CMU subjects 
     of `features/grades.py` come from bd, bk and CMU subjects up to 8, and so did the choice of the weights
 decoys : the same with the mirror images of all clips of one-sided classes, which belong to no class, and joins of at
     most 0.1 seconds
-UTD-MHAD : 27 actions by 2 subjects (Kinect skeletons), each clip a document and an example; what places and durations
-    cost was chosen on subjects 1 and 3, reported are 5 and 7
+UTD-MHAD : 27 actions by 2 subjects (Kinect skeletons), each clip a document and an example; the costs of places and
+    durations were chosen on subjects 1 and 3, subjects 5 and 7 are reported
 
-Methods, from plain to shipped: DTW of joint positions (root at the origin, heading and size taken out), DTW of the
-booleans, graded features, these weighted by what the example does with
-them, the same in two steps, and with the places of the limbs in the second one, which is `depthmocap search
---by-example`. All DTW has the same steps.
+Methods: DTW of joint positions (without root position, heading and size), DTW of the booleans, DTW of graded features,
+the same with weights from the example, the same in two steps, and with the places of the limbs in the second step
+(`depthmocap search --by-example`). All DTW has the same steps.
 """
 
 from __future__ import annotations
@@ -54,17 +53,17 @@ from toolkit.retrieval.search import example as shipped
 from toolkit.retrieval.templates import QuantisedTemplate
 
 LAST_TUNING_SUBJECT = 8
-"""CMU subjects up to this one were looked at while the method was made."""
+"""Last CMU subject that was used during development."""
 REPORTED = "dg"
 TUNED_SUBJECTS, REPORTED_SUBJECTS = ("s1", "s3"), ("s5", "s7")
-"""Of UTD-MHAD."""
+"""Subjects of UTD-MHAD."""
 PARTS = 20
 """Parts of a document."""
 FILLER_SECONDS = (2.0, 6.0)
 MOST = 300
-"""Results that are looked at."""
+"""Number of examined results."""
 HOUR = 108_000
-"""Frames."""
+"""Frames of an hour at 30 Hz."""
 
 Hit = tuple[float, int, int, int]
 """Cost, number of the document, first frame, frame after the last."""
@@ -80,19 +79,21 @@ class Corpus:
 
     @cached_property
     def features(self) -> list[FeatureMatrix]:
-        """Of each document."""
+        """Features of each document."""
         return [relational_features(motion) for motion in self.motions]
 
     @cached_property
     def index(self) -> KeyframeIndex:
-        """Of all documents."""
+        """Index of all documents."""
         return KeyframeIndex.build(self.features)
 
 
 def corpus_of(
     examples: Sequence[Example], filler: Sequence[Motion], seed: int, *, decoys: bool, joins: TransitionSettings
 ) -> Corpus:
-    """Documents that hold every clip once, with filler and perhaps mirror images of one-sided classes between."""
+    """Return documents that contain each clip once, with filler and optional mirror images of one-sided classes
+    between.
+    """
     rng = np.random.default_rng(seed)
     parts: list[tuple[Motion, str | None]] = [(e.motion, f"{e.label}/{e.motion.name}") for e in examples]
     if decoys:
@@ -111,7 +112,7 @@ def corpus_of(
 
 
 def judge(hits: Sequence[Hit], corpus: Corpus, label: str, clip: str) -> tuple[float, float]:
-    """Average precision, and right results among the first 10 as a share of what is possible."""
+    """Return average precision, and correct results among the first 10 as a fraction of the possible number."""
     relevant = {k for k, segment in enumerate(corpus.segments) if segment[3] == label and segment[4] != clip}
     found: set[int] = set()
     precisions: list[float] = []
@@ -137,7 +138,7 @@ def judge(hits: Sequence[Hit], corpus: Corpus, label: str, clip: str) -> tuple[f
 
 
 def positions(motion: Motion) -> np.ndarray:
-    """Joints at 30 Hz, float32 (T, 72): root at the origin, hips along x, in body lengths."""
+    """Return joints at 30 Hz, float32 (T, 72): root at the origin, hips along x, in body lengths."""
     count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
     columns = np.minimum(np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(int), len(motion) - 1)
     joints = motion.joints[columns] / BodyLengths.of(motion).body
@@ -156,7 +157,7 @@ def positions(motion: Motion) -> np.ndarray:
 
 @njit(cache=True)
 def distance_of_positions(template: np.ndarray, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Subsequence DTW of positions (N, 72) with a document (L, 72), mean distance of a joint per column."""
+    """Return subsequence DTW of positions (N, 72) with a document (L, 72), mean distance of a joint per column."""
     n, length, joints = template.shape[0], document.shape[0], template.shape[1] // 3
     costs = np.full((3, length), np.inf)
     starts = np.full((3, length), -1, np.int64)
@@ -182,7 +183,7 @@ def distance_of_positions(template: np.ndarray, document: np.ndarray) -> tuple[n
 
 
 def hits_of(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:
-    """The best hits of a distance function per document."""
+    """Return the best hits of a distance function per document."""
     cost = np.concatenate([costs for costs, _ in results]).astype(np.float32)
     start = np.concatenate([starts for _, starts in results]).astype(np.int32)
     edges = np.cumsum([0, *(len(costs) for costs, _ in results)])
@@ -191,7 +192,7 @@ def hits_of(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:
 
 
 def methods_for(corpus: Corpus) -> dict[str, Method]:
-    """All methods on a corpus, by the names of the table."""
+    """Return all methods on a corpus, by the names of the table."""
     placed = [positions(motion) for motion in corpus.motions]
     numbers = {name: number for number, name in enumerate(corpus.index.names)}
     unplaced = replace(corpus.index, places=np.zeros_like(corpus.index.places))
@@ -232,7 +233,7 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
 
 
 def table(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, Any]:
-    """Mean average precision and precision at 10 of every method, over all examples and per class."""
+    """Return mean average precision and precision at 10 of each method, over all examples and per class."""
     rows: dict[str, Any] = {}
     examples = [(relational_features(motion), motion, label) for motion, label in queries]
     for name, method in methods_for(corpus).items():
@@ -263,14 +264,14 @@ def table(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, An
 
 
 def interval(values: np.ndarray, draws: int = 2000) -> tuple[float, float]:
-    """95 % interval of a mean by bootstrap over examples."""
+    """Return the 95 % interval of a mean by bootstrap over examples."""
     rng = np.random.default_rng(0)
     means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
     return float(np.percentile(means, 2.5)), float(np.percentile(means, 97.5))
 
 
 def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, float]:
-    """Milliseconds of a search in an hour, the corpus over and over."""
+    """Return milliseconds of a search in an hour, the corpus repeated."""
     documents: list[FeatureMatrix] = []
     frames = 0
     while frames < HOUR:
@@ -295,7 +296,7 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
 
 
 def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
-    """Processor time of `depthmocap search --by-example` with the start of its process, the least of three.
+    """Return the processor time of `depthmocap search --by-example` including process start, minimum of three.
 
     Modules are compiled before, as they are where the package is installed.
     """
@@ -316,7 +317,7 @@ def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
 
 
 def kinect_corpus(data: Path, subjects: Sequence[str]) -> tuple[Corpus, list[tuple[Motion, str]]]:
-    """Every UTD-MHAD clip of some subjects as a document and as an example."""
+    """Return each UTD-MHAD clip of some subjects as a document and as an example."""
     motions: list[Motion] = []
     segments: list[tuple[int, int, int, str, str]] = []
     queries: list[tuple[Motion, str]] = []
@@ -333,7 +334,7 @@ def kinect_corpus(data: Path, subjects: Sequence[str]) -> tuple[Corpus, list[tup
 
 
 def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> None:
-    """The tables of `features/grades.py`."""
+    """Print the tables of `features/grades.py`."""
     from toolkit.retrieval.features.relational import native_features
 
     chosen = [e.motion for e in examples if e.actor != REPORTED]

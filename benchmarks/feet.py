@@ -1,13 +1,17 @@
 """Foot contact: `depthmocap bench feet [--real]`.
 
-Simulated people, tracked: the made motions of `benchmarks/_movement.py`, and those takes of the suite's report split in
-which the floor stays where it is (no treadmill, no turn on the spot). Truth says which foot carries. Sliding is
-the root mean square of the distance along the floor of the carrying sole (that of heel and ball that moves less) from
-its mean place, step by step; jitter is that of the ankles of a person who stands still on both feet about their own
-course (a Gaussian of 0.15 s). Feet of mocap on a body of another size slide in truth, too, so both are also given of
-the truth, and of the found place minus the true one. As tracked, and with what rests held (`biomechanics.resting`), for
-which the errors of all joints are given too. With `--real` every fifth recording of UTD-MHAD as well, of which nothing
-is true: contacts and stillness are those found.
+Recordings are the synthetic motions of `benchmarks/_movement.py`, and the takes of the suite's report split with a
+fixed floor (no treadmill, no turn on the spot). Foot contacts are the true ones.
+
+sliding
+    Root mean square distance along the floor of the sole in contact (of heel and ball the one that moves less) from its
+    mean place, step by step.
+jitter
+    The same of the ankles of a person who stands still on both feet, about their course (a Gaussian of 0.15 s).
+
+Feet of mocap on a body of another size slide in truth too, so both figures are also given of the truth, and of the
+tracked place minus the true one. Tracks are measured unfiltered and filtered (`motion.resting`), filtered ones with the
+errors of all joints. `--real` adds every fifth recording of UTD-MHAD without truth; its contacts are the detected ones.
 """
 
 from __future__ import annotations
@@ -33,13 +37,13 @@ from toolkit.tracks import TRACKED
 from toolkit.tracks.runs import Person
 
 SHORTEST = 5
-"""Frames of a step that is measured."""
+"""Minimum number of frames of a measured step."""
 COURSE = 0.15
-"""Seconds."""
+"""Standard deviation of the course filter, seconds."""
 STILL = 0.05
-"""Metres a second below which a person stands still: the faster ankle's speed along its course."""
+"""Maximum speed of a standing person, m/s: the faster ankle along its course."""
 STRIDE = 5
-"""Of the recordings of UTD-MHAD that are measured."""
+"""Step between the measured recordings of UTD-MHAD."""
 ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
 MEANS = ("sliding_mm", "sliding_beside_truth_mm", "jitter_mm", "jitter_beside_truth_mm", "error_mm", "contacts_right")
 
@@ -52,17 +56,17 @@ class Feet(NamedTuple):
 
     @classmethod
     def of(cls, person: Person) -> Feet:
-        """Those of a track."""
+        """Return the feet of a track."""
         ankles = person.track.joints[:, ANKLES].astype(np.float64) @ person.R_level_camera.T
         return cls(soles(person.body, person.track.pose), ankles)
 
     def minus(self, other: Feet) -> Feet:
-        """Differences in place."""
+        """Return differences in position."""
         return Feet(self.soles - other.soles, self.ankles - other.ankles)
 
 
 def sliding_mm(placed: np.ndarray, contact: np.ndarray) -> list[float]:
-    """Root mean square of the sliding of every step of soles (T, 2, 2, 3), without its first and last frame."""
+    """Return the root mean square sliding of each step of soles (T, 2, 2, 3), without its first and last frame."""
     rows = []
     for side in range(2):
         for span in spans(contact[:, side]):
@@ -76,7 +80,7 @@ def sliding_mm(placed: np.ndarray, contact: np.ndarray) -> list[float]:
 
 
 def jitter_mm(ankles: np.ndarray, still: np.ndarray, times: np.ndarray) -> float | None:
-    """Root mean square distance of ankles (T, 2, 3) from their own course while the person stands `still` (T,)."""
+    """Return the RMS distance of ankles (T, 2, 3) from their course while the person stands `still` (T,)."""
     parts = []
     for span in spans(still):
         if span.stop - span.start >= 2 * SHORTEST:
@@ -86,7 +90,7 @@ def jitter_mm(ankles: np.ndarray, still: np.ndarray, times: np.ndarray) -> float
 
 
 def stands_still(feet: Feet, contact: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Frames in which both feet carry and neither ankle is under way: bool (T,)."""
+    """Return frames with both feet in contact and both ankles at rest: bool (T,)."""
     if len(times) < 2:
         return np.asarray(contact.all(axis=1))
     speeds = np.linalg.norm(np.gradient(smoothed(feet.ankles, times, COURSE), times, axis=0), axis=2)
@@ -94,7 +98,7 @@ def stands_still(feet: Feet, contact: np.ndarray, times: np.ndarray) -> np.ndarr
 
 
 def row(feet: Feet, contact: np.ndarray, still: np.ndarray, times: np.ndarray) -> dict[str, Any]:
-    """Figures of feet while `contact` (T, 2) says that they carry."""
+    """Return figures of feet during `contact` (T, 2)."""
     steps = sliding_mm(feet.soles, contact)
     return {
         "sliding_mm": float(np.mean(steps)) if steps else None,
@@ -105,7 +109,7 @@ def row(feet: Feet, contact: np.ndarray, still: np.ndarray, times: np.ndarray) -
 
 
 def simulated(found: Tracked) -> dict[str, Any]:
-    """Figures of a person whose true poses are known, by how the feet are placed."""
+    """Return figures of a person with true poses, by the placement of the feet."""
     times, truth = found.person.track.timestamps, found.truth
     known, true = found.person.track.state == TRACKED, Feet.of(truth)
     contact = truth.track.contact & known[:, None]
@@ -125,7 +129,7 @@ def simulated(found: Tracked) -> dict[str, Any]:
 
 
 def of_suite(take: Scene, work: Path, database: Path) -> Tracked:
-    """A take of the suite."""
+    """Return a take of the suite."""
     (person,) = people_of(take, take.frames)
     return tracked_shot(person, shot_of(take, [person]), work / "suite" / take.name, database)
 
@@ -140,7 +144,7 @@ def on_floor(take: Scene) -> bool:
 
 
 def real(person: Person) -> dict[str, Any]:
-    """Figures of a person without true poses, by how the feet are placed."""
+    """Return figures of a person without true poses, by the placement of the feet."""
     contact, times = person.track.contact & (person.track.state == TRACKED)[:, None], person.track.timestamps
     still = stands_still(Feet.of(person), contact, times)
     ways = {"tracked": person, "resting": at_rest(person)}
@@ -148,7 +152,7 @@ def real(person: Person) -> dict[str, Any]:
 
 
 def measured(work: Path, database: Path, recordings: Path | None) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Kind, name and figures of every take."""
+    """Yield kind, name and figures of each take."""
     for made in TAKES:
         yield "made", made.name, simulated(tracked(made, work, database))
     for take in filter(on_floor, suite.takes("report")):
@@ -158,7 +162,7 @@ def measured(work: Path, database: Path, recordings: Path | None) -> Iterator[tu
 
 
 def means(takes: dict[str, dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Mean figures over the takes that have them, by how the feet are placed."""
+    """Return mean figures over the takes that have them, by the placement of the feet."""
     found: dict[str, dict[str, float]] = {}
     for way in next(iter(takes.values())):
         for name in MEANS:

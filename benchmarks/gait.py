@@ -1,9 +1,9 @@
 """Gait, rises and joint angles: `depthmocap bench gait`.
 
-Simulated people who walk, squat and rise (`benchmarks/_movement.py`), tracked, with what rests held as in a report.
-Figures of gait and rises are compared with what is known without the project's code for them
-(`benchmarks/_plain_gait.py`), and so are those that this code finds in the true poses: the part of an error that no
-tracker can help. Joint angles and ranges of motion are compared with those of the true poses, degrees.
+Simulated people walk, squat and rise (`benchmarks/_movement.py`); tracks are filtered as in a report. Figures of gait
+and rises are compared with a reference without the project's analysis (`benchmarks/_plain_gait.py`). The same analysis
+of the true poses is a lower bound of the error of any tracker. Joint angles and ranges of motion are compared with
+those of the true poses, degrees.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ WAYS = ("tracked", "true poses")
 
 
 def known_walk(take: Take, found: Tracked) -> dict[str, float]:
-    """Figures of gait that are known; none of who does not walk."""
+    """Return the reference figures of gait; empty for a person who does not walk."""
     if isinstance(take.motion, Walk):
         return planned_walk(take.motion)
     return {} if isinstance(take.motion, Rising) else walk_on_ground(found.body, found.poses, RATE)
 
 
 def compared(take: Take, found: Tracked) -> dict[str, Any]:
-    """Figures of one take, as tracked and of the true poses, beside those that are known."""
+    """Return figures of one take, tracked and of the true poses, beside the reference."""
     summaries = [summary_of(person) for person in (at_rest(found.person), found.truth)]
     return {
         "strides": [len(summary.gait.strides) for summary in summaries],
@@ -48,14 +48,14 @@ def compared(take: Take, found: Tracked) -> dict[str, Any]:
 
 
 def angle_errors(measured: Summary, true: Summary) -> dict[str, float]:
-    """Root mean square error of every angle, degrees."""
+    """Return the root mean square error of each angle, degrees."""
     off = measured.angles.degrees - true.angles.degrees
     off = (off + 180.0) % 360.0 - 180.0
     return dict(zip(COLUMNS, np.sqrt(np.nanmean(off**2, axis=0)).round(2).tolist(), strict=True))
 
 
 def known_errors(takes: dict[str, dict[str, Any]], way: int) -> dict[str, float]:
-    """Mean absolute errors of one of `WAYS` against what is known, over the takes."""
+    """Return mean absolute errors of one of `WAYS` against the reference, over the takes."""
     out: dict[str, list[float]] = {}
     for take in takes.values():
         for name, known in take["known"].items():
@@ -69,7 +69,7 @@ def known_errors(takes: dict[str, dict[str, Any]], way: int) -> dict[str, float]
 
 
 def range_errors(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
-    """Mean absolute errors of the ranges of motion, degrees, over the takes and both sides."""
+    """Return mean absolute errors of the ranges of motion, degrees, over the takes and both sides."""
     out: dict[str, list[float]] = {}
     for take in takes.values():
         for name, (own, true) in take["ranges_deg"].items():

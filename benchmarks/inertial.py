@@ -1,6 +1,5 @@
 """Tracks and inertial sensors: `depthmocap bench inertial PART`, which is one of
 
-- `real [--people 1,5]`: the wearable sensors of UTD-MHAD (`benchmarks/_inertial_real.py`).
 - `simulated [--split report] [--tracks 8]`: simulated sensors on real motions.
 
 The latter has three parts. Calibration: true poses of the split's clips of HDM05, two sensors of 3 degrees of noise
@@ -35,7 +34,6 @@ from benchmarks._inertial_figures import (
     swept_figures,
     told_apart,
 )
-from benchmarks._inertial_real import real
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from tests.support.scenes import people_of, shot_of
@@ -48,7 +46,6 @@ from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.orientations import RunCheck, frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
-from toolkit.inertial.calibration import GOOD, Calibration, Mounting, TakeClock
 from toolkit.inertial.distance import distances, errors_of
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
@@ -58,14 +55,14 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
-from toolkit.simulation.inertial import SensorNoise, SimulatedSensors, simulate_sensors
+from toolkit.simulation.inertial import SensorNoise, simulate_sensors
 from toolkit.simulation.simulate import simulate_scene
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracks import Track
 
 
 def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
-    """Poses (T, P) of a clip in the camera's level frame: turned so that the first one faces it, then by yaw."""
+    """Return poses (T, P) of a clip in the camera's level frame: first facing the camera, then rotated by yaw."""
     facing = quat.rotate(quat.exponential(poses[0, skeleton.ROOT_ROTATION]), np.array([0.0, 0.0, 1.0]))
     turn = quat.exponential([0.0, np.radians(yaw) - np.arctan2(facing[0], facing[2]), 0.0])
     out = poses.copy()
@@ -74,23 +71,6 @@ def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
         quat.multiply(turn, quat.exponential(poses[:, skeleton.ROOT_ROTATION]))
     )
     return out
-
-
-def wrong_calibration(
-    simulated: SimulatedSensors, name: str, degrees: float, seconds: float, rng: np.random.Generator
-) -> Calibration:
-    """The true calibration with every mounting turned by so many degrees about some axis and a clock that is off."""
-
-    def turned(q: np.ndarray) -> tuple[float, float, float, float]:
-        axis = rng.normal(size=3)
-        w, x, y, z = quat.multiply(q, quat.exponential(np.radians(degrees) * axis / np.linalg.norm(axis)))
-        return float(w), float(x), float(y), float(z)
-
-    mountings = {limb: Mounting(turned(q), GOOD) for limb, q in simulated.mounting.items()}
-    w, x, y, z = (float(value) for value in simulated.world)
-    worlds = dict.fromkeys(mountings, (w, x, y, z))
-    clock = TakeClock(simulated.offset + seconds, simulated.rate, worlds)
-    return Calibration("robust", "shared", mountings, {name: clock})
 
 
 ACTORS = {"tune": "bk", "report": "dg"}
@@ -106,13 +86,13 @@ CHAINS = {
     for limb, joints in (("arm", ("clavicle", "shoulder", "elbow", "wrist")), ("leg", ("hip", "knee", "ankle")))
 }  # fmt: skip
 DRAWN = "left_shin"
-"""The limb whose signals are drawn, of the first take that its sensor nearly covers: with a wrong clock it does not."""
+"""Limb whose signals are plotted, of the first take that its sensor nearly covers; a wrong clock does not."""
 TURNED = np.radians(45.0)
-"""An orientation that is farther off than this is wrong."""
+"""Minimum error of a wrong orientation."""
 
 
 def clips_of(split: str, body: Body, count: int) -> list[np.ndarray]:
-    """Poses (T, P) at 30 Hz of clips of the split's actor, at least two seconds each, evenly chosen."""
+    """Return poses (T, P) at 30 Hz of clips of the split's actor, at least two seconds each, evenly chosen."""
     paths = sorted(MOCAP.glob(f"hdm05/HDM_{ACTORS[split]}_*.amc"))
     found = []
     for path in paths[:: max(1, len(paths) // count)]:
@@ -124,7 +104,7 @@ def clips_of(split: str, body: Body, count: int) -> list[np.ndarray]:
 
 
 def wrong_stretch(motion: TrackedMotion, rng: np.random.Generator) -> TrackedMotion:
-    """One stretch of 30 % of the frames turned by 40 to 120 degrees."""
+    """Return the motion with a stretch of 30 % of the frames rotated by 40 to 120 degrees."""
     count = len(motion.times)
     length = round(0.3 * count)
     start = int(rng.integers(0, count - length))
@@ -136,7 +116,9 @@ def wrong_stretch(motion: TrackedMotion, rng: np.random.Generator) -> TrackedMot
 
 
 def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, Any]:
-    """Errors of psi and q_L in degrees, median and 90 %, by wrong frames and by spread; how many were refused."""
+    """Return errors of psi and q_L in degrees, median and 90 %, by wrong frames and spread, and the number of
+    refusals.
+    """
     rows = []
     for seed, poses in enumerate(clips):
         rng = np.random.default_rng(seed)
@@ -165,7 +147,7 @@ def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, An
 
 
 def clock_errors(motions: Sequence[tuple[TrackedMotion, Any]]) -> dict[str, Any]:
-    """Errors of the offset in milliseconds: one sensor by acceleration alone, and all sensors by both signals."""
+    """Return errors of the offset in milliseconds: one sensor by acceleration only, and all sensors by both signals."""
     both, one = [], []
     for motion, simulated in motions:
         truth = simulated.offset + 0.5 * motion.times[-1] * (simulated.rate - 1.0)
@@ -190,7 +172,7 @@ def clock_errors(motions: Sequence[tuple[TrackedMotion, Any]]) -> dict[str, Any]
 
 
 def injected(poses: np.ndarray, pool: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, list[Segment]]:
-    """A track with one or two wrong stretches per arm and leg, eased over 5 frames, and where they are."""
+    """Return a track with one or two wrong stretches per arm and leg, eased over 5 frames, and their frames."""
     poses, segments = poses.copy(), []
     for chain, entries in CHAINS.items():
         for _ in range(int(rng.integers(1, 3))):
@@ -213,8 +195,9 @@ def injected(poses: np.ndarray, pool: np.ndarray, rng: np.random.Generator) -> t
 def error_figures(
     tracks: Sequence[tuple[str, Track, Body, np.ndarray, Any]], pool: np.ndarray, method: str
 ) -> dict[str, Any]:
-    """Precision and recall of orientations off by over 45 degrees and of the injected stretches, per kind of limb; the
-    same over thresholds (Fig. 7.12), and how well orientations and raw signals tell wrong frames (Fig. 7.13).
+    """Return precision and recall of orientations off by over 45 degrees and of injected stretches, per kind of limb;
+    the
+    same over thresholds (Fig. 7.12), and the separation of wrong frames by orientations and raw signals (Fig. 7.13).
     """
     swept = {name: nothing_swept() for name in GROUPS}
     told: list[dict[str, float | None]] = []
@@ -274,7 +257,7 @@ def error_figures(
 
 
 def tracked(split: str, count: int, work: Path, poses: PoseDatabase) -> list[Any]:
-    """Takes of the suite, tracked: the name, its run folder and who was recorded."""
+    """Yield tracked takes of the suite: name, run folder and simulated person."""
     actor = ACTORS[split]
     chosen = [take for take in takes(split) if take.actor.clip.startswith(actor)][:count]
     found = []
@@ -336,8 +319,8 @@ def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
-    run_part(__doc__, {"real": real, "simulated": simulated})
+    """Run the named part."""
+    run_part(__doc__, {"simulated": simulated})
 
 
 if __name__ == "__main__":

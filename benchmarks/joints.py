@@ -35,7 +35,7 @@ CLIP = DEPTH / "realsense" / "images_n40"
 
 
 def apart_mm(track: Track, recording: Recording) -> np.ndarray:
-    """Distances (N,) of tracked joints from detected ones of the nearest person, millimetres in the image."""
+    """Return distances (N,) of tracked joints from those detected for the nearest person, millimetres in the image."""
     found = []
     camera = recording.camera
     frames = np.searchsorted(recording.timestamps, track.timestamps - 1e-6)
@@ -84,7 +84,7 @@ def followed(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"followed": followed})
 
 

@@ -50,7 +50,7 @@ from toolkit.retrieval.templates import MotionTemplate
 COUNTEREXAMPLES = 30_000
 """Frames of the documents from which counterexamples are cut."""
 ALTERNATIVES = ((1, False), (2, False), (1, True), (2, True), (3, True), (5, True))
-"""Queries per class that are tried together, a hit of any counting, and whether their distances are tightened."""
+"""Queries per class that are combined (a hit of any counts), and whether their distances are tightened."""
 REPEATS = 20
 """Searches per query; the median counts."""
 KINDS = ("learned", "random columns")
@@ -60,7 +60,7 @@ UNSPECIFIC = 8
 
 
 def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
-    """Median time of a search and the number of segments in its inverted lists."""
+    """Return the median time of a search and the number of segments in its inverted lists."""
     milliseconds = []
     for _ in range(REPEATS):
         begin = time.perf_counter()
@@ -73,7 +73,9 @@ def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
 def quality(
     found: Sequence[HitRanges], documents: Sequence[LabelledDocument], chosen: Sequence[int], label: str
 ) -> tuple[float, float, float]:
-    """Share of the chosen documents' frames left; shares of the true segments touched, and at least half left."""
+    """Return the remaining fraction of the documents' frames, and fractions of true segments touched and at least
+    half left.
+    """
     left = {number: np.zeros(len(documents[number].features), dtype=bool) for number in chosen}
     for ranges in found:
         for document, start, stop in zip(ranges.documents, ranges.starts, ranges.stops, strict=True):
@@ -92,7 +94,7 @@ def quality(
 
 
 def relevant_share(documents: Sequence[LabelledDocument], chosen: Sequence[int], label: str) -> float:
-    """Share of the chosen documents' frames that lie in true segments of the class."""
+    """Return the fraction of the documents' frames in true segments of the class."""
     true = sum(b - a for number in chosen for a, b, name in documents[number].segments if name == label)
     return true / sum(len(documents[number].features) for number in chosen)
 
@@ -105,7 +107,7 @@ def judged(
     count: int,
     tight: bool,
 ) -> dict[str, Any]:
-    """Everything about `count` learned queries of a class taken together."""
+    """Return all figures of `count` learned queries of a class together."""
     queries = result.alternatives(count, tight)
     chosen = [number for number, document in enumerate(documents) if document.actor == actor]
     timings = [timed(index, query) for query in queries]
@@ -120,7 +122,7 @@ def judged(
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Means over classes and actors, the worst time, and data left as a multiple of what is relevant."""
+    """Return means over classes and actors, the largest time, and remaining data as a multiple of the relevant data."""
     keys = [key for key, value in rows[0].items() if isinstance(value, float)]
     means = {key: float(np.mean([row[key] for row in rows])) for key in keys}
     means["worst_milliseconds"] = float(np.max([row["milliseconds"] for row in rows]))
@@ -130,7 +132,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
 
 
 def through_file(documents: Sequence[LabelledDocument]) -> tuple[KeyframeIndex, dict[str, Any]]:
-    """The index as the command uses it: written, opened again, mapped."""
+    """Return the index as the command uses it: written, opened again, mapped."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motions.index"
         begin = time.perf_counter()
@@ -147,14 +149,14 @@ def through_file(documents: Sequence[LabelledDocument]) -> tuple[KeyframeIndex, 
 
 
 def line_through_origin(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
-    """Slope (ms per segment) of time over segments, and the correlation of the two."""
+    """Return the slope (ms per segment) of time over segments, and the correlation of the two."""
     segments = np.array([row["segments"] for row in rows], dtype=float)
     times = np.array([row["milliseconds"] for row in rows])
     return float(segments @ times / (segments @ segments)), float(np.corrcoef(segments, times)[0, 1])
 
 
 class Measured(NamedTuple):
-    """Times of searches by kind of query; figures of classes by the number of queries and whether they are tight."""
+    """Times of searches by kind of query, and figures of classes by number of queries and tightening."""
 
     timed: dict[str, list[dict[str, Any]]]
     together: dict[tuple[int, bool], list[dict[str, Any]]]
@@ -164,7 +166,7 @@ def rotate(
     measured: Measured, index: KeyframeIndex, documents: Sequence[LabelledDocument], examples: Sequence[Example],
     filler: Sequence[Motion], actor: str, settings: LearningSettings, rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Learn from the others, search the documents of one actor, and add what comes of it."""
+    """Learn from the others, search the documents of one actor, and add the figures."""
     seen = [example for example in examples if example.actor != actor]
     learned = learned_from(seen, documents_of_each(seen, filler, COUNTEREXAMPLES // 2, rng), settings, rng)
     for label, result in learned.items():
@@ -233,12 +235,12 @@ PARTS_OF_QUALITY = ("precision", "recall", "fitness")
 
 
 def set_of(examples: Sequence[Example], label: str) -> TrainingSet:
-    """All clips, the class marked."""
+    """Return all clips with the class marked."""
     return TrainingSet([e.features for e in examples], [e.label == label for e in examples])
 
 
 def tables(examples: Sequence[Example], settings: LearningSettings, seed: int) -> list[dict[str, Any]]:
-    """Quality of every class on the actor left out."""
+    """Return the quality of each class on the left-out actor."""
     rows: list[dict[str, Any]] = []
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
@@ -265,7 +267,7 @@ def tables(examples: Sequence[Example], settings: LearningSettings, seed: int) -
 
 
 def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -> dict[str, Any]:
-    """Mean precision, recall and fitness of the populations over the generations (Fig. 4.3)."""
+    """Return mean precision, recall and fitness of the populations over the generations (Fig. 4.3)."""
     settings = learning.genetic
     steps = list(range(0, settings.generations, GENERATION_STEP))
     sums = {part: np.zeros((len(steps), len(PARTS_OF_QUALITY))) for part in ("training", "verification")}
@@ -297,7 +299,9 @@ def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -
 
 
 def timed_run(examples: Sequence[Example], repeats: int) -> dict[str, Any]:
-    """Time of one genetic run on 9 clips of one class and, as others, clips of all other classes at several speeds."""
+    """Return the time of one genetic run on 9 clips of one class against clips of all other classes at several
+    speeds.
+    """
     settings = GeneticSettings()
     label = "kickLFront1Reps"
     positive = [e.features for e in examples if e.label == label][:THESIS_EXAMPLES]
@@ -361,7 +365,7 @@ def learn_keyframes(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"search": search, "learning": learn_keyframes})
 
 

@@ -57,7 +57,7 @@ class Samples:
 
 
 def restarted(matrix: csr_matrix, source: int, count: int) -> tuple[list[int], list[int], np.ndarray]:
-    """Baseline: a whole Dijkstra per extremum, earlier ones joined to the source at no cost.
+    """Return the baseline: a whole Dijkstra per extremum, earlier extrema joined to the source at no cost.
 
     Returns nodes, the nodes whose distance each pass changed, and the time of each pass (count,), milliseconds.
     """
@@ -79,7 +79,7 @@ def restarted(matrix: csr_matrix, source: int, count: int) -> tuple[list[int], l
 
 
 def measure(cloud: Cloud, count: int, settings: LandmarkSettings, workspace: Workspace) -> Samples:
-    """One frame by both ways, in turn."""
+    """Measure one frame by both methods in turn."""
     centre = cloud_centre(cloud.points)
     graph_ms, extrema_ms = [], []
     for _ in range(REPEATS):
@@ -99,7 +99,7 @@ def measure(cloud: Cloud, count: int, settings: LandmarkSettings, workspace: Wor
 def extrema_rows(
     sizes: tuple[int, ...] = PIXELS, frames: int = 60, count: int = 20, settings: LandmarkSettings | None = None
 ) -> list[dict[str, Any]]:
-    """Figures per number of nodes: a list of JSON-able dicts."""
+    """Return figures per number of nodes: a list of JSON-able dicts."""
     settings = settings or LandmarkSettings()
     rows = []
     for pixels in sizes:
@@ -155,7 +155,7 @@ FRAMES, LABELINGS = 200, 12
 
 
 def query_frames(database: PoseDatabase, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Queries (FRAMES, LABELINGS, 15) of each kind."""
+    """Return queries (FRAMES, LABELINGS, 15) of each kind."""
     shape = (FRAMES, LABELINGS, 5, 3)
     rows = rng.integers(0, len(database), shape[0])
     near = database.features[rows].reshape(FRAMES, 1, 5, 3) + rng.normal(0.0, 0.05, (FRAMES, 1, 5, 3))
@@ -167,7 +167,7 @@ def query_frames(database: PoseDatabase, rng: np.random.Generator) -> dict[str, 
 
 
 def asked(database: PoseDatabase, queries: np.ndarray, neighbours: int) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds of each frame's query (F,) and the distances (F, M, K); a first query builds the index."""
+    """Return seconds of each frame's query (F,) and the distances (F, M, K); a first query builds the index."""
     database.query(queries[0], neighbours)
     seconds, found = [], []
     for frame in queries:
@@ -227,7 +227,7 @@ def correspondences(parser: argparse.ArgumentParser) -> None:
             found = []
             for name, kind in SCENES.items():
                 rounds = []
-                for _ in range(REPEATS):  # the first one compiles, the least counts
+                for _ in range(REPEATS):  # the first call compiles; the minimum counts
                     scene, nearest = kind(cloud, np.zeros((0, 3)), 400), np.full(placed.chosen_points.shape, np.nan)
                     marks = [time.perf_counter()]
                     scene.medians(placed.chosen_points[:1], np.ones(1, dtype=np.bool_), settings.reach, 1, nearest[:1])
@@ -252,7 +252,7 @@ def correspondences(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     parts = {"extrema": extrema, "queries": queries_of_providers, "correspondences": correspondences}
     run_part(__doc__, parts)
 

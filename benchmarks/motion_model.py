@@ -1,17 +1,17 @@
-"""Annotation of people not trained on by example clips and judges: `depthmocap bench motion_model DATA [--seeds 3]`.
+"""Annotation of new people by example clips and classifiers: `depthmocap bench motion_model DATA [--seeds 3]`.
 
 For each of the HDM05 actors bd, bk and dg a motion model is learned from the clips of the other two, and documents of
-this one are annotated; thresholds and judges come from leaving one training actor out. CMU subjects up to 8 are the
-motions of no class in training, those above 8 the filler of what is reported.
+the third are annotated; thresholds and classifiers are learned by leaving one training actor out. CMU subjects up to 8
+are the motions of no class in training, those above 8 the filler of the reported documents.
 
 Two sets of documents, put together from cut clips:
 easy : blended joins, filler
 hard : joins of at most 0.1 s, filler, and the mirror images of all clips of one-sided classes, which belong to none
 
-Beside it, on the same documents: the model without motions of no class, the thesis's motion templates with the
-threshold learned likewise, and with `--curve` what fewer people and fewer clips teach. The method was begun on bd and
-bk, each trained on alone for the other; counterexamples at other speeds, no grouping by person and the thresholds per
-class were settled with the three rotations in view, so a fresh set has to confirm the figures.
+The same documents are annotated by the model without motions of no class, by the thesis's motion templates with a
+learned threshold, and with `--curve` by models of fewer people and fewer clips. Counterexamples at other speeds, no
+grouping by person and the thresholds per class were chosen with the three rotations in view, so a new set has to
+confirm the figures.
 """
 
 from __future__ import annotations
@@ -48,20 +48,20 @@ from toolkit.retrieval.workflow.search_files import by_class
 
 SETS = {"easy": False, "hard": True}
 SHARES = (0.34, 0.67, 1.0)
-"""Of the clips of each class and training actor, for the curve."""
+"""Fractions of the clips of each class and training actor, for the curve."""
 ONE, TWO = "one person, 100 % of the clips", "motion model"
-"""Rows between which the curve has its second person."""
+"""Rows between which the curve gains its second person."""
 DOUBTS = (0.5, 0.7, 0.8, 0.85, 0.9, 0.95)
-"""Largest doubts of a search for classes."""
+"""Maximum doubts of a search for classes."""
 DRAWS = 2000
-"""Of the bootstrap over people and seeds."""
+"""Bootstrap draws over people and seeds."""
 NOTHING = Scores(0, 0, 0, 0)
 Annotate = Any
-"""A function from a feature matrix to an `Annotation`."""
+"""Function from a feature matrix to an `Annotation`."""
 
 
 def templates(clips: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> Annotator:
-    """The thesis's annotator, learned from the same clips, with the threshold that it needs."""
+    """Return the thesis's annotator, learned from the same clips, with its own threshold."""
     rng = np.random.default_rng(seed)
     folds = []
     for person in sorted({clip.person for clip in clips}):
@@ -72,12 +72,12 @@ def templates(clips: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> 
 
 
 def matrices(clips: Sequence[CutClip]) -> dict[str, list[Any]]:
-    """Features of each class."""
+    """Return features of each class."""
     return {label: [c.features for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
 
 
 def scores_on(annotate: Annotate, documents: Sequence[Document], labels: Sequence[str]) -> dict[str, Any]:
-    """Scores over frames and segments, per class and confused, of an annotator on documents."""
+    """Return scores over frames and segments, per class, and confusions of an annotator on documents."""
     frames, segments, classes = NOTHING, NOTHING, dict.fromkeys(labels, NOTHING)
     table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
     for document in documents:
@@ -95,7 +95,7 @@ def scores_on(annotate: Annotate, documents: Sequence[Document], labels: Sequenc
 
 
 def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.ndarray:
-    """Count the data that `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
+    """Return the data that `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
 
     For each of `DOUBTS` frames left, frames of true segments, segments of which a frame is left, of which half is, all.
     """
@@ -136,7 +136,7 @@ def show_search(table: np.ndarray) -> list[dict[str, float]]:
 
 
 def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
-    """The first clips of each class and person, at least one."""
+    """Return the first clips of each class and person, at least one."""
     kept: list[CutClip] = []
     for label in sorted({clip.label for clip in clips}):
         for person in sorted({clip.person for clip in clips}):
@@ -146,7 +146,7 @@ def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
 
 
 def interval(rows: Sequence[dict[str, Any]], key: str) -> tuple[float, float]:
-    """95 % interval of F by a bootstrap over the people left out and the seeds."""
+    """Return the 95 % interval of F by a bootstrap over left-out people and seeds."""
     counts = np.array([[r[key].right_found, r[key].found, r[key].right_true, r[key].true] for r in rows])
     drawn = np.random.default_rng(0).integers(len(rows), size=(DRAWS, len(rows)))
     values = [Scores(*map(int, part)).f for part in counts[drawn].sum(axis=1)]
@@ -188,7 +188,7 @@ def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[fl
 
 
 def mistakes(table: np.ndarray, names: Sequence[str], most: int = 6) -> None:
-    """Print the largest entries of a confusion matrix off its diagonal, as shares of their row."""
+    """Print the largest entries of a confusion matrix off its diagonal, as fractions of their row."""
     shares = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
     np.fill_diagonal(shares, 0.0)
     ranked = np.argsort(shares, axis=None)[::-1][:most]
@@ -197,8 +197,10 @@ def mistakes(table: np.ndarray, names: Sequence[str], most: int = 6) -> None:
 
 
 class Measured(NamedTuple):
-    """Per set of documents the results of each annotator and what searches leave; seconds of training, and minutes
-    annotated in a second, of each model."""
+    """Results of each annotator and of searches per set of documents; seconds of training, and minutes annotated per
+    second,
+    of each model.
+    """
 
     rows: dict[str, dict[str, list[dict[str, Any]]]]
     searched: dict[str, np.ndarray]
@@ -209,7 +211,7 @@ class Measured(NamedTuple):
 def annotators_of(
     seen: Sequence[CutClip], filler: Sequence[Motion], seed: int, options: argparse.Namespace
 ) -> dict[str, Annotate]:
-    """All annotators but the model itself, by row."""
+    """Return all annotators but the model itself, by row."""
     found: dict[str, Annotate] = {}
     found["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
     if seed == options.seed:
@@ -231,7 +233,7 @@ def rotate(
     measured: Measured, clips: Sequence[CutClip], filler: Sequence[Motion], actor: str, seed: int,
     options: argparse.Namespace,
 ) -> None:  # fmt: skip
-    """Learn from the others, annotate documents of one actor, and add what comes of it."""
+    """Learn from the others, annotate documents of one actor, and add the figures."""
     early, late = (
         [m for m in filler if (int(m.name.split("_")[0]) <= LAST_TRAINING_SUBJECT) == first] for first in (True, False)
     )
@@ -257,7 +259,7 @@ def rotate(
 
 
 def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool) -> dict[str, Any]:
-    """Print and return everything about one set of documents."""
+    """Print and return all figures of one set of documents."""
     results = measured.rows[name]
     figures: dict[str, Any] = {row: shown(row, found) for row, found in results.items()}
     figures["classes"] = {label: sum((r["classes"][label] for r in results[TWO]), NOTHING).f for label in labels}

@@ -36,7 +36,7 @@ FRAMES = 12
 
 
 def _recordings(every: int) -> list[tuple[Path, dict[str, Any], bool]]:
-    """Recordings of others with their reader options, and whether people are cut out."""
+    """Return recordings of others with their reader options, and True if people are segmented."""
     data = Path(os.environ["DEPTHMOCAP_DATA"])
     found: list[tuple[Path, dict[str, Any], bool]] = []
     for name in ("utd_mhad", "msr_action3d"):
@@ -83,7 +83,7 @@ FAULTS: dict[str, Callable[[np.ndarray, Camera], tuple[np.ndarray, Camera]]] = {
 
 
 def faults(parser: argparse.ArgumentParser) -> None:
-    """Count the named faults by kind, of people who are cut out and in rooms."""
+    """Count the named faults by kind, of segmented people and of rooms."""
     parser.add_argument("--every", type=int, default=6)
     arguments = parser.parse_args()
     classifier = PoseDatabase.load(DEFAULT_DATABASE).regressor

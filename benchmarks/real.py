@@ -67,19 +67,21 @@ COLUMNS = (
 )
 WORST = 10
 MOVING = {"moving", "approaching", "fast", "rotates"}
-"""Words of features that are velocities."""
+"""Words in the names of velocity features."""
 SWARMS = ("swarm", "qammaz")
 """Rows without a database: the joints are found in the shaded depth images."""
 
 
 def bone_variation(joints: np.ndarray) -> float:
-    """Largest relative standard deviation over time of the length of a bone, of joints (T, 20, 3)."""
+    """Return the largest relative standard deviation over time of a bone length, of joints (T, 20, 3)."""
     lengths = np.linalg.norm(joints[:, LIMB_BONES[:, 0]] - joints[:, LIMB_BONES[:, 1]], axis=2)
     return float((np.nanstd(lengths, axis=0) / np.nanmean(lengths, axis=0)).max())
 
 
 def anatomy(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, dict[str, float]]:
-    """Per recording: variation of bone lengths, that of the Kinect SDK's skeleton, and the fitted stature in metres."""
+    """Return per recording the variation of bone lengths, that of the Kinect SDK's skeleton, and the stature in
+    metres.
+    """
     found = {}
     for run, path in zip(runs, paths, strict=True):
         found[path.stem] = {
@@ -102,7 +104,7 @@ def fast_share(runs: Sequence[Path]) -> float:
 
 
 def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overrides: dict[str, Any]) -> list[Path]:
-    """Track all recordings with a tracker; its run folders in the same order."""
+    """Track all recordings with a tracker; return its run folders in the same order."""
     output = options.work / "runs" / "real" / row.replace(" ", "_")
     tracker: Tracker
     if row in SWARMS:
@@ -119,7 +121,7 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
 
 
 def print_row(row: str, table: EvaluationTable, bones: dict[str, dict[str, float]]) -> None:
-    """Means over the recordings, and the worst of them."""
+    """Print means over the recordings, and the worst recordings."""
     mean = table.mean()
     print(f"\n{row}: {len(table)} recordings, {mean.frames} frames")
     for name, heading, factor in COLUMNS:
@@ -170,7 +172,9 @@ SETS = ("utd_mhad", "msr_action3d")
 
 
 def offsets_of(recording: Path, run: Path, database: Path) -> np.ndarray:
-    """From the SDK's joints to ours in the torso's frame: float64 (F, 20, 3), metres, of the frames that both have."""
+    """Return offsets from the SDK's joints to ours in the torso's frame: float64 (F, 20, 3), metres, of common
+    frames.
+    """
     track, reference = tracked_run(recording, run, database).track, open_recording(recording).reference_joints
     known = (track.state == TRACKED) & np.isfinite(reference).all(axis=(1, 2))
     ours = track.joints[known].astype(np.float64)
@@ -178,7 +182,7 @@ def offsets_of(recording: Path, run: Path, database: Path) -> np.ndarray:
 
 
 def by_joint(differences: np.ndarray) -> dict[str, dict[str, Any]]:
-    """Figures by joint of differences (F, 20, 3)."""
+    """Return figures by joint of differences (F, 20, 3)."""
     mean = differences.mean(axis=0)
     distance = np.linalg.norm(differences, axis=2)
     rest = np.linalg.norm(differences - mean, axis=2)
@@ -210,7 +214,7 @@ def offsets(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"tracked": tracked, "offsets": offsets})
 
 

@@ -1,13 +1,13 @@
 """Recovery from wrong poses and from no pose: `depthmocap bench recovery PART`, which is one of
 
-- `wrong [--split report] [--starts 50]`: the recordings of the simulated suite are tracked, and at random frames, in
-  which the result is right, the tracker's memory of the frame before is made wrong, with facing and centre to match: a
-  random database pose in the same place; left and right swapped; the body turned by 180 degrees; the arms swapped; the
-  body shifted by 1 m in a random horizontal direction. Then the frames are counted until the result is right, the first
-  one counts 1. Recordings that end before are played on backwards. A start counts only if the wrong pose is wrong. A
-  tracker that has not recovered after 90 frames counts as 90; undisturbed frames that are wrong are counted too.
-- `cold [--split report] [--joints depth] [--rows hybrid,no swarm] [--every 12]`: every so many frames of the suite are
-  tracked on their own, as after a loss, with the body that was learnt from the recording before. Rows are the hybrid
+- `wrong [--split report] [--starts 50]`: the recordings of the simulated suite are tracked. At random correct frames
+  the tracker's previous pose is replaced by a wrong one, with facing and centre to match: a random database pose in the
+  same place; left and right exchanged; the body rotated by 180 degrees; the arms exchanged; the body shifted by 1 m in
+  a random horizontal direction. The figure is the number of frames until the result is correct, starting from 1.
+  Recordings that end before continue backwards. A start counts only if the wrong pose is not correct. No recovery
+  within 90 frames counts as 90; incorrect undisturbed frames are counted too.
+- `cold [--split report] [--joints depth] [--rows hybrid,no swarm] [--every 12]`: every N-th frame of the suite is
+  tracked alone, as after a loss, with the body that was learnt from the recording. Rows are the hybrid
   tracker with the swarm among its hypotheses and without it, and the swarm tracker, which has no database. Rows after
   the first one are compared with it by a paired bootstrap over the recordings.
 
@@ -50,13 +50,13 @@ CAP = 90
 
 
 def frames_from(start: int, total: int) -> Iterator[int]:
-    """Frame numbers after `start`, to the end, back to the beginning, and so on."""
+    """Yield frame numbers after `start`, to the end, back to the beginning, and so on."""
     there_and_back = [*range(total), *range(total - 2, 0, -1)]
     return islice(cycle(there_and_back), start + 1, None)
 
 
 def recovery(solo: Solo, recording: Recording, start: int, wrong: np.ndarray) -> int | None:
-    """Frames that it takes after frame `start`, None if it is more than `CAP`; the person's state stays as it is."""
+    """Return the recovery time in frames after `start`, None if more than `CAP`; the person's state is unchanged."""
     undisturbed = solo.follower.state
     solo.follower.state = misled(undisturbed, wrong)
     timestamp = float(recording.timestamps[start])
@@ -74,13 +74,13 @@ def recovery(solo: Solo, recording: Recording, start: int, wrong: np.ndarray) ->
 def run(
     tracker: Tracker, recordings: list[Recording], poses: np.ndarray, starts: int, rng: np.random.Generator
 ) -> tuple[list[dict[str, Any]], float]:
-    """All starts, spread evenly over the recordings, and the share of undisturbed frames that are right."""
+    """Run all starts, spread over the recordings; also return the fraction of correct undisturbed frames."""
     found: list[dict[str, Any]] = []
     right: list[bool] = []
     for number, recording in enumerate(recordings):
         due = [kind for k, kind in enumerate(KINDS) for _ in range(_share(starts, len(recordings), number, k))]
         rng.shuffle(due)
-        # Each start has a frame before which it does not begin; it begins at the next one that allows it.
+        # a start has a frame before which it does not begin; it begins at the next frame that allows it
         waiting = sorted(zip(rng.integers(1, max(2, int(0.7 * len(recording))), len(due)).tolist(), due, strict=True))
         solo = Solo(tracker, recording)
         for i in range(len(recording)):
@@ -109,7 +109,7 @@ def _share(starts: int, recordings: int, number: int, kind: int) -> int:
 
 
 def summary(found: list[dict[str, Any]]) -> dict[str, Any]:
-    """Median and 95th percentile of the frames, and how many did not recover."""
+    """Return median and 95th percentile of the frames, and the number of failed recoveries."""
     frames = [CAP if entry["frames"] is None else entry["frames"] for entry in found]
     return {
         "starts": len(found),
@@ -152,12 +152,12 @@ EVERY = 12
 
 
 def without_swarm() -> list[str]:
-    """The hypotheses of the hybrid tracker but for the swarm."""
+    """Hypotheses of the hybrid tracker without the swarm."""
     return [name for name in settings_of("hybrid").hypotheses if name != "swarm"]
 
 
 def tracker_of(row: str, database: PoseDatabase | None, overrides: dict[str, Any]) -> Tracker:
-    """The tracker of a row."""
+    """Return the tracker of a row."""
     if row == "swarm" or database is None:
         return SwarmTracker(swarm_settings("swarm", overrides))
     own = {"hypotheses": without_swarm()} if row == "no swarm" else {}
@@ -218,7 +218,7 @@ def cold(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"wrong": wrong_starts, "cold": cold})
 
 

@@ -39,14 +39,14 @@ from toolkit.tracks import EMPTY, TRACK_FILE, TRACKED, Track
 from toolkit.tracks.runs import person_runs
 
 WIDTH, HEIGHT = 640, 480
-"""Pixels of a picture, filled as far as the recording's proportions allow."""
+"""Size of a picture, pixels, filled as far as the recording's proportions allow."""
 TRUTH = (255, 0, 160)
 
 
 def frame_picture(
     recording: Recording, frame: int, tracks: Sequence[Track], pixels: np.ndarray, title: str
 ) -> np.ndarray:
-    """One frame as uint8 (HEIGHT, WIDTH, 3): all people who are there, and true joints at image `pixels` (N, 2)."""
+    """Return one frame as uint8 (HEIGHT, WIDTH, 3): all people, and true joints at image `pixels` (N, 2)."""
     import cv2
 
     depth = recording.depth(frame)
@@ -68,12 +68,12 @@ def frame_picture(
 
 
 def tracks_of(run: Path) -> list[Track]:
-    """The tracks of all people in a run; none where it holds none."""
+    """Return the tracks of all people in a run; empty if it has none."""
     return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
 
 
 def frame_times(recordings: Sequence[Sequence[Track]]) -> dict[int, float]:
-    """Milliseconds, median over the frames in which so many people are tracked, without reading them, by their number.
+    """Return milliseconds, median over frames by number of tracked people, without reading.
 
     Frames are those of recordings with the tracks of all people in them.
     """
@@ -106,9 +106,9 @@ LINES = {
     "all in rooms": ROOM_GROUPS[:-1],
     "rooms without people": ("vacant",),
 }
-"""Rows of the table, of which groups."""
+"""Rows of the table with their groups."""
 LINE_VIEWS = {"cut out before": "cut", "with empty scene": "background", "with neither": "room"}
-"""Rows of the table that hold the scenes of one view only."""
+"""Rows of the table with the scenes of one view."""
 COLUMNS = (
     ("recordings", "clips", "d", 1.0),
     ("error_mm", "seen mm", ".1f", 1.0),
@@ -130,7 +130,7 @@ WORST = 12
 
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
-    """Run folders of all recordings, and why those failed that did."""
+    """Return run folders of all recordings, and the reasons of failures."""
     tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
     runs: dict[Path, tuple[Path, dict[str, Any]]] = {
         options.work / "runs" / "scenes" / path.stem: (path, {}) for path in paths
@@ -140,7 +140,7 @@ def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[li
 
 
 def table(scores: dict[str, SceneScore], made_from: dict[str, Scene]) -> dict[str, dict[str, Any]]:
-    """Figures of every line that has a recording, and of every group, by name; scores and scenes are by recording."""
+    """Return figures of each row with a recording, and of each group, by name; scores and scenes are by recording."""
     names = LINES | {group: (group,) for group in GROUPS}
     found = {}
     for line, groups in names.items():
@@ -156,7 +156,7 @@ def table(scores: dict[str, SceneScore], made_from: dict[str, Scene]) -> dict[st
 
 
 def print_table(figures: dict[str, dict[str, Any]]) -> None:
-    """The lines of `LINES` that there are."""
+    """Print the rows of `LINES` that exist."""
     print(f"{'':<21}", *(f"{heading:>{max(len(heading), 8)}}" for _, heading, _, _ in COLUMNS))
     for line in [line for line in LINES if line in figures]:
         cells = []
@@ -168,12 +168,12 @@ def print_table(figures: dict[str, dict[str, Any]]) -> None:
 
 
 def badness(score: SceneScore) -> float:
-    """Mean error of the seen joints, metres; of a room without people the share of frames that track a person."""
+    """Return the mean error of the visible joints, metres; in an empty room the fraction of frames with a person."""
     return float(score.errors[score.seen].mean()) if score.seen.any() else float(score.tracked.mean())
 
 
 def worst_frame(recording: Recording, tracks: Sequence[Track], score: SceneScore) -> np.ndarray:
-    """The frame of a recording in which the seen joints are worst, truth as white points, tracks as skeletons."""
+    """Return the frame of a recording with the largest error, truth as white points, tracks as skeletons."""
     per_frame = np.where(score.seen, np.nan_to_num(score.errors), 0.0).sum(axis=(1, 2))
     frame = int(np.argmax(per_frame / np.maximum(score.seen.sum(axis=(1, 2)), 1) + 1e-6 * score.tracked))
     truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
@@ -183,7 +183,7 @@ def worst_frame(recording: Recording, tracks: Sequence[Track], score: SceneScore
 
 
 def write_sheet(paths: Sequence[Path], runs: Sequence[Path], scores: dict[str, SceneScore], path: Path) -> None:
-    """The worst recordings, worst first."""
+    """Write pictures of the worst recordings, worst first."""
     order = sorted(range(len(paths)), key=lambda i: -badness(scores[paths[i].stem]))[:WORST]
     pictures = [
         worst_frame(open_recording(paths[i]), tracks_of(runs[i]), scores[paths[i].stem])
@@ -199,7 +199,7 @@ def _people(text: str) -> int | None:
 
 
 def parse() -> argparse.Namespace:
-    """The command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--rooms", action="store_true", help="the groups of furnished rooms")
@@ -217,7 +217,7 @@ def parse() -> argparse.Namespace:
 
 
 def main() -> None:
-    """Make what is missing, track, score, print, write JSON and the contact sheet."""
+    """Track missing runs, score, print, write JSON and the contact sheet."""
     options = parse()
     all_groups = ROOM_GROUPS if options.rooms else GROUPS
     groups = tuple(options.groups.split(",")) if options.groups else all_groups

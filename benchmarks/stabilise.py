@@ -1,24 +1,19 @@
-"""Occluded limbs by motion classes or by sensors: `depthmocap bench stabilise PART`, which is one of
+"""Occluded limbs by motion classes: `depthmocap bench stabilise classes [--split report] [--config hybrid]`.
 
-- `classes [--split report] [--config hybrid]`: sequences of one actor's clips (`tests/support/labelled.py`) are
-  simulated, tracked, and stabilised with classes of the other actors. How well the labels are those performed. `--noise
-  200` adds Gaussian noise of so many millimetres to every measured pixel of every frame: the thesis's second experiment
-  (6.5: 15 % of the full range of its colours, here of the 1.3 m that a person's sequence takes up).
-- `sensors [--split report] [--sequences NAME] [--takes NAME]`: the same sequences, and takes of the simulated suite by
-  name, with sensors on forearms, shins and pelvis, whose calibration is wrong by 3 degrees and whose clock is off by
-  10 ms. Each is tracked without and with them.
+Sequences of one actor's clips (`tests/support/labelled.py`) are simulated, tracked, and stabilised with classes of the
+other actors; the labels are compared with the performed motions. `--noise 200` adds Gaussian noise of 200 mm to each
+measured pixel: the thesis's second experiment (6.5: 15 % of the range of its colours, here of 1.3 m of depth).
 
-Mean error over joints and frames, its standard deviation and largest value over the frames (Table 6.1), of joints that
-the camera sees and of hidden ones, before and after; drawn frame by frame (Fig. 6.14).
+Figures are the mean error over joints and frames, its standard deviation and largest value over the frames (Table 6.1),
+of visible and of hidden joints, before and after, and a plot frame by frame (Fig. 6.14).
 """
 
 from __future__ import annotations
 
 import argparse
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,21 +21,14 @@ import numpy as np
 
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
-from benchmarks.inertial import levelled, wrong_calibration
 from tests.support.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
-from tests.support.scenes import people_of, record_scene
-from tests.support.suite import RATE, takes
 from toolkit.app.pipeline import TrackerRecipe, track_recording
 from toolkit.app.stabilise.result_page import write_page
 from toolkit.app.stabilise.source_run import SourceRun, open_source
 from toolkit.app.stabilise.stabiliser import Stabilised, StabiliseSettings, annotate, stabilise
-from toolkit.body.body import Body
-from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joint_errors import NEAR, joint_errors, visible_joints
-from toolkit.fitting.orientation import OrientationSettings
 from toolkit.io.files import save_bytes
 from toolkit.io.html import png_of
-from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -49,10 +37,6 @@ from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.sensing.recording import Recording
-from toolkit.simulation.inertial import NOISE, simulate_sensors
-from toolkit.simulation.person import SimulatedPerson
-from toolkit.trackers.hybrid.tracker import HybridTracker
-from toolkit.tracking.guide import Guide, InertialGuide
 from toolkit.tracks import TRACK_FILE, Track
 
 FIGURES = ("mean mm", "seen mm", "hidden mm", "hidden within 100 mm", "deviation mm", "largest mm")
@@ -61,14 +45,14 @@ NOTHING = Scores(0, 0, 0, 0)
 
 
 def visible(recording: Recording) -> np.ndarray:
-    """Which true joints the camera sees: bool (T, 20)."""
+    """Return the true joints that the camera sees: bool (T, 20)."""
     assert recording.joints is not None  # simulated
     frames = zip(recording.joints, recording.stream(), strict=True)
     return np.array([visible_joints(j, f.depth_mm.astype(np.float32) / 1000, recording.camera) for j, f in frames])
 
 
 def figures_of(track: Track, truth: np.ndarray, seen: np.ndarray) -> list[float]:
-    """`FIGURES` of a track."""
+    """Return `FIGURES` of a track."""
     errors = joint_errors(track.joints, truth)
     hidden = errors[~seen] if (~seen).any() else np.zeros(1)
     frames = 1000 * errors.mean(axis=1)
@@ -88,7 +72,7 @@ def labels_of(found: Stabilised, performed: Performed, classes: list[MotionClass
 def labels_of_truth(
     performed: Performed, classes: list[MotionClass], settings: StabiliseSettings
 ) -> tuple[Scores, Scores]:
-    """The same of the true motions, the track's errors left out."""
+    """Return the same scores for the true motions."""
     clip = performed.clip
     features = relational_features(from_poses(clip.poses, performed.body, clip.frame_rate, clip.name))
     labels, size = [c.label for c in classes], (len(features), features.frame_rate)
@@ -99,7 +83,7 @@ def labels_of_truth(
 
 
 def noisy(path: Path, mm: float) -> Path:
-    """A recording with Gaussian noise of a standard deviation in millimetres on all that was measured."""
+    """Return a recording with Gaussian noise of a standard deviation in millimetres on all measured pixels."""
     out = path.with_name(f"{path.stem}_noise{mm:g}.npz")
     if mm == 0.0 or out.exists():
         return out if mm else path
@@ -118,7 +102,7 @@ def noisy(path: Path, mm: float) -> Path:
 
 
 def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespace) -> tuple[Path, Performed]:
-    """The sequence's run folder, made if it is not there yet, and what was performed."""
+    """Return the sequence's run folder, made unless present, and its performance."""
     path, performed = record_sequence(sequence, options.split, options.work)
     path = noisy(path, options.noise)
     run = options.work / "sequences" / "runs" / options.config / path.stem
@@ -130,7 +114,8 @@ def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespac
 
 class Measured(NamedTuple):
     """Figures of one sequence: its row, scores of its labels and of those of the true motions (over segments, over
-    frames), number of frames with a held foot, and errors (T,) of the frames, mm, before and after."""
+    frames), number of frames with foot contact, and errors (T,) of the frames, mm, before and after.
+    """
 
     row: dict[str, Any]
     labels: tuple[Scores, Scores]
@@ -143,7 +128,7 @@ def measured(
     name: str, source: SourceRun, performed: Performed, classes: list[MotionClass], settings: StabiliseSettings,
     options: argparse.Namespace,
 ) -> Measured:  # fmt: skip
-    """Stabilise a track, and compare it with the truth."""
+    """Stabilise a track and compare it with the truth."""
     start = time.process_time()
     result = stabilise(source, classes, settings)
     seconds = time.process_time() - start
@@ -218,7 +203,7 @@ def plot_errors(errors: Mapping[str, Sequence[np.ndarray]], path: Path) -> None:
 
 
 def _summary(rows: dict[str, Any]) -> dict[str, Any]:
-    """Means over the sequences, and the largest harm."""
+    """Return means over the sequences, and the largest deterioration."""
 
     def mean(kind: str) -> dict[str, float]:
         return {name: float(np.mean([row[kind][name] for row in rows.values()])) for name in FIGURES}
@@ -227,72 +212,9 @@ def _summary(rows: dict[str, Any]) -> dict[str, Any]:
     return {**{kind: mean(kind) for kind in LINES}, "most harm mm": float(max(harm))}
 
 
-CARRIED = ("left_forearm", "right_forearm", "left_shin", "right_shin", "pelvis")
-
-
-def carriers(options: argparse.Namespace) -> Iterator[tuple[str, Path, SimulatedPerson]]:
-    """Name, recording and person of everything that was asked for, recorded if it is not there yet."""
-    for sequence in SEQUENCES:
-        if options.sequences is None or sequence.name in options.sequences:
-            path, done = record_sequence(sequence, options.split, options.work)
-            yield sequence.name, path, SimulatedPerson(done.clip, done.body, yaw=sequence.yaw)
-    for take in takes("tune") + takes("report"):
-        if take.name in (options.takes or ()):
-            (person,) = people_of(take, options.frames)
-            yield take.name, record_scene(take, options.work, options.frames), person
-
-
-def guide_of(person: SimulatedPerson, options: argparse.Namespace, seed: int) -> InertialGuide:
-    """Sensors as a person would carry them, calibrated nearly right."""
-    assert isinstance(person.clip, PoseClip) and isinstance(person.body, Body)
-    poses = levelled(person.clip.poses, person.yaw)
-    simulated = simulate_sensors(person.body, poses, RATE, CARRIED, NOISE["mtx"], seed)
-    rng = np.random.default_rng(seed)
-    calibration = wrong_calibration(simulated, "take", options.degrees, 0.001 * options.lag, rng)
-    return InertialGuide(simulated.sensors, calibration, "take", replace(OrientationSettings(), weight=options.weight))
-
-
-def guided(path: Path, poses: PoseDatabase, guide: Guide | None, run: Path) -> list[float]:
-    """Track the recording and return its `FIGURES`."""
-    shutil.rmtree(run, ignore_errors=True)
-    recording = open_recording(path)
-    track_recording(recording, HybridTracker(poses, guide=guide), run, warm_up=False)
-    return figures_of(Track.load(run), np.asarray(recording.joints), visible(recording))
-
-
-def sensors(parser: argparse.ArgumentParser) -> None:
-    """Simulate, track twice, compare, print, write JSON."""
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--sequences", nargs="*", help="names of some; all")
-    parser.add_argument("--takes", nargs="*", help="names of takes of the suite beside them")
-    parser.add_argument("--frames", type=int, default=130, help="at most so many of each take")
-    parser.add_argument("--degrees", type=float, default=3.0, help="by which calibrations are wrong")
-    parser.add_argument("--lag", type=float, default=10.0, help="milliseconds by which the clock is off")
-    parser.add_argument("--weight", type=float, default=OrientationSettings.weight, help="of a sensor")
-    add_database_options(parser)
-    options = parser.parse_args()
-    poses, rows = PoseDatabase.load(poses_of(options)), {}
-    for seed, (name, path, person) in enumerate(carriers(options)):
-        run = options.work / "fused" / "runs" / path.stem
-        alone = guided(path, poses, None, run)
-        fused = guided(path, poses, guide_of(person, options, seed), run)
-        rows[name] = {"alone": dict(zip(FIGURES, alone, strict=True)), "fused": dict(zip(FIGURES, fused, strict=True))}
-        print(name, " | ".join(" ".join(f"{value:.2f}" if value <= 1 else f"{value:.1f}" for value in figures)
-                               for figures in (alone, fused)), flush=True)  # fmt: skip
-    table: dict[str, Any] = {
-        kind: {name: float(np.mean([row[kind][name] for row in rows.values()])) for name in FIGURES}
-        for kind in ("alone", "fused")
-    }
-    for kind, figures in table.items():
-        print(kind, figures)
-    settings = {"degrees": options.degrees, "lag": options.lag, "weight": options.weight, **asdict(NOISE["mtx"])}
-    name = "_".join(["fused", options.split, *["part"] * (options.sequences is not None)])
-    print("written:", save_figures(name, {"recordings": rows, **table}, settings))
-
-
 def main() -> None:
-    """Run the part that is asked for."""
-    run_part(__doc__, {"classes": classes, "sensors": sensors})
+    """Run the named part."""
+    run_part(__doc__, {"classes": classes})
 
 
 if __name__ == "__main__":

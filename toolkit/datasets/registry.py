@@ -134,7 +134,7 @@ _SETS = (
     DataSet(
         "cmu-mocap-more", "mocap_more/cmu", "42 CMU files: playground, uneven ground, Indian dance, salsa", CMU_LICENCE,
         CMU_NOTICE, "http://mocap.cs.cmu.edu",
-        ("tests", "bench database", "scripts/make_default_database.py"),
+        ("tests", "scripts/make_default_database.py"),
         steps="Download subjects 01 and 03 as ASF/AMC and keep every fourth frame, numbered from 1; "
         "of the dances (BVH at 30 Hz, joints hip, abdomen, ...) no public address is known.",
     ),
@@ -149,13 +149,13 @@ _SETS = (
     DataSet(
         "utd-mhad", "depth/utd_mhad", "108 real Kinect v1 recordings with skeletons, 27 actions by 4 subjects",
         "freely available; citation asked; no copies", UTD_CITATION, UTD_PAGE,
-        ("tests", "bench real", "bench feet", "bench joints", "bench by_example", "bench inertial real"),
+        ("tests", "bench real", "bench feet", "bench joints", "bench by_example"),
         steps="Download the depth and skeleton archives and keep subjects 1, 3, 5 and 7, first trial (a*_s*_t1_*.mat).",
     ),
     DataSet(
         "utd-mhad-inertial", "inertial/utd_mhad", "wearable sensor of the recordings of utd-mhad, 50 Hz",
         "freely available; citation asked; no copies", UTD_CITATION, UTD_PAGE,
-        ("tests", "bench inertial real"),
+        ("tests",),
         steps="Download the inertial archive and keep subjects 1, 3, 5 and 7, first trial (a*_s*_t1_inertial.mat).",
     ),
     DataSet(

@@ -3,8 +3,8 @@
 `d_depth` (240, 320, T) holds millimetres; `d_skel` (20, 3, T) metres, x right, y up, z forward, projected by u = 160 +
 f x / z, v = 120 - f y / z, f = 285.63 pixels. The source is mirrored; u' = 319 - u and x' = -x correct it.
 
-The files contain no times. By the wearable sensors of the same clips their frames are 53 ms apart (47 to 59 ms for 5 to
-95 % of the clips), not the 33 ms of a Kinect: `depthmocap bench inertial real`.
+The files contain no times. By the clock of the wearable sensors of the same clips their frames are 53 ms apart (47 to
+59 ms for 5 to 95 % of the clips), not the 33 ms of a Kinect.
 """
 
 from __future__ import annotations
