@@ -102,7 +102,7 @@ def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
 def plot_signals(
     times: np.ndarray, signals: Mapping[str, tuple[np.ndarray, np.ndarray]], wrong: np.ndarray, path: Path
 ) -> None:
-    """Plot Fig. 7.13: three components of each signal by the sensor (red) and the track (black), wrong frames shaded."""
+    """Plot Fig. 7.13: three components of each signal of sensor (red) and track (black), wrong frames shaded."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 9), layout="constrained")
