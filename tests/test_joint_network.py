@@ -42,6 +42,15 @@ def test_joints_of_a_simulated_person_are_found_with_the_error_to_expect(cloud: 
     assert errors(found)[found.reliability > 0.8].max() < 0.1
 
 
+def test_equal_frames_are_estimated_once(cloud: Cloud) -> None:
+    network = joint_network.JointNetwork()
+    first = network.estimate(cloud)
+    assert network.estimate(Cloud.from_depth(cloud.depth.copy(), cloud.camera, cloud.rotation)) is first
+    assert network.estimate(cloud, np.zeros(cloud.depth.shape, dtype=np.bool_)) is not first
+    nearer = Cloud.from_depth(0.9 * cloud.depth, cloud.camera, cloud.rotation)
+    assert not np.array_equal(network.estimate(nearer).points, first.points)
+
+
 def test_a_mirrored_image_has_mirrored_joints(cloud: Cloud) -> None:
     estimate = joint_network.joint_network().estimate
     c = cloud.camera

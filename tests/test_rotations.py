@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from toolkit.body import skeleton
 from toolkit.body.rotations import matrices, quaternions
+from toolkit.database import canonical
+from toolkit.kernels import quaternions as compiled
 
 RNG = np.random.default_rng(5)
 FIRST, SECOND = Rotation.random(6, rng=1), Rotation.random(6, rng=2)
@@ -91,3 +94,21 @@ def test_the_rate_of_turn_is_per_second_and_in_the_turning_frame() -> None:
     for rate, step in zip(rates, np.diff(times), strict=True):
         q.append(quaternions.multiply(q[-1], quaternions.exponential(rate * step)))
     assert quaternions.angular_velocity(np.array(q), times) == pytest.approx(rates)
+
+
+def test_compiled_rotations_are_those_of_scipy() -> None:
+    vectors = np.concatenate([RNG.normal(0.0, 1.5, (50, 3)), RNG.normal(0.0, 1e-4, (50, 3)), np.zeros((1, 3))])
+    yaws = RNG.uniform(-7.0, 7.0, len(vectors))
+    found = np.empty_like(vectors)
+    compiled.turned_vectors(yaws, vectors, found)
+    assert found == pytest.approx((about(1, yaws) * Rotation.from_rotvec(vectors)).as_rotvec(), abs=1e-12)
+    expected = Rotation.from_euler("xy", [0.35, -2.0]).as_rotvec()
+    assert compiled.leaning_and_turned(0.35, -2.0) == pytest.approx(expected, abs=1e-12)
+
+
+def test_facing_is_perpendicular_to_the_left_axes_of_hips_and_chest() -> None:
+    poses = np.zeros((8, skeleton.POSE_SIZE))
+    poses[:, 3:12] = RNG.normal(0.0, 0.5, (8, 9))
+    hips, lumbar, thorax = (Rotation.from_rotvec(poses[:, rows]) for rows in (slice(3, 6), slice(6, 9), slice(9, 12)))
+    left = hips.apply([1.0, 0.0, 0.0]) + (hips * lumbar * thorax).apply([1.0, 0.0, 0.0])
+    assert canonical.body_facing(poses) == pytest.approx(np.arctan2(-left[:, 2], left[:, 0]))

@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.kernels import quaternions
 from toolkit.landmarks.facing import camera_yaw
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
 
 TRUNK_RADIUS = 0.11
 """Metres, amplitude of the movement of a cloud's centre with the yaw, fitted on views of mocap poses at yaws of 20 to
 60 degrees."""
-_CHEST_CHAIN = ("lumbar", "thorax")
+_CHEST_CHAIN: np.ndarray = np.array(
+    [[skeleton.POSE_NAMES.index(f"{joint}_r{axis}") for axis in "xyz"] for joint in ("root", "lumbar", "thorax")]
+)
+"""Pose entries of the rotation vectors from the root to the chest."""
 
 
 def about_up(yaw: np.ndarray | float) -> np.ndarray:
@@ -44,13 +44,9 @@ def body_facing(poses: np.ndarray) -> np.ndarray:
     keeps its direction in a deep bend forwards or backwards.
     """
     poses = skeleton.check_pose(poses)
-    flat = poses.reshape(-1, skeleton.POSE_SIZE)
-    hips = _rotation(flat[:, skeleton.ROOT_ROTATION])
-    chest = hips
-    for name in _CHEST_CHAIN:
-        chest = chest * _rotation(flat[:, _entries(name)])
-    left = np.array([1.0, 0.0, 0.0])
-    lateral = hips.apply(left) + chest.apply(left)
+    flat = np.ascontiguousarray(poses.reshape(-1, skeleton.POSE_SIZE), dtype=np.float64)
+    lateral = np.empty((len(flat), 3))
+    quaternions.lateral_axes(flat, _CHEST_CHAIN, lateral)
     return np.arctan2(-lateral[:, 2], lateral[:, 0]).reshape(poses.shape[:-1])
 
 
@@ -150,24 +146,12 @@ def _turned(poses: np.ndarray, yaws: np.ndarray) -> np.ndarray:
     """Rotate poses (..., P) by `yaws` (...) about +y through the origin."""
     yaws = np.broadcast_to(yaws, poses.shape[:-1])
     rotvecs = poses[..., skeleton.ROOT_ROTATION].reshape(-1, 3)
-    turns = np.zeros_like(rotvecs)
-    turns[:, 1] = yaws.ravel()
+    turned = np.empty(rotvecs.shape)
+    quaternions.turned_vectors(np.ascontiguousarray(yaws.ravel()), np.ascontiguousarray(rotvecs), turned)
     out = poses.copy()
     out[..., skeleton.ROOT_POSITION] = np.einsum("...ab,...b->...a", about_up(yaws), poses[..., skeleton.ROOT_POSITION])
-    turned = (_rotation(turns) * _rotation(rotvecs)).as_rotvec()
     out[..., skeleton.ROOT_ROTATION] = turned.reshape(*poses.shape[:-1], 3)
     return out
-
-
-def _rotation(vectors: np.ndarray) -> Rotation:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(vectors)
-
-
-def _entries(joint: str) -> list[int]:
-    """Pose entries of a ball joint's exponential coordinates."""
-    return [skeleton.POSE_NAMES.index(f"{joint}_r{axis}") for axis in "xyz"]
 
 
 def _mirror_table() -> tuple[np.ndarray, np.ndarray]:

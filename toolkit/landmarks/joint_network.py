@@ -7,6 +7,7 @@ scripts. Its sums are exact (`toolkit.sensing.exact_network`), so that the joint
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass, field
 from functools import cache
@@ -31,6 +32,8 @@ WITHIN, RELIABILITY = 0.1, 1.4
 fitted between 800 held-out simulated crops and UTD-MHAD without the mean offset of each joint, see `docs/models.md`."""
 STEEPEST = 0.3
 """Length of the vertical in the image plane below which a camera looks up or down so steeply that it has no roll."""
+REMEMBERED = 4096
+"""Estimates that are kept, 2 kB each; body estimation, first and second pass read many frames again."""
 VIEW_MARGIN = 0.5
 """Scales of a joint inside the image at which it is in view with probability 1 / (1 + 1/e)."""
 
@@ -74,13 +77,25 @@ class JointNetwork:
         side = SIZE // STRIDE
         self._anchors = (5 * len(skeleton.REPORTED), side, side)
         self._net = ExactNetwork(path, (1, 3, SIZE, SIZE), ("anchors", "sides"))
+        self._estimates: dict[bytes, JointEstimate] = {}
 
     def estimate(self, cloud: Cloud, unobserved: np.ndarray | None = None) -> JointEstimate:
-        """Estimate the joints of a person whose points are `cloud`.
+        """Estimate the joints of a person whose points are `cloud`, or return the earlier estimate of the same input.
 
         `unobserved` bool (H, W) are the pixels of the cloud's image in which something nearer hides what is there,
         where that is known. The image's border needs no mention.
         """
+        own = cloud.depth.take(cloud.pixels)
+        hidden = None if unobserved is None else np.packbits(unobserved)
+        key = _digest(cloud.pixels, own, np.array(cloud.camera.intrinsics), cloud.rotation, hidden)
+        known = self._estimates.get(key)
+        if known is None:
+            if len(self._estimates) >= REMEMBERED:
+                del self._estimates[next(iter(self._estimates))]
+            known = self._estimates[key] = self._estimated(cloud, unobserved)
+        return known
+
+    def _estimated(self, cloud: Cloud, unobserved: np.ndarray | None) -> JointEstimate:
         depth, rotation = cloud.depth, cloud.rotation
         fx, fy, cx, cy = cloud.camera.intrinsics
         rows, columns = np.divmod(cloud.pixels, depth.shape[1])
@@ -122,6 +137,16 @@ def joint_network() -> JointNetwork:
         The installed OpenCV cannot run it.
     """
     return JointNetwork()
+
+
+def _digest(*arrays: np.ndarray | None) -> bytes:
+    """Return a digest of the shapes and values of arrays."""
+    digest = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        if array is not None:
+            digest.update(repr(array.shape).encode())
+            digest.update(np.ascontiguousarray(array))
+    return digest.digest()
 
 
 def _down(rotation: np.ndarray) -> np.ndarray:

@@ -6,9 +6,9 @@ import re
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 
 from toolkit.io.errors import MocapError
+from toolkit.kernels import quaternions
 
 LARGEST_TURN = 1000.0
 """Largest angle in full turns; larger values in a motion file are damaged."""
@@ -31,7 +31,7 @@ def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.
         raise MocapError(f"{name} turns about the axes {order!r}, which is not an Euler order; export it again")
     axes = np.array(["xyz".index(axis) for axis in order.lower()])
     radians = np.deg2rad(angles) if degrees else np.asarray(angles, np.float64)
-    return euler_matrices(axes, order.isupper(), np.atleast_2d(radians)).reshape(*radians.shape[:-1], 3, 3)
+    return quaternions.euler_matrices(axes, order.isupper(), np.atleast_2d(radians)).reshape(*radians.shape[:-1], 3, 3)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -138,55 +138,3 @@ def unwrapped(vectors: np.ndarray) -> np.ndarray:
         if angles[start:stop].min() < 0.5 * np.pi:
             out[start:stop] = vectors[start:stop]
     return out
-
-
-@njit(cache=True)
-def euler_matrices(axes: np.ndarray, intrinsic: bool, angles: np.ndarray) -> np.ndarray:
-    """Return rotations float64 (N, 3, 3) of angles (N, K), radians, about the coordinate axes (K,), 0 to 2.
-
-    With `intrinsic` each axis is rotated by the rotations before it, else all axes are fixed. The angles are composed
-    as unit quaternions in the order of operations of SciPy's `Rotation.from_euler`, with equal bits. SciPy takes 15
-    times as long for the many short series of motion files.
-    """
-    out = np.empty((angles.shape[0], 3, 3))
-    total, one = np.empty(4), np.empty(4)
-    for n in range(angles.shape[0]):
-        for k in range(axes.size):
-            one[:] = 0.0
-            one[axes[k]] = np.sin(angles[n, k] / 2.0)
-            one[3] = np.cos(angles[n, k] / 2.0)
-            if k == 0:
-                total[:] = one
-            elif intrinsic:
-                _compose(total, one, total)
-            else:
-                _compose(one, total, total)
-        _matrix(total, out[n])
-    return out
-
-
-@njit(cache=True)
-def _compose(p: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
-    """Product of quaternions (x, y, z, w); `out` may be one of them."""
-    x = p[3] * q[0] + q[3] * p[0] + (p[1] * q[2] - p[2] * q[1])
-    y = p[3] * q[1] + q[3] * p[1] + (p[2] * q[0] - p[0] * q[2])
-    z = p[3] * q[2] + q[3] * p[2] + (p[0] * q[1] - p[1] * q[0])
-    w = p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2]
-    out[0], out[1], out[2], out[3] = x, y, z, w
-
-
-@njit(cache=True)
-def _matrix(quaternion: np.ndarray, out: np.ndarray) -> None:
-    """Rotation matrix (3, 3) of a unit quaternion (x, y, z, w)."""
-    x, y, z, w = quaternion
-    x2, y2, z2, w2 = x * x, y * y, z * z, w * w
-    xy, zw, xz, yw, yz, xw = x * y, z * w, x * z, y * w, y * z, x * w
-    out[0, 0] = x2 - y2 - z2 + w2
-    out[1, 0] = 2.0 * (xy + zw)
-    out[2, 0] = 2.0 * (xz - yw)
-    out[0, 1] = 2.0 * (xy - zw)
-    out[1, 1] = -x2 + y2 - z2 + w2
-    out[2, 1] = 2.0 * (yz + xw)
-    out[0, 2] = 2.0 * (xz + yw)
-    out[1, 2] = 2.0 * (yz - xw)
-    out[2, 2] = -x2 - y2 + z2 + w2

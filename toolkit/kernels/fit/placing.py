@@ -8,6 +8,9 @@ from numba import njit
 from toolkit.kernels.image.raster import project, rasterise
 from toolkit.kernels.kinematics import forward_kinematics, world_axes
 
+FARTHER = 4.0 * (1.0 + 1e-9)
+"""Ratio of squared distances from which the triangle inequality holds despite rounding errors."""
+
 
 @njit(cache=True)
 def place(
@@ -164,17 +167,33 @@ def spread(points: np.ndarray, nearest: np.ndarray, chosen: np.ndarray) -> None:
     nearest : float64 (N,), squared distance of each row to the initial set; changed
     chosen : int64 (K,), filled in the order of choice
     """
+    owner = np.full(points.shape[0], -1)  # of each row: the number of its nearest chosen row
+    apart = np.empty(chosen.shape[0])  # squared distances of the chosen rows from the last one
+    best = 0
+    for i in range(points.shape[0]):
+        if nearest[i] > nearest[best]:
+            best = i
     for k in range(chosen.shape[0]):
-        best = 0
-        for i in range(points.shape[0]):
-            if nearest[i] > nearest[best]:
-                best = i
         chosen[k] = best
+        for j in range(k):
+            apart[j] = 0.0
+            for d in range(points.shape[1]):
+                away = points[chosen[j], d] - points[best, d]
+                apart[j] += away * away
+        last, best = best, 0
         for i in range(points.shape[0]):
+            # Triangle inequality: the row is not nearer to the last one if its own is twice as far from that.
+            if owner[i] >= 0 and apart[owner[i]] > FARTHER * nearest[i]:
+                if nearest[i] > nearest[best]:
+                    best = i
+                continue
             square = 0.0
             for d in range(points.shape[1]):
-                away = points[i, d] - points[best, d]
+                away = points[i, d] - points[last, d]
                 square += away * away
                 if square >= nearest[i]:
                     break
-            nearest[i] = min(nearest[i], square)
+            if square < nearest[i]:
+                nearest[i], owner[i] = square, k
+            if nearest[i] > nearest[best]:
+                best = i

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.database import canonical
 from toolkit.fitting.arms import SIDES
 from toolkit.io.errors import SettingsError
-from toolkit.kernels import linear
+from toolkit.kernels import linear, quaternions
 from toolkit.kernels.fit import aiming
 from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_of_both_arms, costs_of_whole, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
@@ -69,7 +68,7 @@ def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0, leani
     """
     pose = np.zeros(skeleton.POSE_SIZE)
     yaw = math.atan2(-head[0], -head[2]) + turned
-    pose[skeleton.ROOT_ROTATION] = Rotation.from_euler("xy", [leaning, yaw]).as_rotvec()
+    pose[skeleton.ROOT_ROTATION] = quaternions.leaning_and_turned(leaning, yaw)
     for side, sign in zip(SIDES, (-1.0, 1.0), strict=True):
         pose[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * HANGING
     crown = upper.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head")]
