@@ -1,9 +1,4 @@
-"""Compiles the kernels of a first track into a folder: `python scripts/compile_kernels.py FOLDER`.
-
-Two short recordings are simulated and tracked, one person who is cut out and two people in a room, in one pass and in
-two; what was compiled for them is copied to FOLDER. `hatch_build.py` calls this when a wheel is built and puts the
-folder into it. A kernel that no such track uses is compiled at its first use, as in a wheel without compiled kernels.
-"""
+"""Compile the kernels of a first track into a folder: `python scripts/compile_kernels.py FOLDER`."""
 
 from __future__ import annotations
 
@@ -16,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 SECONDS = 1.2
-"""Of each recording: enough for keyframes, lookups and repairs to be used."""
+"""Seconds of each recording: enough for keyframes, lookups and repairs."""
 
 
 def track_examples(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Make `toolkit/database/assets/default.npz`, the pose database of those who name none.
+"""Make `toolkit/database/assets/default.npz`, the default pose database.
 
     python scripts/make_default_database.py CMU_FOLDER... [--output FILE] [--images N]
 
@@ -25,13 +25,13 @@ from toolkit.io.files import sha256_of  # noqa: E402
 from toolkit.mocap.procedural import procedural_clips  # noqa: E402
 
 LARGEST = 12e6
-"""Bytes that the package has room for."""
+"""Maximum size in bytes within the package."""
 IMAGES, SMALLEST_LEAF = 38000, 45
-"""Of its joint regressor: leaves half as large again as those of other databases keep it within that."""
+"""Settings of its joint regressor: leaves 1.5 times as large as those of other databases, for its size."""
 
 
 def main() -> None:
-    """Build the database and say its size and SHA-256."""
+    """Build the database and print its size and SHA-256."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cmu", type=Path, nargs="+", help="folders of CMU motions, BVH and ASF/AMC")
     parser.add_argument("--output", type=Path, default=DEFAULT_DATABASE)

@@ -1,4 +1,4 @@
-"""Hook of the documentation site: pages that are made from files outside `docs/`, and links that lead out of it."""
+"""Hook of the documentation site: pages made from files outside `docs/`, and links that lead out of it."""
 
 from __future__ import annotations
 
