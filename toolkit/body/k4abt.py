@@ -90,12 +90,8 @@ def _carrier(name: str) -> int:
 CARRIERS: np.ndarray = np.array([_carrier(name) for name in NAMES])
 """Joint of `skeleton.JOINT_NAMES` whose rotation each SDK joint has, int64 (32,)."""
 
-K4ABT_HEAD_FRACTION = 0.5
-"""Position of the SDK's HEAD, at the base of the skull, between the base of the neck (0) and the skull's centre (1)."""
 EYE_RISE, EYE_APART, EYE_DEPTH = 0.035, 0.032, 0.025
 """Metres from the tip of the nose up to the eyes, sideways to each eye, and back (neutral stature)."""
-NEUTRAL_STATURE = 1.71
-"""Stature in metres for `EYE_RISE`, `EYE_APART` and `EYE_DEPTH`."""
 
 
 def rest_points(body: Body) -> np.ndarray:
@@ -103,12 +99,16 @@ def rest_points(body: Body) -> np.ndarray:
     points = {name.upper(): place for name, place in zip(skeleton.JOINT_NAMES, body.joints, strict=True)}
     points |= {name.upper(): place for (name, _), place in zip(skeleton.SITES, body.sites, strict=True)}
     tips = dict(zip(skeleton.END_EFFECTORS, body.vertices[body.end_effectors], strict=True))
-    skull, size = points["HEAD"], body.height / NEUTRAL_STATURE
+    neutral_stature = 1.71  # stature in metres for `EYE_RISE`, `EYE_APART` and `EYE_DEPTH`
+    skull, size = points["HEAD"], body.height / neutral_stature
     face = body.vertices[body.part == skeleton.JOINT_NAMES.index("cervical")]
     nose, half = face[face[:, 2].argmax()], 0.5 * np.ptp(face[:, 0])
+    # Position of the SDK's HEAD, at the base of the skull, between the base of the neck (0) and the skull's centre
+    # (1).
+    k4abt_head_fraction = 0.5
     found = {
         "PELVIS": points["ROOT"], "SPINE_NAVEL": points["LUMBAR"], "SPINE_CHEST": points["THORAX"],
-        "NECK": points["CERVICAL"], "HEAD": points["CERVICAL"] + K4ABT_HEAD_FRACTION * (skull - points["CERVICAL"]),
+        "NECK": points["CERVICAL"], "HEAD": points["CERVICAL"] + k4abt_head_fraction * (skull - points["CERVICAL"]),
         "NOSE": np.array([skull[0], *nose[1:]]),
     }  # fmt: skip
     for side, sign in (("LEFT", 1.0), ("RIGHT", -1.0)):

@@ -9,11 +9,6 @@ from toolkit.sensing.cloud import Cloud
 
 CUT_PIXELS = 3
 """Maximum distance of an extremum from the image border that counts as a cut, pixels."""
-HAND_WIDTH = 0.2
-"""Minimum width of a cut at the upper border or at a side, metres; narrower ones are arms with little missing."""
-CUT_SHARE = 0.4
-"""Minimum fraction of unobserved pixels around an extremum at an occluder: its edge leaves about half of them
-unobserved, the shadow beside a limb fewer."""
 
 
 def on_cuts(cloud: Cloud, nodes: np.ndarray, unobserved: np.ndarray | None) -> np.ndarray:
@@ -24,10 +19,13 @@ def on_cuts(cloud: Cloud, nodes: np.ndarray, unobserved: np.ndarray | None) -> n
     """
     pixels = cloud.pixels[nodes]
     cut = np.zeros(len(pixels), dtype=np.bool_)
+    # Minimum fraction of unobserved pixels around an extremum at an occluder: its edge leaves about half of them
+    # unobserved, the shadow beside a limb fewer.
+    cut_share = 0.4
     if unobserved is not None:
         counts, areas = np.empty((2, len(pixels)), dtype=np.int64)
         kernels.count_around(unobserved, pixels, CUT_PIXELS, counts, areas)
-        cut = counts > CUT_SHARE * areas
+        cut = counts > cut_share * areas
     (height, width), (rows, columns) = cloud.camera.shape, np.divmod(pixels, cloud.camera.width)
     to_border = np.minimum(np.minimum(rows, height - 1 - rows), np.minimum(columns, width - 1 - columns))
     for i in np.flatnonzero(to_border < CUT_PIXELS):
@@ -38,11 +36,13 @@ def on_cuts(cloud: Cloud, nodes: np.ndarray, unobserved: np.ndarray | None) -> n
 def _leaves_image(cloud: Cloud, v: int, u: int) -> bool:
     """Return whether the person leaves the image near pixel (v, u) with more than a hand."""
     depth, (height, width) = cloud.depth, cloud.camera.shape
+    # Minimum width of a cut at the upper border or at a side, metres; narrower ones are arms with little missing.
+    hand_width = 0.2
     for distance, border, place, narrow in (
         (height - 1 - v, depth[-1], u, 0.0),
-        (v, depth[0], u, HAND_WIDTH),
-        (u, depth[:, 0], v, HAND_WIDTH),
-        (width - 1 - u, depth[:, -1], v, HAND_WIDTH),
+        (v, depth[0], u, hand_width),
+        (u, depth[:, 0], v, hand_width),
+        (width - 1 - u, depth[:, -1], v, hand_width),
     ):
         if distance >= CUT_PIXELS:
             continue

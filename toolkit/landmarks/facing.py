@@ -11,10 +11,6 @@ from toolkit.kernels import linear
 from toolkit.kernels.cloud import torso
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 
-TORSO_RADIUS = 0.15
-"""Radius of the torso patch around the middle of an adult's chest, metres (from the paper)."""
-SMALLEST_TORSO = 30
-"""Minimum number of points of a torso patch."""
 CURVED, FLAT = 0.08, 0.03
 """Fractions of the smallest eigenvalue in the sum of all three: above the first the normal is ignored, below the second
 the torso counts as flat."""
@@ -70,9 +66,11 @@ def estimate_facing(
     centre = np.asarray(centre, dtype=np.float64)
     mean, covariance = np.empty(3), np.empty((3, 3))
     chest = centre + [0.0, scale * settings.chest_height, 0.0]
-    count = torso.ball_moments(points, chest, scale * TORSO_RADIUS, mean, covariance)
+    torso_radius = 0.15  # radius of the torso patch around the middle of an adult's chest, metres (from the paper)
+    count = torso.ball_moments(points, chest, scale * torso_radius, mean, covariance)
     towards_camera = camera_yaw(centre)
-    if count < SMALLEST_TORSO:
+    smallest_torso = 30  # minimum number of points of a torso patch
+    if count < smallest_torso:
         return FacingEstimate(towards_camera, 0.0)
     values, vectors = linear.principal_axes(covariance)
     if values[2] <= 0.0:

@@ -24,18 +24,9 @@ from toolkit.sensing.exact_network import ExactNetwork
 ASSET = Path(__file__).parent / "assets" / "joints.onnx"
 SIZE, STRIDE, PIXEL = 96, 8, 0.025
 """Pixels of a side of the crop; pixels between anchors; metres of a pixel at the person's median depth."""
-REAL_FACTOR, REAL_FLOOR = 1.4, 0.05
-"""Scale on real frames against the network's own, and metres of it that add: 62 % of errors lie within it on 216 frames
-of UTD-MHAD, 60 % on 72 of MSR Action3D (63 % of an exponential distribution)."""
 WITHIN, RELIABILITY = 0.1, 1.4
 """Metres: the error below which a joint counts as right, with probability 1 - exp(-RELIABILITY (WITHIN / scale)**1.5):
 fitted between 800 held-out simulated crops and UTD-MHAD without the mean offset of each joint, see `docs/models.md`."""
-STEEPEST = 0.3
-"""Length of the vertical in the image plane below which a camera looks up or down so steeply that it has no roll."""
-REMEMBERED = 4096
-"""Estimates that are kept, 2 kB each; body estimation, first and second pass read many frames again."""
-VIEW_MARGIN = 0.5
-"""Scales of a joint inside the image at which it is in view with probability 1 / (1 + 1/e)."""
 
 _ARMS = [
     row for row, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("shoulder", "elbow", "wrist", "hand")
@@ -89,8 +80,10 @@ class JointNetwork:
         hidden = None if unobserved is None else np.packbits(unobserved)
         key = _digest(cloud.pixels, own, np.array(cloud.camera.intrinsics), cloud.rotation, hidden)
         known = self._estimates.get(key)
+        # Estimates that are kept, 2 kB each; body estimation, first and second pass read many frames again.
+        remembered = 4096
         if known is None:
-            if len(self._estimates) >= REMEMBERED:
+            if len(self._estimates) >= remembered:
                 del self._estimates[next(iter(self._estimates))]
             known = self._estimates[key] = self._estimated(cloud, unobserved)
         return known
@@ -120,10 +113,13 @@ class JointNetwork:
         z = np.maximum(places[:, 2] + reference, PIXEL)
         x, y = middle[0] + across / reference, middle[1] + along / reference
         camera = np.stack([x * z, y * z, z], axis=1)
-        scale = np.sqrt((REAL_FACTOR * scales) ** 2 + REAL_FLOOR**2)
+        # Scale on real frames against the network's own, and metres of it that add: 62 % of errors lie within it on
+        # 216 frames of UTD-MHAD, 60 % on 72 of MSR Action3D (63 % of an exponential distribution).
+        real_factor, real_floor = 1.4, 0.05
+        scale = np.sqrt((real_factor * scales) ** 2 + real_floor**2)
         pixels = np.stack([x * fx + cx, y * fy + cy], axis=1)
         in_view = _in_view(pixels, z / fx, scale, depth.shape, unobserved)
-        points, confidence = linear.rotated(camera, rotation.T), (REAL_FLOOR / scale) ** 2
+        points, confidence = linear.rotated(camera, rotation.T), (real_floor / scale) ** 2
         return JointEstimate(points, confidence, in_view, _reliability(scale, sides))
 
 
@@ -153,7 +149,9 @@ def _down(rotation: np.ndarray) -> np.ndarray:
     """Unit vector (2,) of the image that points downwards, of `R_level_camera`; (0, 1) of a camera without roll."""
     down = -rotation[1, :2]
     length = float(np.hypot(down[0], down[1]))
-    return np.array([0.0, 1.0]) if length < STEEPEST else down / length
+    # Length of the vertical in the image plane below which a camera looks up or down so steeply that it has no roll.
+    steepest = 0.3
+    return np.array([0.0, 1.0]) if length < steepest else down / length
 
 
 def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
@@ -171,7 +169,8 @@ def _in_view(
     """Probability (N,) that joints at `pixels` (N, 2), `metres` (N,) a pixel, are in the image and not occluded."""
     limits = np.array([shape[1], shape[0]]) - 0.5
     inside = np.minimum(pixels + 0.5, limits - pixels).min(axis=1) * metres
-    odds = np.clip(inside / (VIEW_MARGIN * scale), -20.0, 20.0)
+    view_margin = 0.5  # scales of a joint inside the image at which it is in view with probability 1 / (1 + 1/e)
+    odds = np.clip(inside / (view_margin * scale), -20.0, 20.0)
     chance = np.array([1.0 / (1.0 + joint_crop.exponential(-value)) for value in odds])
     if unobserved is not None:
         u, v = np.clip(np.rint(pixels), 0, limits - 0.5).astype(np.int64).T

@@ -19,13 +19,6 @@ from toolkit.people.structure import Plane
 from toolkit.people.unassigned import head_of
 from toolkit.people.view import CoarseCamera, View
 
-KNEE_REACH = 0.75
-"""Horizontal distance, metres, within which a place below a head on its surface is a knee of a seated person (0.55 m
-below) or the back of a leaning one."""
-MIRROR_DEPTH, MIRROR_GATE = 0.3, 0.4
-"""Metres behind a wall, and metres from the mirror image of a head before it, for a head to be that mirror image; walls
-are known to a few degrees."""
-
 # Places are (3,), level frame, metres.
 
 
@@ -47,7 +40,10 @@ def apart(head: np.ndarray, other: np.ndarray) -> bool:
     """Return True if two heads on one surface may be of two people."""
     aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
     level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
-    return aside >= (SHOULDER_DISTANCE if level else KNEE_REACH)
+    # Horizontal distance, metres, within which a place below a head on its surface is a knee of a seated person (0.55
+    # m below) or the back of a leaning one.
+    knee_reach = 0.75
+    return aside >= (SHOULDER_DISTANCE if level else knee_reach)
 
 
 def headless(view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
@@ -57,11 +53,14 @@ def headless(view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarra
 
 def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: CoarseCamera) -> bool:
     """Return True if a head is behind a wall, at the mirror image of one of the `places` before it."""
+    # Metres behind a wall, and metres from the mirror image of a head before it, for a head to be that mirror image;
+    # walls are known to a few degrees.
+    mirror_depth, mirror_gate = 0.3, 0.4
     for plane in planes:
         normal = lens.to_level(plane.normal[None])[0]
         behind = linear.dot(normal, place) + plane.offset
-        if behind < -MIRROR_DEPTH:
+        if behind < -mirror_depth:
             image = place - 2 * behind * normal
-            if any(((image - other) ** 2).sum() < MIRROR_GATE**2 for other in places):
+            if any(((image - other) ** 2).sum() < mirror_gate**2 for other in places):
                 return True
     return False

@@ -18,13 +18,9 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
-FIRST_SECONDS = 3.0
-FRAMES = 45  # of them that are looked at, at the most
 BORDER = 3  # pixels from the image border within which a person counts as cut: registered depth often ends before it
-BORDER_SHARE = 0.05  # of a person's width or height that lies on such a border
 CUTS = ((0.35, "head"), (0.6, "chest"), (1.0, "waist"), (1.35, "knees"))
 """Metres below the centre of the head at which the image truncates an adult, and the body part there."""
-FULL_SIZE = 300_000  # pixels of an image that half resolution makes four times as fast
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +58,10 @@ def describe(
     sensing = sensing or SensingSettings()
     surroundings = survey(recording, sensing, judge)
     finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, judge=judge)
-    end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
-    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), FRAMES)).astype(np.int64))
+    first_seconds = 3.0
+    end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + first_seconds))
+    frames = 45  # of them that are looked at, at the most
+    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), frames)).astype(np.int64))
     best: tuple[int, tuple[Sighting, ...]] = (0, ())
     for i in numbers:
         sightings = finder.find(recording.depth(int(i)), float(recording.timestamps[i]), {})
@@ -79,7 +77,7 @@ def describe(
         _camera_line(recording),
         _up_line(recording),
         _room_line(surroundings),
-        f"people: {len(people)} in the first {FIRST_SECONDS:g} s" + "".join(f"\n  {text}" for text in people),
+        f"people: {len(people)} in the first {first_seconds:g} s" + "".join(f"\n  {text}" for text in people),
         f"advice: {'; '.join(advice) if advice else 'none, the defaults fit' if not concerns else 'see the doubts'}",
     )
     camera = lens.camera
@@ -127,9 +125,10 @@ def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | Non
     height, width = sighting.depth.shape
     border = BORDER * max(1, lens.step)
     cuts = []
-    if np.count_nonzero(v >= height - border) > BORDER_SHARE * np.ptp(u):
+    border_share = 0.05  # of a person's width or height that lies on such a border
+    if np.count_nonzero(v >= height - border) > border_share * np.ptp(u):
         cuts.append(f"cut off at the {_cut_at(sighting, lens)}")
-    if np.count_nonzero(v < border) > BORDER_SHARE * np.ptp(u):
+    if np.count_nonzero(v < border) > border_share * np.ptp(u):
         cuts.append("cut off above")
     if min(u.min(), width - 1 - u.max()) < border:
         cuts.append("cut off at the side")
@@ -175,7 +174,8 @@ def _advice(
         found.append("--people all tells the person from the room, or give --background")
     if recording.vertical.source == "assumed" and not surroundings.cut_out:
         found.append("--up X,Y,Z if the camera is tilted: no floor is seen")
-    if recording.camera.width * recording.camera.height >= FULL_SIZE:
+    full_size = 300_000  # pixels of an image that half resolution makes four times as fast
+    if recording.camera.width * recording.camera.height >= full_size:
         found.append("--set sensing.half_resolution=true is faster")
     if sightings and recording.has_color:
         found.append("--joints colour has the colour as a witness, if it is registered to the depth (extra `joints`)")

@@ -22,36 +22,18 @@ TOLERANCES = np.array([0.10, 0.12, 0.3, 0.1])  # m: head's depth, gap behind it,
 TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
 """Scale of head and body against these, and the minimum score: an adult, and a child of a metre, whose shape a fist on
 a forearm resembles."""
-HEAD_SCORE = 0.8  # of 1, which a head must reach
 HEAD_DISTANCE = 0.25  # m between two heads; shoulder to shoulder, cheek to cheek
 SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a shoulder that looks like one
-BODY_DISTANCE, HEAD_DROP = (
-    0.45,
-    0.5,
-)  # m from a head's axis to an elbow or a knee, and m below the head from which it applies
 SURFACE_GAP = 0.05  # m in depth between neighbours on one surface, on top of the quantisation: a torso's side, at 3 m
 BRIDGE_CUT = 0.5  # m of the largest step within a person where only people are measured: an arm before the chest
 BRIDGE_ROOM = 0.12  # m, the same in a room: less than what separates a person from a shelf behind
-BRIDGE_COST = 3.0  # times a step on the surface that one over a gap counts
-UPRIGHT_COST = 0.5  # times a horizontal step that a vertical one counts when people share pixels
 REACH = 1.1  # m horizontally from the head to the fingertip of a tall adult, leaning
 REACH_STILL = 0.6  # m, the same where nothing moved so far: a seated person's knees; more would be the chair
-REACH_UP = 0.85  # m from the head's centre to the fingertip of a raised arm
-REACH_DOWN = 2.0  # m from the head's centre to the sole of a person of 2.1 m
-LONGEST_WAY = 2.5  # m over the surface from head to toe or fingertip
 SEED_RADIUS = 0.12  # m around a head's centre that is surely the head
 PLATEAU = 0.05  # of a score: the head's centre is the middle of what scores nearly best
-RIVALRY = 0.1  # of a score by which a head may be worse than the shoulder below it
 HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
-HEAD_WIDTH = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
 CHEST_WIDTH = (0.2, 0.95)  # m: a slim person's from the side to an adult's with the elbows out
-NARROWING = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
-RUN_GAP, RUN_STEP = 0.06, 0.2  # m across and in depth between the pixels of one run: a hand beside the head is another
-PLANAR = 0.8  # of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
 OPEN = 0.7  # of the outline of head and chest, to the left and right, behind which the scene lies farther back
-OPEN_STEP = 0.06  # m by which it does
-FLATTEST = 0.04  # m of tolerance, at 3.8 m: beyond, people are as flat as doors
-PLANAR_SAMPLES, PLANAR_TRIPLES = 800, 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +53,7 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
     `cut_out`: unmeasured pixels are background, so that they count as space beside a head.
     """
     scores, small = np.zeros(view.depth.shape, dtype=np.float32), np.zeros(view.depth.shape, dtype=np.bool_)
+    head_score = 0.8  # of 1, which a head must reach
     for size, body, least in TEMPLATES:
         scaled = np.empty(view.depth.shape, dtype=np.float32)
         places = (size * INSIDE, size * AROUND, body * SHOULDERS)
@@ -78,13 +61,13 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
         head_scores(
             view.depth, view.foreground, lens.camera.intrinsics, lens.up, *places, TOLERANCES, unmeasured, scaled
         )
-        small |= (scaled >= least) & (scores < HEAD_SCORE) & (size < 1)
+        small |= (scaled >= least) & (scores < head_score) & (size < 1)
         np.maximum(scores, np.where(scaled >= least, scaled, 0), out=scores)
-    rows = np.flatnonzero(scores.ravel() >= HEAD_SCORE - PLATEAU)
+    rows = np.flatnonzero(scores.ravel() >= head_score - PLATEAU)
     values, points = scores.ravel()[rows].astype(np.float64), view.points.reshape(-1, 3)[rows].astype(np.float64)
     child = small.ravel()[rows]
     heads: list[Head] = []
-    while len(rows) and (best := values.max()) >= HEAD_SCORE:
+    while len(rows) and (best := values.max()) >= head_score:
         distance = np.sqrt(((points - points[int(values.argmax())]) ** 2).sum(axis=1))
         near = distance < HEAD_DISTANCE
         plateau = near & (values >= best - PLATEAU)
@@ -92,8 +75,9 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
         values, points, rows, child = values[~near], points[~near], rows[~near], child[~near]
     heads.sort(key=lambda h: -h.place[1])
     kept: list[Head] = []
+    rivalry = 0.1  # of a score by which a head may be worse than the shoulder below it
     for head in heads:
-        above = [o for o in kept if o.score >= head.score - RIVALRY]  # a raised fist is no reason to drop a head
+        above = [o for o in kept if o.score >= head.score - rivalry]  # a raised fist is no reason to drop a head
         if not any(_on_body_below(head.place, other.place) for other in above):
             kept.append(head)
     return kept
@@ -104,7 +88,9 @@ def _on_body_below(place: np.ndarray, head: np.ndarray) -> bool:
     aside, drop = float(np.hypot(place[0] - head[0], place[2] - head[2])), head[1] - place[1]
     if drop < LEAST_DROP:
         return False
-    return aside < (SHOULDER_DISTANCE if drop < HEAD_DROP else BODY_DISTANCE)
+    # m from a head's axis to an elbow or a knee, and m below the head from which it applies
+    body_distance, head_drop = 0.45, 0.5
+    return aside < (SHOULDER_DISTANCE if drop < head_drop else body_distance)
 
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:
@@ -136,10 +122,15 @@ def share_out(
         return labels
     distances = np.empty(seeds.shape, dtype=np.int32)
     reach = np.where(view.still, REACH_STILL, REACH).astype(np.float32)
-    limits = np.array([REACH_UP, REACH_DOWN])
-    steps = np.array([SURFACE_GAP, lens.quantisation, bridge, BRIDGE_COST, UPRIGHT_COST])
+    reach_up = 0.85  # m from the head's centre to the fingertip of a raised arm
+    reach_down = 2.0  # m from the head's centre to the sole of a person of 2.1 m
+    limits = np.array([reach_up, reach_down])
+    bridge_cost = 3.0  # times a step on the surface that one over a gap counts
+    upright_cost = 0.5  # times a horizontal step that a vertical one counts when people share pixels
+    steps = np.array([SURFACE_GAP, lens.quantisation, bridge, bridge_cost, upright_cost])
     measured = np.where(view.foreground, view.depth, np.float32(0))
-    grow(view.points, measured, seeds, np.array(heads), reach, limits, steps, LONGEST_WAY, labels, distances)
+    longest_way = 2.5  # m over the surface from head to toe or fingertip
+    grow(view.points, measured, seeds, np.array(heads), reach, limits, steps, longest_way, labels, distances)
     labels[distances == FAR] = 0
     return labels
 
@@ -147,15 +138,18 @@ def share_out(
 def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
     """Return True if a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
-    return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < PLANAR
+    planar = 0.8  # of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
+    return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < planar
 
 
 def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:
     """Return True if a surface is narrow around a head's centre (3,) and wide below it, for a body of a `scale`."""
     across_head = float(np.median(_run_widths(view, mask, head, HEAD_BAND, scale)))
     across_chest = float(np.max(_run_widths(view, mask, head, CHEST_BAND, scale)))
-    fits = HEAD_WIDTH[0] <= across_head <= HEAD_WIDTH[1] and CHEST_WIDTH[0] <= across_chest <= CHEST_WIDTH[1]
-    return fits and across_head <= NARROWING * across_chest
+    head_width = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
+    fits = head_width[0] <= across_head <= head_width[1] and CHEST_WIDTH[0] <= across_chest <= CHEST_WIDTH[1]
+    narrowing = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
+    return fits and across_head <= narrowing * across_chest
 
 
 def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[float, float], scale: float) -> np.ndarray:
@@ -167,7 +161,9 @@ def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[floa
     """
     widths = np.zeros(len(view.depth))
     lowest, highest = scale * band[0], scale * band[1]
-    rows = run_widths(view.points, view.depth, mask, head, lowest, highest, RUN_GAP, np.float32(RUN_STEP), widths)
+    # m across and in depth between the pixels of one run: a hand beside the head is another
+    run_gap, run_step = 0.06, 0.2
+    rows = run_widths(view.points, view.depth, mask, head, lowest, highest, run_gap, np.float32(run_step), widths)
     return widths[: max(rows, 1)] / scale
 
 
@@ -179,12 +175,13 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
     aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
     upper = mask & (view.points[..., 1] > head[1] + CHEST_BAND[0]) & (aside < CHEST_WIDTH[1] / 2)
     ends, total = 0, 0
+    open_step = 0.06  # m by which it does
     for side in (-1, 1):
         beside = np.roll(view.depth, -side, axis=1)
         edge = upper & ~np.roll(mask, -side, axis=1)
         edge[:, -1 if side > 0 else 0] = False
         total += int(np.count_nonzero(edge))
-        ends += int(np.count_nonzero(edge & ((beside == 0) | (beside > view.depth + OPEN_STEP))))
+        ends += int(np.count_nonzero(edge & ((beside == 0) | (beside > view.depth + open_step))))
 
     return ends / max(total, 1)
 
@@ -192,10 +189,12 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
 def planar_share(view: View, lens: CoarseCamera, mask: np.ndarray) -> float:
     """Return the fraction of a surface's pixels in one plane, 0 to 1; 0 where noise makes every surface flat."""
     v, u = np.nonzero(mask)
-    picked = np.linspace(0, len(v) - 1, min(PLANAR_SAMPLES, len(v))).astype(np.int64)
+    planar_samples, planar_triples = 800, 200
+    picked = np.linspace(0, len(v) - 1, min(planar_samples, len(v))).astype(np.int64)
     points = view.points[v[picked], u[picked]].astype(np.float64)
     tolerances = 0.02 + lens.quantisation / 2 * (points**2).sum(axis=1)
-    if np.median(tolerances) > FLATTEST:
+    flattest = 0.04  # m of tolerance, at 3.8 m: beyond, people are as flat as doors
+    if np.median(tolerances) > flattest:
         return 0.0
-    triples = np.random.default_rng(0).integers(0, len(points), (PLANAR_TRIPLES, 3))
+    triples = np.random.default_rng(0).integers(0, len(points), (planar_triples, 3))
     return best_plane(points, tolerances, np.ones(len(points)), triples, np.zeros(4)) / len(points)

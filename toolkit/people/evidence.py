@@ -12,19 +12,11 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 from toolkit.io.typed_values import Range
 
-SHAPED = 6.0
-"""Log odds between a track that never has a person's shape and one that always has it."""
 JUDGED, MOST_JUDGED = 1.5, 4.0
 """Weight of the classifier's mean log odds, whose pixels are correlated, and the bound of that mean."""
-FOLLOWED = 2.0
-"""Prior log odds of a track: it moved, or had a person's shape in the room."""
 
-LIFELESS = 12.0
-"""Log odds against a motionless track in an improbable pose: more than shape and pixels can add."""
 NOBODYS = 0.035
 """Median energy of the pose prior over a track that fewer than one person in a hundred exceeds."""
-STILL_LOOKS = 4
-"""Samples, a few a second, before stillness counts: people keep still for a moment."""
 
 COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float, "rested": int, "unlikely": float}
 """Columns of the evidence of many tracks in a file."""
@@ -58,15 +50,19 @@ class Evidence:
     @property
     def lifeless(self) -> bool:
         """True if nothing of it ever moves and its pose is improbable."""
-        return self.looks == self.rested >= STILL_LOOKS and self.unlikely > NOBODYS
+        still_looks = 4  # samples, a few a second, before stillness counts: people keep still for a moment
+        return self.looks == self.rested >= still_looks and self.unlikely > NOBODYS
 
     @property
     def log_odds(self) -> float:
         """Person score: log odds of a person against furniture."""
+        followed = 2.0  # prior log odds of a track: it moved, or had a person's shape in the room
         if self.looks == 0:
-            return FOLLOWED
+            return followed
         mean = float(np.clip(self.judged / self.looks, -MOST_JUDGED, MOST_JUDGED))
-        return FOLLOWED + SHAPED * (self.shaped / self.looks - 0.5) + JUDGED * mean - LIFELESS * self.lifeless
+        shaped = 6.0  # log odds between a track that never has a person's shape and one that always has it
+        lifeless = 12.0  # log odds against a motionless track in an improbable pose: more than shape and pixels can add
+        return followed + shaped * (self.shaped / self.looks - 0.5) + JUDGED * mean - lifeless * self.lifeless
 
     def text(self) -> str:
         """Return the score with its evidence, for people."""

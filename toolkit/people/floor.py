@@ -12,14 +12,10 @@ from toolkit.sensing.camera import DEFAULT_UP, Camera
 
 SAMPLES = 6000  # points; a floor of a tenth of the scene still has 600
 INLIER_DISTANCE = 0.03  # m; a Kinect's quantisation at 3 m
-ITERATIONS = 2000  # find a plane of a tenth of the points with probability 0.86, of a fifth always
-SEED = 0  # every search of a scene finds the same floor
-PLANES = 6  # walls, ceiling and tables may be larger than the floor
 LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
 SMALLEST_AREA = 0.8  # m^2; a person shows no plane of this size
 LOWEST_CAMERA = 0.1  # m above the floor; nearer to its plane, all that is seen edge-on would pass for one
 SHARE_ABOVE = 0.97  # of the scene; a table has the floor below it
-PROMINENT = 1.5  # times as large as what is seen 9 cm higher: walls are as wide there
 
 
 @dataclass(frozen=True)
@@ -52,11 +48,14 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     points = np.column_stack([camera.rays()[v, u] * z[:, None], z])
     # A sampled pixel stands for as many pixels as there are per sample, each covering z^2 / (fx fy) head on.
     areas = z**2 / (camera.fx * camera.fy) * (np.count_nonzero(depth_mm) / len(points))
-    rest, rng = np.ones(len(points), dtype=bool), np.random.default_rng(SEED)
-    for _ in range(PLANES):
+    seed = 0  # every search of a scene finds the same floor
+    rest, rng = np.ones(len(points), dtype=bool), np.random.default_rng(seed)
+    iterations = 2000  # find a plane of a tenth of the points with probability 0.86, of a fifth always
+    planes = 6  # walls, ceiling and tables may be larger than the floor
+    for _ in range(planes):
         if rest.sum() < SAMPLES // 100:
             return None
-        plane, members = largest_plane(points[rest], INLIER_DISTANCE, ITERATIONS, rng)
+        plane, members = largest_plane(points[rest], INLIER_DISTANCE, iterations, rng)
         members = np.flatnonzero(rest)[members]
         floor = _as_floor(plane)
         if floor is not None:
@@ -85,12 +84,13 @@ def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray
     slant = np.maximum(np.abs(rises) / linear.lengths(points), 0.05)
     areas = z**2 / (camera.fx * camera.fy) * (len(v) / len(points)) / slant
     found, largest = None, SMALLEST_AREA
+    prominent = 1.5  # times as large as what is seen 9 cm higher: walls are as wide there
     for level in np.arange(rises.min(), min(rises.max(), -LOWEST_CAMERA), 0.5 * INLIER_DISTANCE):
         members = np.abs(rises - level) < INLIER_DISTANCE
         standing = np.abs(rises - level - 3 * INLIER_DISTANCE) < INLIER_DISTANCE
         above = (rises > level - 3 * INLIER_DISTANCE).mean()
         area = areas[members].sum()
-        if above >= SHARE_ABOVE and area >= max(largest, PROMINENT * areas[standing].sum()):
+        if above >= SHARE_ABOVE and area >= max(largest, prominent * areas[standing].sum()):
             found, largest = Floor(np.asarray(up_camera), -float(np.median(rises[members]))), area
     return found
 

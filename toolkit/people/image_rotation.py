@@ -15,12 +15,6 @@ from toolkit.sensing.camera import DEFAULT_UP, Camera, rotated_points
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
-OTHERS = (1, 3, 2)
-"""Quarter turns clockwise, the most frequent ones first."""
-ON_FLOOR = 0.5
-"""Maximum height above a floor, metres, of the lowest twentieth of a standing person: soles may be part of the
-floor.
-"""
 CLEARLY = np.cos(np.radians(35.0))
 """Minimum cosine between up and the vertical of the turned image; a tilted camera needs `--rotate`."""
 
@@ -48,10 +42,14 @@ def quarter_turns(recording: Recording, classifier: PersonClassifier | None = No
         return better_turns(sampled_frames(recording), camera, classifier)
     if _standing(depth, camera, 0):
         return 0
-    for turns in OTHERS:
+    others = (1, 3, 2)  # quarter turns clockwise, the most frequent ones first
+    # Maximum height above a floor, metres, of the lowest twentieth of a standing person: soles may be part of the
+    # floor.
+    on_floor = 0.5
+    for turns in others:
         standing = _standing(depth, camera, turns)
         floor = find_floor(_turned(scene, turns), camera.rotated(turns)) if standing else None
-        if floor is not None and any(_lowest(points, floor) < ON_FLOOR for points in standing):
+        if floor is not None and any(_lowest(points, floor) < on_floor for points in standing):
             return turns
     return 0
 

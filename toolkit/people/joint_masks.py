@@ -14,8 +14,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D, same_rays
 from toolkit.sensing.stream import Frame
 
-REACH = 2
-"""Pixels beside a mask that count as on it: its contour is deleted, and joints are seldom exact."""
 LEAST_SHARE = 0.3
 """Minimum fraction of the sure joints on a mask."""
 
@@ -107,8 +105,9 @@ class GivenJoints(NoJoints):
 def on_cut_out(joints: Joints2D, depth: np.ndarray) -> np.ndarray:
     """Return the sure joints that lie on a person's depth (H, W), or close beside it: bool (20,)."""
     found = np.zeros(len(joints.sure), dtype=np.bool_)
+    reach = 2  # pixels beside a mask that count as on it: its contour is deleted, and joints are seldom exact
     for joint in np.flatnonzero(joints.sure):
         u, v = np.rint(joints.pixels[joint]).astype(np.int64)
-        rows, columns = slice(max(v - REACH, 0), v + REACH + 1), slice(max(u - REACH, 0), u + REACH + 1)
+        rows, columns = slice(max(v - reach, 0), v + reach + 1), slice(max(u - reach, 0), u + reach + 1)
         found[joint] = depth[rows, columns].any()
     return found

@@ -27,11 +27,8 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
-SAMPLE_SECONDS = 0.5
-"""Between two samples of a room: the `SAMPLES` of a recording take 20 s."""
 LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 """Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
-ONLY = 1
 
 
 def live_finder(
@@ -109,7 +106,8 @@ class RoomLearningFinder:
         if self._learning is not None:
             self._finder.use_room(replace(self._learning.result(), floor=self._floor))
             self._learning = None
-        self._due = timestamp + SAMPLE_SECONDS
+        sample_seconds = 0.5  # between two samples of a room: the `SAMPLES` of a recording take 20 s
+        self._due = timestamp + sample_seconds
         if len(self._samples) == SAMPLES:
             return
         self._samples.append(self._finder.lens.coarse(self._filter.checked(depth_mm)))
@@ -146,7 +144,8 @@ class FirstPersonFinder:
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
         """See `PeopleFinder.find`: no sighting before the first person, then one in every frame, which may be empty."""
-        bodies = {self._selected: predicted[ONLY]} if self._selected is not None and ONLY in predicted else {}
+        only = 1
+        bodies = {self._selected: predicted[only]} if self._selected is not None and only in predicted else {}
         found = self._finder.find(depth_mm, timestamp, bodies)
         no_people = furniture(self._finder.evidence)
         if self._selected is None or self._selected in no_people:
@@ -157,8 +156,8 @@ class FirstPersonFinder:
             return ()
         for sighting in found:
             if sighting.id == self._selected:
-                return (replace(sighting, id=ONLY),)
-        return (Sighting(ONLY, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
+                return (replace(sighting, id=only),)
+        return (Sighting(only, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
 
     def redetect(self) -> MultiPersonFinder:
         """See `PeopleFinder.redetect`."""

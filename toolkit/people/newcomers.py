@@ -11,12 +11,6 @@ import numpy as np
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 
-GATE, WALK = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
-LEAST_FRAMES = 2.5
-FRAMES = 3  # in which it must be seen: noise does not look like a head in the same place three times
-TOUCHING_TIME = 0.5  # s for which a head on another person's surface must be seen: a knee or a fist may look like one
-PATIENCE = 0.3  # s without being seen, after which it is forgotten
-
 
 @dataclass(frozen=True, eq=False)
 class Newcomer:
@@ -44,17 +38,23 @@ class Newcomers:
         """
         counted = [i for i in range(len(candidates)) if shaped[i] and not touching[i]]
         left, kept = [i for i in range(len(candidates)) if i not in counted], []
+        gate, walk = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
+        least_frames = 2.5
+        frames = 3  # in which it must be seen: noise does not look like a head in the same place three times
+        # s for which a head on another person's surface must be seen: a knee or a fist may look like one
+        touching_time = 0.5
+        patience = 0.3  # s without being seen, after which it is forgotten
         for newcomer in self._waiting:
             away = [float(np.sqrt(((candidates[i] - newcomer.place) ** 2).sum())) for i in left]
             elapsed = timestamp - newcomer.last
-            if away and min(away) < GATE + WALK * elapsed:
+            if away and min(away) < gate + walk * elapsed:
                 nearest = left.pop(int(np.argmin(away)))
                 newcomer = Newcomer(candidates[nearest], newcomer.frames + 1, newcomer.first, timestamp)
-                lasted = timestamp - newcomer.first >= TOUCHING_TIME or not touching[nearest]
-                if newcomer.frames >= FRAMES and lasted:
+                lasted = timestamp - newcomer.first >= touching_time or not touching[nearest]
+                if newcomer.frames >= frames and lasted:
                     counted.append(nearest)
                     continue
-            if elapsed <= max(PATIENCE, LEAST_FRAMES * (timestamp - self._before)):
+            if elapsed <= max(patience, least_frames * (timestamp - self._before)):
                 kept.append(newcomer)
         self._before = timestamp
         self._waiting = kept + [Newcomer(candidates[i], 1, timestamp, timestamp) for i in left]

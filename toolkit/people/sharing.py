@@ -14,8 +14,6 @@ from toolkit.people.view import CoarseCamera, View
 
 BODY_GATE = 0.12
 """Maximum distance from a measured point to the surface of its body, metres."""
-TORSO = 0.25
-"""Horizontal radius around the head's axis, metres, that keeps its label between frames."""
 
 
 def body_seeds(view: View, lens: CoarseCamera, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
@@ -50,4 +48,5 @@ def stayed_seeds(view: View, stayed: np.ndarray, places: Sequence[np.ndarray], s
     Limbs are segmented again in every frame, so that no mistake outlasts the contact that caused it.
     """
     rows = np.array(places, dtype=np.float64).reshape(-1, 3)
-    mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, TORSO, seeds)
+    torso = 0.25  # horizontal radius around the head's axis, metres, that keeps its label between frames
+    mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, torso, seeds)

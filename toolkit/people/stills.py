@@ -8,11 +8,8 @@ from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_
 from toolkit.people.hypothesis import PersonClassifier, alone_log_odds, judged_head, lowness, possible_height
 from toolkit.people.view import CoarseCamera, View
 
-LEAST_AREA = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
 LEAST_CUT_OUT = 0.03  # m^2 where nothing but people is measured: one of half a metre
 LEAST_HEIGHT = 0.35  # m of a person: head and chest of a child
-LARGEST_ARM = 0.1  # m^2 of a raised arm, with what is nearest to it of the shoulder
-KNEES = 0.3  # m horizontally, within which what looks like a person below a head are the legs of that person
 
 
 def people_and_furniture(
@@ -47,8 +44,9 @@ def people_and_furniture(
         possible_height(head, floor) and alone_log_odds(shape, said, lowness(head, floor)) > 0
         for head, shape, said in zip(heads, shaped, judged, strict=True)
     ]
+    largest_arm = 0.1  # m^2 of a raised arm, with what is nearest to it of the shoulder
     arms = [
-        said is not None and said > 0 and not shape and lens.area(view.depth[mask]) < LARGEST_ARM
+        said is not None and said > 0 and not shape and lens.area(view.depth[mask]) < largest_arm
         for said, shape, mask in zip(judged, shaped, shared, strict=True)
     ]
     people: list[np.ndarray] = []
@@ -90,7 +88,8 @@ def _part_of(view: View, place: np.ndarray, arm: bool, people: list[np.ndarray],
 
 def _below(place: np.ndarray, head: np.ndarray) -> bool:
     aside = float(np.hypot(place[0] - head[0], place[2] - head[2]))
-    return aside < KNEES and place[1] < head[1]
+    knees = 0.3  # m horizontally, within which what looks like a person below a head are the legs of that person
+    return aside < knees and place[1] < head[1]
 
 
 def _shaped(
@@ -117,7 +116,8 @@ def a_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray)
 
 def large_enough(view: View, lens: CoarseCamera, mask: np.ndarray, *, cut_out: bool = False) -> bool:
     """Return True if a surface has a person's area and height; `cut_out`: the recording holds segmented people."""
-    if lens.area(view.depth[mask]) < (LEAST_CUT_OUT if cut_out else LEAST_AREA):
+    least_area = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
+    if lens.area(view.depth[mask]) < (LEAST_CUT_OUT if cut_out else least_area):
         return False
     heights = view.points[mask][:, 1]
     return bool(np.ptp(heights) >= LEAST_HEIGHT)

@@ -10,16 +10,8 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import best_plane
 
-LEAST_AREA, LEAST_SIDE = 1.2, 0.9  # m^2, and m of the shorter side, of a wall or a floor; no person shows such a plane
-SAMPLES = 2500  # points of the image: a wall of a twentieth of it still has 125
 TRIPLES = 400  # of them half from one neighbourhood: a plane of a fifth of the points is hit with probability 0.9999
-NEIGHBOURHOOD = 0.1  # of the image's width
-MOST_PLANES = 8
-BEHIND = 0.35  # of a plane's points: more measured through it, and it bounds nothing (a sofa's front, a row of people)
 CORE = 2  # coarse pixels: what is on a plane but thinner than twice this is something that stands out of it
-FILLED = 0.35  # of a plane's rectangle that its points cover at the least; a cut through clutter covers less
-LEAST_SLANT = 0.3  # sine of the angle at which a plane is seen: nearer to edge-on, its area is unknown
-REFITS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +42,9 @@ def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> l
     v, u = np.nonzero(depth)
     if len(v) < 50:
         return []
-    share = max(1.0, len(v) / SAMPLES)
-    picked = np.linspace(0, len(v) - 1, min(SAMPLES, len(v))).astype(np.int64)
+    samples = 2500  # points of the image: a wall of a twentieth of it still has 125
+    share = max(1.0, len(v) / samples)
+    picked = np.linspace(0, len(v) - 1, min(samples, len(v))).astype(np.int64)
     v, u = v[picked], u[picked]
     z = depth[v, u].astype(np.float64)
     points = np.column_stack([rays[v, u] * z[:, None], z])
@@ -61,20 +54,26 @@ def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> l
     rng = np.random.default_rng(0)
     rest = np.ones(len(points), dtype=bool)
     planes: list[Plane] = []
-    for _ in range(MOST_PLANES):
+    # m^2, and m of the shorter side, of a wall or a floor; no person shows such a plane
+    least_area, least_side = 1.2, 0.9
+    neighbourhood = 0.1  # of the image's width
+    most_planes = 8
+    filled = 0.35  # of a plane's rectangle that its points cover at the least; a cut through clutter covers less
+    least_slant = 0.3  # sine of the angle at which a plane is seen: nearer to edge-on, its area is unknown
+    for _ in range(most_planes):
         members = np.flatnonzero(rest)
-        if facing[members].sum() < LEAST_AREA / 4 or len(members) < 50:
+        if facing[members].sum() < least_area / 4 or len(members) < 50:
             break
-        triples = _triples(v[members], u[members], NEIGHBOURHOOD * depth.shape[1], rng)
+        triples = _triples(v[members], u[members], neighbourhood * depth.shape[1], rng)
         plane = np.zeros(4)
         if best_plane(points[members], tolerances[members], facing[members], triples, plane) == 0.0:
             break
         normal, offset, on = _refitted(points, tolerances, rest, plane)
         rest &= ~on
         slant = np.abs(linear.times(points, normal)) / linear.lengths(points)
-        area = float((facing[on] / np.maximum(slant[on], LEAST_SLANT)).sum())
+        area = float((facing[on] / np.maximum(slant[on], least_slant)).sum())
         sides = _sides(points[on], normal)
-        large = area >= LEAST_AREA and sides[1] >= LEAST_SIDE and area >= FILLED * sides[0] * sides[1]
+        large = area >= least_area and sides[1] >= least_side and area >= filled * sides[0] * sides[1]
         if large and _bounds(points, tolerances, on, normal, offset):
             planes.append(Plane(normal, offset, area))
     return sorted(planes, key=lambda p: -p.area)
@@ -112,7 +111,8 @@ def _refitted(
     """Fit a plane by repeated least squares over its points; return normal towards the camera, offset, and members."""
     normal, offset = plane[:3], float(plane[3])
     on = rest & (np.abs(linear.times(points, normal) + offset) <= tolerances)
-    for _ in range(REFITS):
+    refits = 3
+    for _ in range(refits):
         weights = 1.0 / tolerances[on] ** 2
         centre = (points[on] * weights[:, None]).sum(axis=0) / weights.sum()
         normal = linear.principal_axes(linear.gram(points[on] - centre, weights))[1][:, 0]
@@ -133,7 +133,9 @@ def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: 
     hits = points * np.where(slopes < 0, -offset / np.minimum(slopes, -1e-9), 0.0)[:, None]
     low, high = np.percentile(points[on], [5, 95], axis=0)
     inside = ((hits >= low - 0.05) & (hits <= high + 0.05)).all(axis=1)
-    return bool((through & inside).sum() <= BEHIND * on.sum())
+    # of a plane's points: more measured through it, and it bounds nothing (a sofa's front, a row of people)
+    behind = 0.35
+    return bool((through & inside).sum() <= behind * on.sum())
 
 
 def _sides(points: np.ndarray, normal: np.ndarray) -> tuple[float, float]:

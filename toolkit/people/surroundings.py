@@ -15,9 +15,6 @@ from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import CoarseCamera
 
-EMPTY_SHARE = 0.1  # of a frame is 0 where it is already cut out (recording format)
-LARGEST_HEADLESS = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
-PLANE_DISTANCE = 0.03  # m of a pixel from a wall or floor, on top of the quantisation
 NO_FIGURES = np.zeros((0, 3))
 
 
@@ -105,7 +102,8 @@ class Surroundings:
 
 def tolerances(depth: np.ndarray, lens: CoarseCamera) -> np.ndarray:
     """Return the distance within which a pixel lies on a plane, metres, in the shape of `depth`."""
-    return np.asarray(PLANE_DISTANCE + lens.quantisation * depth**2, dtype=np.float32)
+    plane_distance = 0.03  # m of a pixel from a wall or floor, on top of the quantisation
+    return np.asarray(plane_distance + lens.quantisation * depth**2, dtype=np.float32)
 
 
 def nothing_but_people(lens: CoarseCamera) -> Surroundings:
@@ -122,7 +120,8 @@ def empty_scene(background: np.ndarray, lens: CoarseCamera, margin: float) -> Su
 
 def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
     """Return True if a coarse frame holds only people: mostly 0, no wall or floor, few surfaces without a head."""
-    if np.count_nonzero(depth == 0) < EMPTY_SHARE * depth.size:
+    empty_share = 0.1  # of a frame is 0 where it is already cut out (recording format)
+    if np.count_nonzero(depth == 0) < empty_share * depth.size:
         return False
     view = lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
     labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32))
@@ -130,7 +129,8 @@ def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
     headless[0] = False
     for head in find_heads(view, lens, cut_out=True):
         headless[labels[near_head(view, head.place)]] = False
-    if areas[headless].sum() > LARGEST_HEADLESS:
+    largest_headless = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
+    if areas[headless].sum() > largest_headless:
         return False
     return not _planes_of(depth, lens)
 

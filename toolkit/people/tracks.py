@@ -8,16 +8,9 @@ import numpy as np
 
 from toolkit.people.evidence import Evidence
 
-LONGEST_FORECAST = 0.5  # s over which a velocity holds
-VELOCITY_MEMORY = 0.2  # s over which a velocity is averaged
 GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as it turns
-GATE_GROWTH = 1.5  # m/s by which the gate widens while the person is unseen: a brisk walk
-WIDEST_GATE = 1.5  # m
-TALLEST_MEMORY = 1.0  # s in which the height of a head that stands is learnt
 WHOLE = 0.7  # of a person's area: less, and they are half hidden
-AREA_FADING = 0.1  # a second, by which the known area fades as a person walks away
 
-HEAD_ASIDE, HEAD_ABOVE = 0.8, 0.2  # m from the top of a leg that is all that is seen, to the head: a stride, a thigh
 
 LEVEL = np.array([1.0, 0.0, 1.0])
 """Mask of the horizontal components of a displacement in the level frame."""
@@ -68,7 +61,8 @@ class KnownPerson:
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Return the expected place of the head: float64 (3,), level frame, metres."""
-        return self._start + self.velocity * min(max(timestamp - self.last, 0.0), LONGEST_FORECAST)
+        longest_forecast = 0.5  # s over which a velocity holds
+        return self._start + self.velocity * min(max(timestamp - self.last, 0.0), longest_forecast)
 
     @property
     def _start(self) -> np.ndarray:
@@ -85,7 +79,9 @@ class KnownPerson:
         rest.
         """
         aside = float(np.hypot(head[0] - self.head[0], head[2] - self.head[2]))
-        return not self.head_seen and aside < HEAD_ASIDE and head[1] > self.head[1] + HEAD_ABOVE
+        # m from the top of a leg that is all that is seen, to the head: a stride, a thigh
+        head_aside, head_above = 0.8, 0.2
+        return not self.head_seen and aside < head_aside and head[1] > self.head[1] + head_above
 
     def with_head(self, head: np.ndarray) -> KnownPerson:
         """Return the person whose head is visible for the first time, at `head` (3,)."""
@@ -99,7 +95,9 @@ class KnownPerson:
         """Return the radius of the search for the head, metres; it does not grow after the person left the image."""
         if self.gone:
             return GATE
-        return min(GATE + GATE_GROWTH * max(timestamp - self.last, 0.0), WIDEST_GATE)
+        gate_growth = 1.5  # m/s by which the gate widens while the person is unseen: a brisk walk
+        widest_gate = 1.5  # m
+        return min(GATE + gate_growth * max(timestamp - self.last, 0.0), widest_gate)
 
     def seen(self, head: np.ndarray | None, middle: np.ndarray, area: float, timestamp: float) -> KnownPerson:
         """Return the person after a new frame.
@@ -117,14 +115,17 @@ class KnownPerson:
             moved = (middle - self.middle) * LEVEL  # what hides legs or shows them again lifts the middle, not the head
             place = before + moved if whole else self.expected(timestamp)
         velocity = self.velocity
+        velocity_memory = 0.2  # s over which a velocity is averaged
         if elapsed > 0 and (head is not None or whole):
-            share = min(elapsed / VELOCITY_MEMORY, 1.0)
+            share = min(elapsed / velocity_memory, 1.0)
             velocity = (1 - share) * velocity + share * (place - before) / elapsed
         tallest = self.tallest
+        tallest_memory = 1.0  # s in which the height of a head that stands is learnt
         if head is not None and head[1] > tallest:
-            rising = self.last - self.first < TALLEST_MEMORY
-            tallest += (1.0 if rising else min(elapsed / TALLEST_MEMORY, 1.0)) * (float(head[1]) - tallest)
-        kept = max(area, self.area * (1 - AREA_FADING * elapsed))
+            rising = self.last - self.first < tallest_memory
+            tallest += (1.0 if rising else min(elapsed / tallest_memory, 1.0)) * (float(head[1]) - tallest)
+        area_fading = 0.1  # a second, by which the known area fades as a person walks away
+        kept = max(area, self.area * (1 - area_fading * elapsed))
         shown = self.head_seen or head is not None
         return replace(
             self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest,

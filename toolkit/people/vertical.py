@@ -22,15 +22,9 @@ from toolkit.sensing.recording import Recording, Vertical
 from toolkit.sensing.sensing_settings import SensingSettings
 
 FLOOR_FRAMES = 4  # in which a floor is looked for; a person may hide it in one
-PEOPLE_FRAMES = 8  # a stride leans, several do not
 FIRST_SECONDS = 3.0
 CAMERA_HEIGHT = (0.3, 4.0)  # m above the floor: from a chair's seat to a ceiling
-AGREEING = np.deg2rad(3.0)  # between the floors of two frames
-WALL_TILT = np.deg2rad(25.0)  # by which a wall may lean in the image of a tilted camera
 TRUST = {"wall": np.deg2rad(2.0), "standing": np.deg2rad(8.0), "torso": np.deg2rad(15.0), "image": np.deg2rad(20.0)}
-CLEARLY = np.deg2rad(10.0)  # from the image's vertical: a lean of as much is everyday
-ELONGATED = 2.2  # length over width of a standing person with the arms down
-CHEST_DROP, CHEST_RADIUS = 0.45, 0.25  # m below a head's centre and around there
 
 
 def find_vertical(recording: Recording) -> Vertical:
@@ -43,7 +37,8 @@ def find_vertical(recording: Recording) -> Vertical:
     floor = agreed_floor(scenes, recording.camera)
     if floor is not None:
         return Vertical(floor.up_camera, "floor", floor.height)
-    frames = [recording.depth(i) for i in _spread(early, PEOPLE_FRAMES)]
+    people_frames = 8  # a stride leans, several do not
+    frames = [recording.depth(i) for i in _spread(early, people_frames)]
     return Vertical(assumed_up(frames, recording.camera), "assumed")
 
 
@@ -68,6 +63,7 @@ def _spread(end: int, count: int) -> list[int]:
 def agreed_floor(scenes: Sequence[np.ndarray], camera: Camera) -> Floor | None:
     """Return the floor that two of these frames (uint16 (H, W), millimetres) agree on; of a single frame its own."""
     floors: list[Floor] = []
+    agreeing = np.deg2rad(3.0)  # between the floors of two frames
     for scene in scenes:
         floor = find_floor(scene, camera)
         if floor is None or not CAMERA_HEIGHT[0] <= floor.height <= CAMERA_HEIGHT[1]:
@@ -75,7 +71,7 @@ def agreed_floor(scenes: Sequence[np.ndarray], camera: Camera) -> Floor | None:
         if len(scenes) == 1:
             return floor
         for other in floors:
-            if _angle(floor.up_camera, other.up_camera) <= AGREEING:
+            if _angle(floor.up_camera, other.up_camera) <= agreeing:
                 return other
         floors.append(floor)
     return None
@@ -94,15 +90,17 @@ def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
         depth = lens.coarse(frame)
         for axis, trust, _ in people_axes(depth, lens):
             doubt -= _outer(axis, TRUST[trust]) / len(frames)
+    wall_tilt = np.deg2rad(25.0)  # by which a wall may lean in the image of a tilted camera
     if frames:
         depth = lens.coarse(frames[0])
         tolerance = tolerances(depth, lens)
         for plane in find_planes(depth, lens.rays, tolerance):
-            if abs(_angle(plane.normal, image_up) - np.pi / 2) < WALL_TILT:
+            if abs(_angle(plane.normal, image_up) - np.pi / 2) < wall_tilt:
                 doubt += _outer(plane.normal, TRUST["wall"])
     up = linear.principal_axes(doubt)[1][:, 0]
     up = up * np.sign(linear.dot(up, image_up))
-    return up if CLEARLY < _angle(up, image_up) <= LARGEST_TILT else image_up
+    clearly = np.deg2rad(10.0)  # from the image's vertical: a lean of as much is everyday
+    return up if clearly < _angle(up, image_up) <= LARGEST_TILT else image_up
 
 
 def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
@@ -117,12 +115,13 @@ def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray,
     view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
     heads, _, labels = people_and_furniture(view, lens, cut_out=surroundings.cut_out)
     axes = []
+    elongated = 2.2  # length over width of a standing person with the arms down
     for k, head in enumerate(heads, start=1):
         points = lens.from_level(view.points[labels == k].astype(np.float64))
         _, covariance = linear.moments(points)
         widths, directions = linear.principal_axes(covariance)
         longest = directions[:, 2] * np.sign(linear.dot(directions[:, 2], np.array(DEFAULT_UP)))
-        if widths[2] >= ELONGATED**2 * widths[1]:
+        if widths[2] >= elongated**2 * widths[1]:
             axes.append((longest, "standing", points))
         else:
             upwards = lens.from_level(head[None])[0] - _chest(points, head, lens)
@@ -133,7 +132,8 @@ def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray,
 def _chest(points: np.ndarray, head: np.ndarray, lens: CoarseCamera) -> np.ndarray:
     """Return the centre of the points below a head (3,), level frame, on its axis: float64 (3,), camera frame."""
     below = lens.to_level(points) - head
-    column = (np.hypot(below[:, 0], below[:, 2]) < CHEST_RADIUS) & (np.abs(below[:, 1] + CHEST_DROP) < CHEST_RADIUS)
+    chest_drop, chest_radius = 0.45, 0.25  # m below a head's centre and around there
+    column = (np.hypot(below[:, 0], below[:, 2]) < chest_radius) & (np.abs(below[:, 1] + chest_drop) < chest_radius)
     return linear.moments(points[column] if column.any() else points)[0]
 
 

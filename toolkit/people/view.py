@@ -10,9 +10,6 @@ from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.sensing_settings import SensingSettings
 
-COARSE_WIDTH = 160
-"""Width of the image for people detection, pixels; a head of 0.16 m is 7 pixels wide at 3 m."""
-
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -52,9 +49,7 @@ class CoarseCamera:
     quantisation : metres at 1 m, growing with the square of the distance
     """
 
-    def __init__(
-        self, camera: Camera, up_camera: np.ndarray, sensing: SensingSettings, width: int = COARSE_WIDTH
-    ) -> None:
+    def __init__(self, camera: Camera, up_camera: np.ndarray, sensing: SensingSettings, width: int = 160) -> None:
         self.step = max(1, round(camera.width / width))
         self.camera = camera.subsampled(self.step)
         self.rays = self.camera.rays()

@@ -6,12 +6,8 @@ import math
 
 import numpy as np
 
-THICKNESS = 0.1
-"""Metres behind the farthest measured point of a person that the rest of the body may reach."""
 FARTHEST = 0.95
 """Quantile of a person's depth that counts as the farthest."""
-SAMPLES = 500
-"""Pixels of a person that are sampled for that quantile."""
 
 
 def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
@@ -50,10 +46,12 @@ def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, holes: np.ndarray
     measured = depth[own]
     if not len(measured):
         return None
-    spread = np.sort(measured[:: max(1, len(measured) // SAMPLES)])
+    samples = 500  # pixels of a person that are sampled for that quantile
+    spread = np.sort(measured[:: max(1, len(measured) // samples)])
     # As `np.quantile` has it, which takes ten times as long.
     farthest = np.interp(FARTHEST * (len(spread) - 1), np.arange(len(spread)), spread)
-    mask = (whole_mm > 0) & (whole_mm < math.ceil(1000 * (farthest + THICKNESS)))
+    thickness = 0.1  # metres behind the farthest measured point of a person that the rest of the body may reach
+    mask = (whole_mm > 0) & (whole_mm < math.ceil(1000 * (farthest + thickness)))
     if holes is not None:
         mask |= (holes > 0) & (holes <= len(measured))
     mask &= ~own

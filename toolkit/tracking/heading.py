@@ -16,13 +16,8 @@ from toolkit.kernels import linear
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.tracks import TRACKED
 
-WINDOW = 0.75
-"""Seconds before and after a moment, over which the way is measured: a person who bends, sits down or rises does not
-get far in twice as long."""
 LONGEST = 1.2
 """Seconds to the nearest frame on either side, at most."""
-STANDS, WALKS = 0.4, 0.8
-"""Metres a second: slower than the first counts nothing, faster than the second in full."""
 AROUND = 0.75
 """Seconds from a frame at which a vote for a facing counts e times less."""
 HEADING_UNCERTAINTY = 0.5
@@ -56,14 +51,18 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
     walked = np.zeros((len(timestamps), 2))
     places = linear.rotated(rows["joints"][known][:, PLACED].mean(axis=1), level_rotation.T)[:, [0, 2]]
     times = timestamps[known]
+    # Seconds before and after a moment, over which the way is measured: a person who bends, sits down or rises does
+    # not get far in twice as long.
+    window = 0.75
+    stands, walks = 0.4, 0.8  # metres a second: slower than the first counts nothing, faster than the second in full
     for k, moment in enumerate(times):
-        first, last = np.searchsorted(times, [moment - WINDOW, moment + WINDOW])
+        first, last = np.searchsorted(times, [moment - window, moment + window])
         first, last = min(first, max(k - 1, 0)), max(last - 1, min(k + 1, len(times) - 1))
         if max(moment - times[first], times[last] - moment) > LONGEST or first == last:
             continue
         velocity = (places[last] - places[first]) / (times[last] - times[first])
         speed = float(np.hypot(*velocity))
-        walked[known[k]] = velocity / max(speed, 1e-9) * np.clip((speed - STANDS) / (WALKS - STANDS), 0.0, 1.0)
+        walked[known[k]] = velocity / max(speed, 1e-9) * np.clip((speed - stands) / (walks - stands), 0.0, 1.0)
     return walked
 
 

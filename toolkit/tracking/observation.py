@@ -30,8 +30,6 @@ from toolkit.tracking.state import PersonState
 
 LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
 """Bool (18,): joints of the legs."""
-OWN_SHARE = 0.5
-"""Share of the joints in the image that have to lie on the person's own pixels; with fewer they are another's."""
 VIEW_TIME = 0.3
 """Seconds over which what is in view is smoothed: a person who crouches for a moment is no head behind a desk."""
 
@@ -219,9 +217,11 @@ class Observation:
         unsure = not self.follows or observer.learning
         if observer.vote_pull > 0.0 and unsure and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
+        # Share of the joints in the image that have to lie on the person's own pixels; with fewer they are another's.
+        own_share = 0.5
         if observer.told_joints and self.joints is not None:
             own = on_cut_out(self.joints, self.cloud.depth)
-            if own.sum() >= OWN_SHARE * self.joints.sure.sum():
+            if own.sum() >= own_share * self.joints.sure.sum():
                 joints = self.joints._replace(confidence=np.where(own, self.joints.confidence, 0.0))
                 evidence.append(SightedJoints(joints, self.cloud.camera))
         return evidence

@@ -34,8 +34,6 @@ MOMENTS, MOMENT_GAP = 4, 1.0
 less: one frame may mislead."""
 CHECKED = 5.0
 """Seconds of each stretch; its frame with most visible joints is a keyframe."""
-TURNED = 0.5
-"""Heading disagreement of the first pass, see `heading_disagreement`, above which a frame is a keyframe."""
 
 CANDIDATES, FEW = 3, 16
 """Bodies of different sizes that are followed, and through how many frames, before one is chosen."""
@@ -211,7 +209,9 @@ class Planner:
             heading_disagreement(heads, row["pose"].copy()) if row["state"] == TRACKED else 0.0
             for heads, row in zip(self._heading[first : last + 1], rows, strict=True)
         ])  # fmt: skip
-        wrong = np.concatenate([[False], disagreement > TURNED, [False]])
+        # Heading disagreement of the first pass, see `heading_disagreement`, above which a frame is a keyframe.
+        turned = 0.5
+        wrong = np.concatenate([[False], disagreement > turned, [False]])
         begins, ends = np.flatnonzero(wrong[1:] & ~wrong[:-1]), np.flatnonzero(wrong[:-1] & ~wrong[1:])
         return [int(first + b + np.argmax(disagreement[b:e])) for b, e in zip(begins, ends, strict=True)]
 

@@ -27,8 +27,6 @@ HEADER = np.dtype([("window", "<i4", 4), ("mask", "<i4"), ("joints", "<i4")])
 MILLIMETRE = float(np.float32(1e-3))
 """Metres, as `kernels.depth.median_to_metres` has it, so that a depth read back is the same to the bit."""
 JOINTS_BYTES = len(skeleton.REPORTED) * 3 * 4
-FASTEST = 1
-"""Level of compression: a third of the time of the default, files a tenth larger."""
 
 
 class StoredSighting(NamedTuple):
@@ -67,7 +65,8 @@ class StoredSighting(NamedTuple):
         header = np.zeros((), dtype=HEADER)
         header["window"] = (rows.start, rows.stop, columns.start, columns.stop)
         header["mask"], header["joints"] = len(mask), len(joints)
-        return zlib.compress(b"".join([header.tobytes(), millimetres.tobytes(), mask, joints]), FASTEST)
+        fastest = 1  # level of compression: a third of the time of the default, files a tenth larger
+        return zlib.compress(b"".join([header.tobytes(), millimetres.tobytes(), mask, joints]), fastest)
 
     @classmethod
     def unpacked(cls, data: bytes, person: int, camera: Camera) -> StoredSighting:

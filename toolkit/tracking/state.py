@@ -186,14 +186,13 @@ _PREVIOUS = {
     "elapsed": Column("iuf", (), 1e-6, 1e9),
 }
 """Columns of a person's state by name."""
-MOST_REMEMBERED = 4096
-"""Columns of the poses that a search stores."""
 
 
 def _remembered(value: Any) -> Column:
     """Check the memory of a search: poses in rows, or single numbers."""
     rows = len(value) if isinstance(value, np.ndarray) and value.ndim == 2 else 0
-    if rows > MOST_REMEMBERED:
+    most_remembered = 4096  # columns of the poses that a search stores
+    if rows > most_remembered:
         raise TrackError(f"a search keeps {rows} poses; {HINT}")
     return Column("f", ("rows", skeleton.POSE_SIZE), -_FAR, _FAR) if rows else Column("iuf")
 

@@ -15,33 +15,23 @@ from toolkit.body.body import Body
 from toolkit.landmarks.cuts import CUT_PIXELS
 from toolkit.sensing.cloud import Cloud
 
-ADULTS, SPREAD, TAILS = 1.70, 0.09, 2.0
-"""Metres: middle and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails hold
-children."""
 COST_PER_LOG_ODDS = 0.004
 """Metres of distance from a frame that are worth a natural unit of information about the size: those of neighbouring
 sizes of a person who is cut at the waist differ by as much by chance."""
 SIZE_COST_SPREAD = 0.03
 """Metres by which a frame may be nearer to a body of another size than the person's."""
-FLOOR_SIGMA, FLOOR_CAP = 0.04, 4.0
-"""Metres by which the soles of a right body miss the floor; natural units that they can say at most, for people jump,
-kneel and sit."""
 HEAD_REACH, HIGHEST = 0.2, 5
 """Metres from the middle of a head, horizontally, within which its top is; and which of the highest points is taken for
 it: noise is above."""
-STANDING = 0.75
-"""Share of the frames in which a head is not higher than that of a person who stands: in the others there is noise."""
-UPRIGHT = 0.15
-"""Metres by which a likely stature may differ from the height of the head: nearer, the person stood, and it is the
-stature; farther, they sat, or something hid the head."""
-BENT_STATURE_SPREAD = 0.04
-"""Metres by which a person who walks may be taller than the head is high: the knees are bent."""
 
 
 def stature_prior_cost(stature: float) -> float:
     """Metres of distance that a stature in metres costs, 0 for the likeliest."""
-    away = (stature - ADULTS) / SPREAD
-    return COST_PER_LOG_ODDS * 0.5 * (TAILS + 1.0) * math.log1p(away**2 / TAILS)
+    # Metres: middle and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails hold
+    # children.
+    adults, spread, tails = 1.70, 0.09, 2.0
+    away = (stature - adults) / spread
+    return COST_PER_LOG_ODDS * 0.5 * (tails + 1.0) * math.log1p(away**2 / tails)
 
 
 def off_floor(lowest: float, floor: float | None) -> float:
@@ -58,7 +48,10 @@ def too_small(stature: float, stood: float) -> float:
 
 def _missed_by(away: float) -> float:
     """Cost, metres, of a body that ends so many metres away from where the floor says that it does."""
-    return COST_PER_LOG_ODDS * min(0.5 * (away / FLOOR_SIGMA) ** 2, FLOOR_CAP)
+    # Metres by which the soles of a right body miss the floor; natural units that they can say at most, for people
+    # jump, kneel and sit.
+    floor_sigma, floor_cap = 0.04, 4.0
+    return COST_PER_LOG_ODDS * min(0.5 * (away / floor_sigma) ** 2, floor_cap)
 
 
 def head_top(cloud: Cloud, head: np.ndarray) -> float:
@@ -81,14 +74,22 @@ def height_stood(tops: np.ndarray, floor: float | None) -> float:
     `tops` (N,), of some frames, and `floor` are y, metres, level frame.
     """
     known = tops[np.isfinite(tops)]
-    return 0.0 if floor is None or not len(known) else float(np.quantile(known, STANDING)) - floor
+    # Share of the frames in which a head is not higher than that of a person who stands: in the others there is
+    # noise.
+    standing = 0.75
+    return 0.0 if floor is None or not len(known) else float(np.quantile(known, standing)) - floor
 
 
 def statures_of(stood: float, likely: float) -> tuple[float, float]:
     """Least and largest stature, metres, of a person whose head `stood` so high and who is `likely` to be so tall; a
     person who sits may have any.
     """
-    return (stood, stood + BENT_STATURE_SPREAD) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
+    # Metres by which a likely stature may differ from the height of the head: nearer, the person stood, and it is the
+    # stature; farther, they sat, or something hid the head.
+    upright = 0.15
+    # Metres by which a person who walks may be taller than the head is high: the knees are bent.
+    bent_stature_spread = 0.04
+    return (stood, stood + bent_stature_spread) if abs(likely - stood) < upright else (0.0, math.inf)
 
 
 @dataclass(frozen=True)

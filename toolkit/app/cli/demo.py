@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 SUBJECT, SUBJECT_SEED = "slim_male", 7
 """Body of the simulated subject, and the seed of its deviation from the bodies that a tracker can fit."""
-MOTIONS = 3
-"""Motions of the recording; the database contains none of them."""
 SECONDS = 5.0
 """Duration of each motion."""
 REAL = "two-people"
@@ -77,7 +75,8 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     run = folder / "run"
     (run / "track.partial").unlink(missing_ok=True)
     subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
-    clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
+    motions = 3  # motions of the recording; the database contains none of them
+    clips = procedural_clips(SUBJECT_MOTIONS[:motions], body=subject, variations=1, seed=seed)
     frames = int(seconds * clips[0].frame_rate)
     poses, _ = joined([clip.poses[:frames] for clip in clips])
     motion = replace(clips[0], name="+".join(clip.name for clip in clips), poses=poses)

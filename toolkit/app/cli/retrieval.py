@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from toolkit.retrieval.workflow.motions import Tag
     from toolkit.retrieval.workflow.search_files import SearchReport
 
-PLAYED = 5
-"""Maximum number of results in a film."""
-EXAMPLE_COST = 0.2
-"""Default maximum cost of a result by example: 99 % of other people's performances cost less than 0.18, half of the
-chance hits less than 0.17."""
 
 Index = Annotated[
     Path, typer.Argument(metavar="INDEX", help="Index written by `depthmocap index`.", show_default=False)
@@ -124,9 +119,10 @@ def search(
         save_matches(output, reports)
     for report in reports:
         _show(report, limit)
+    played = 5  # maximum number of results in a film
     if film.play is not None:
         ranked = sorted((match for report in reports for match in report.matches), key=lambda match: match.cost)
-        _play(film.play, ranked[:PLAYED], film.mocap or [], example)
+        _play(film.play, ranked[:played], film.mocap or [], example)
 
 
 def _labelled(
@@ -150,7 +146,10 @@ def _alike(index: Path, clip: Path, example: ByExample, limit: int, threshold: f
     from toolkit.retrieval.workflow.search_files import by_example, cut_example
 
     piece = cut_example(clip, example.start, example.end)
-    return by_example(KeyframeIndex.open(index), piece, limit, EXAMPLE_COST if threshold is None else threshold)
+    # Default maximum cost of a result by example: 99 % of other people's performances cost less than 0.18, half of
+    # the chance hits less than 0.17.
+    example_cost = 0.2
+    return by_example(KeyframeIndex.open(index), piece, limit, example_cost if threshold is None else threshold)
 
 
 def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExample) -> None:

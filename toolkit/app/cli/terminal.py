@@ -20,8 +20,6 @@ from toolkit.io.progress import Progress
 if TYPE_CHECKING:
     from rich.table import Table
 
-WIDEST = 400
-"""Maximum width of a table in characters."""
 MINUTE = 60.0
 """Seconds between two lines of progress in a pipe or a log."""
 
@@ -133,6 +131,7 @@ def print_table(table: Table) -> None:
     if isinstance(table.title, str):
         table.title = printable(table.title)
     console = Console(markup=False)
-    natural = console.measure(table, options=console.options.update(width=WIDEST)).maximum
+    widest = 400  # maximum width of a table in characters
+    natural = console.measure(table, options=console.options.update(width=widest)).maximum
     # In a narrow terminal long lines break; the alternative is columns of single letters.
     Console(width=max(natural, console.width), markup=False).print(table, crop=False, soft_wrap=True)

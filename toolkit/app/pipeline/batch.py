@@ -26,9 +26,6 @@ from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.tracking.tracker_protocol import Tracker, judge_of
 
-ROUNDS = 3
-"""Maximum number of restarts after the death of a worker process."""
-
 
 def track_recordings(
     paths: Sequence[str | Path],
@@ -148,7 +145,8 @@ def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[Manifes
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     pending = {job.recording: job for job in jobs}
-    for _ in range(ROUNDS):
+    rounds = 3  # maximum number of restarts after the death of a worker process
+    for _ in range(rounds):
         try:
             with _threads(workers):
                 tasks = [joblib.delayed(Task.of(_in_worker))(job) for job in pending.values()]

@@ -12,13 +12,6 @@ from toolkit.people.sighting import PeopleFinder, Sighting
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.sightings import SightingFile, StoredSighting
 
-BEFORE, AFTER = 2.0, 0.5
-"""Seconds before the first detection that are searched, and after it in which the person has to be seen."""
-FEWEST = 3
-"""Minimum number of frames with the person after the first detection; noise is shorter."""
-MIN_OWN_FRACTION = 0.5
-"""Minimum fraction of pixels that belong to no other person; below it the sighting is of another person."""
-
 
 def sightings_before(
     recording: Recording, finder: PeopleFinder, sightings: SightingFile, people: Iterable[int]
@@ -32,10 +25,13 @@ def sightings_before(
     moments = recording.timestamps
     held: dict[int, np.ndarray] = {}
     yielded: dict[int, list[np.ndarray]] = {}
+    # Seconds before the first detection that are searched, and after it in which the person has to be seen.
+    before, after = 2.0, 0.5
+    fewest = 3  # minimum number of frames with the person after the first detection; noise is shorter
     for person, own in sorted(seen.items(), key=lambda known: int(known[1].frames[0])):
         first = int(own.frames[0])
-        start = max(int(np.searchsorted(moments, moments[first] + AFTER)), first + FEWEST)
-        end = int(np.searchsorted(moments, moments[first] - BEFORE))
+        start = max(int(np.searchsorted(moments, moments[first] + after)), first + fewest)
+        end = int(np.searchsorted(moments, moments[first] - before))
         since, number = range(start, first - 1, -1), 0
         if first == 0 or not set(since) <= set(own.frames.tolist()):
             continue
@@ -74,7 +70,9 @@ def _apart_from(others: Iterable[np.ndarray], sighting: Sighting | None) -> Sigh
         return None
     theirs = np.any([np.zeros(sighting.depth.shape, dtype=np.bool_), *others], axis=0)
     depth = np.where(theirs, np.float32(0.0), sighting.depth)
-    if np.count_nonzero(depth) <= MIN_OWN_FRACTION * np.count_nonzero(sighting.depth):
+    # Minimum fraction of pixels that belong to no other person; below it the sighting is of another person.
+    min_own_fraction = 0.5
+    if np.count_nonzero(depth) <= min_own_fraction * np.count_nonzero(sighting.depth):
         return None
     unobserved = theirs if sighting.unobserved is None else sighting.unobserved | theirs
     return replace(sighting, depth=depth, unobserved=unobserved)

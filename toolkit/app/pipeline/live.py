@@ -29,11 +29,6 @@ from toolkit.sensing.stream import Frame
 from toolkit.tracking.live_people import LivePeople, LivePose
 from toolkit.tracking.tracker_protocol import Tracker, judge_of
 
-WARM_UP_FRAMES = 12
-"""Frames of a drawn body that are tracked first, so that all kernels are loaded: each search has its turn in six."""
-WARM_UP_DISTANCE = 2.5
-"""Metres from the camera to the drawn body."""
-
 
 def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePeople:
     """Return what tracks the people of the frames that follow the first one, with all kernels loaded.
@@ -61,15 +56,18 @@ def _warm_up(tracker: Tracker, camera: Camera, up_camera: np.ndarray) -> None:
     straight = Camera(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
     body, pose = load_body("neutral"), np.zeros(skeleton.POSE_SIZE)
     rotation = level_rotation(up_camera)
-    pose[skeleton.ROOT_POSITION] = rotation @ np.array([0.0, 0.0, WARM_UP_DISTANCE])
+    warm_up_distance = 2.5  # metres from the camera to the drawn body
+    pose[skeleton.ROOT_POSITION] = rotation @ np.array([0.0, 0.0, warm_up_distance])
     drawn = Placer(body, straight, rotation).place(body, pose).drawn
     left, top = np.rint(np.array(straight.intrinsics[2:]) - drawn.intrinsics[2:]).astype(int)
     depth = np.zeros(straight.shape, dtype=np.uint16)
     depth[top : top + drawn.depth.shape[0], left : left + drawn.depth.shape[1]] = np.rint(1000.0 * drawn.depth)
     finder = SinglePersonSegmenter(straight, settings=SensingSettings(segment="segmented"), up_camera=up_camera)
     people = LivePeople(tracker, finder, up_camera)
+    # Frames of a drawn body that are tracked first, so that all kernels are loaded: each search has its turn in six.
+    warm_up_frames = 12
     with suppress(DepthMocapError):  # settings under which a drawn body is no person
-        for i in range(WARM_UP_FRAMES):
+        for i in range(warm_up_frames):
             people.advance(Frame(depth, i / 30.0))
         people.finish()
 

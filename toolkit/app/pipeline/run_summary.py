@@ -12,8 +12,6 @@ from toolkit.io.errors import PlausibilityWarning
 from toolkit.people.plausibility import HELP
 from toolkit.tracks import EMPTY, LOST, STATE_NAMES, TRACKED, Track
 
-LOW_CONFIDENCE = 0.4
-"""Minimum mean confidence of the observed joints; below it the body often does not fit the depth."""
 LOW_ADVICE = (
     "check the film of `depthmocap render`; --intrinsics, --depth-unit, --up or --segment may be wrong; a --database "
     "of such motions, or the person's own --body, may help"
@@ -78,12 +76,14 @@ def track_warnings(summary: RunSummary, statures: Sequence[float]) -> list[Plaus
     statures : metres, of the fitted bodies
     """
     texts = []
+    # Minimum mean confidence of the observed joints; below it the body often does not fit the depth.
+    low_confidence = 0.4
     if not summary.states["tracked"]:
         texts.append(
             "no person was tracked; `depthmocap info` shows what the recording holds, and --segment, --depth-unit, "
             "--rotate or --up may help"
         )
-    elif summary.confidence < LOW_CONFIDENCE:
+    elif summary.confidence < low_confidence:
         texts.append(f"the mean confidence is {summary.confidence:.2f}; {LOW_ADVICE}")
     low, high = STATURES
     odd = [f"{stature:.2f}" for stature in statures if not low <= stature <= high] if not texts else []

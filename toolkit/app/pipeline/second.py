@@ -31,8 +31,6 @@ from toolkit.tracks import EMPTY, FrameResult
 FOLDER, BEFORE_FOUND = "second", "before"
 """Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
 STATE_FILE = "state.npz"
-MIN_DETECTED_FRACTION = 0.5
-"""Share of the frames in which a detector sees joints of whoever keeps still; of coats it does in a seventh."""
 MEMORY_SECONDS = 2.0
 """A killed run loses at most this much work: the state is written so often, seconds."""
 
@@ -160,11 +158,13 @@ class SecondPass:
         self._sink.replace(person, self._rows(person, trajectory))
         self.bodies[person] = plan.body
         trajectory.close()
+        # Share of the frames in which a detector sees joints of whoever keeps still; of coats it does in a seventh.
+        min_detected_fraction = 0.5
         if person in self.evidence:
             poses = self._sink.past(person)["pose"][seen.frames]
             energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
             own = replace(self.evidence[person], unlikely=float(np.median(energies)))
-            is_person = own.lifeless and seen.detected_fraction() >= MIN_DETECTED_FRACTION
+            is_person = own.lifeless and seen.detected_fraction() >= min_detected_fraction
             self.evidence[person] = replace(own, unlikely=0.0) if is_person else own
 
     def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:

@@ -13,11 +13,6 @@ from toolkit.inertial.distance import measured_limb, worlds_of
 from toolkit.output.rendering.overlay import draw_line
 from toolkit.sensing.camera import Camera
 
-LENGTH = 0.14
-"""Length of a drawn axis, metres."""
-COLORS = ((200, 40, 40), (40, 150, 60), (40, 80, 200))
-"""RGB colours of x, y and z."""
-
 
 @dataclass(frozen=True, eq=False)
 class LimbAxes:
@@ -37,12 +32,14 @@ class LimbAxes:
 
     def draw(self, image: np.ndarray, camera: Camera, frame: int) -> None:
         """Draw the axes of a frame on an RGB image: tracked ones thin, measured ones bold."""
+        length = 0.14  # length of a drawn axis, metres
+        colors = ((200, 40, 40), (40, 150, 60), (40, 80, 200))  # RGB colours of x, y and z
         for rotations, thickness in ((self.measured, 4), (self.tracked, 1)):
             for origin, rotation in zip(self.origins[frame], rotations[frame], strict=True):
                 if not np.isfinite(rotation).all():
                     continue
-                pixels = camera.project(np.stack([origin, *(origin + LENGTH * rotation.T)]))
-                for end, color in zip(pixels[1:], COLORS, strict=True):
+                pixels = camera.project(np.stack([origin, *(origin + length * rotation.T)]))
+                for end, color in zip(pixels[1:], colors, strict=True):
                     draw_line(image, pixels[0], end, color, thickness)
 
 

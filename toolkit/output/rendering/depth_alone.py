@@ -9,9 +9,6 @@ from toolkit.output.rendering.overlay import color_depth
 from toolkit.output.rendering.painter import RenderSettings
 from toolkit.sensing.recording import Recording
 
-NEAREST_SHARE, FARTHEST_SHARE = 2.0, 98.0
-"""Percentiles of the depth of the first measured frame at the ends of the colour scale."""
-
 
 class DepthPainter:
     """Painter of frames without people.
@@ -45,7 +42,9 @@ class DepthPainter:
     def _near_and_far(self, depth_mm: np.ndarray) -> tuple[float, float]:
         """Return the range of the colour scale in metres, the same for all frames."""
         measured = depth_mm[depth_mm > 0]
+        # Percentiles of the depth of the first measured frame at the ends of the colour scale.
+        nearest_share, farthest_share = 2.0, 98.0
         if self._range is None and len(measured):
-            near, far = np.percentile(measured, [NEAREST_SHARE, FARTHEST_SHARE]) / 1000.0
+            near, far = np.percentile(measured, [nearest_share, farthest_share]) / 1000.0
             self._range = float(near), float(far)
         return self._range or (0.0, 1.0)

@@ -24,12 +24,8 @@ CODECS = {
     ),
 }
 """Encoder and options: constant quality, fast, for drawn pictures."""
-JUMP = 2.0
-"""Seconds between key pictures; half as many make a film a tenth smaller."""
 INDEX_FIRST = {"movflags": "+faststart"}
 """Container options: a film plays while it is loading."""
-RATE_DENOMINATOR = 1001
-"""Maximum denominator of a frame rate (30000/1001 for television)."""
 
 
 def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) -> AvEncoder | OpenCvEncoder:
@@ -69,10 +65,12 @@ class AvEncoder:
         self._to_frame: Callable[..., Any] = av.VideoFrame.from_ndarray
         file: Any = av.open(str(path), "w", options=INDEX_FIRST if suffix == ".mp4" else {})
         self._file = file
-        exact = Fraction(rate).limit_denominator(RATE_DENOMINATOR)
+        rate_denominator = 1001  # maximum denominator of a frame rate (30000/1001 for television)
+        exact = Fraction(rate).limit_denominator(rate_denominator)
         stream: Any = file.add_stream(codec, rate=exact, options=options)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        stream.codec_context.gop_size = max(1, round(JUMP * rate))
+        jump = 2.0  # seconds between key pictures; half as many make a film a tenth smaller
+        stream.codec_context.gop_size = max(1, round(jump * rate))
         self._stream: Any = stream
 
     def write(self, picture: np.ndarray) -> None:

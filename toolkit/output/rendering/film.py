@@ -23,12 +23,8 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import Person, load_persons, person_runs
 
-DEFAULT_RATE = 25.0  # default frame rate for recordings with invalid timestamps, Hz
-LARGEST_RATE = 240.0  # maximum frame rate of players and codecs, Hz
 SHEET_COLUMNS, SHEET_FRAMES = 2, 12
 """Columns of a contact sheet, and its number of pictures."""
-GAP = 6
-"""Gap between pictures, pixels."""
 
 
 def settings_for(output: str | Path) -> RenderSettings:
@@ -126,8 +122,9 @@ def render_people(
 def _target(output: str | Path, recording: Recording, rate: float | None) -> Path:
     """Return the kind of output; raises as `render_people`."""
     target = check_output(output, [recording.path], sealed=[recording.path])
-    if rate is not None and not 0 < rate <= LARGEST_RATE:
-        raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {LARGEST_RATE}")
+    largest_rate = 240.0  # maximum frame rate of players and codecs, Hz
+    if rate is not None and not 0 < rate <= largest_rate:
+        raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {largest_rate}")
     if target.suffix and target.suffix not in (".png", *FILM_SUFFIXES):
         films = ", ".join(f"*{suffix}" for suffix in FILM_SUFFIXES)
         raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
@@ -203,9 +200,10 @@ def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS) -> n
     columns = min(columns, len(pictures))
     height, width = pictures[0].shape[:2]
     rows = -(-len(pictures) // columns)
-    sheet = np.full((rows * (height + GAP) - GAP, columns * (width + GAP) - GAP, 3), style.PAPER, dtype=np.uint8)
+    gap = 6  # gap between pictures, pixels
+    sheet = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), style.PAPER, dtype=np.uint8)
     for k, picture in enumerate(pictures):
-        v, u = (k // columns) * (height + GAP), (k % columns) * (width + GAP)
+        v, u = (k // columns) * (height + gap), (k % columns) * (width + gap)
         sheet[v : v + height, u : u + width] = picture
     return sheet
 
@@ -235,4 +233,5 @@ def _pictures(
 def _rate(timestamps: np.ndarray) -> float:
     steps = np.diff(timestamps)
     usual = float(np.median(steps)) if len(steps) else 0.0
-    return float(np.clip(1 / usual, 1, 120)) if usual > 0 else DEFAULT_RATE
+    default_rate = 25.0  # default frame rate for recordings with invalid timestamps, Hz
+    return float(np.clip(1 / usual, 1, 120)) if usual > 0 else default_rate

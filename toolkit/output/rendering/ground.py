@@ -14,14 +14,8 @@ from toolkit.tracks.runs import Person
 
 Project = Callable[[np.ndarray], np.ndarray]
 """Map from points (..., 3) of the level frame, metres, to pixels (..., 2), NaN for points out of view."""
-CELL = 0.5
-"""Spacing of the grid, metres."""
 AROUND = 0.75
 """Minimum margin of the grid around the people, metres."""
-FARTHEST = 6.0
-"""Maximum distance of the grid from the centre of the people, metres."""
-PIECE = 0.25
-"""Length of the drawn line segments, metres; a segment partly behind the camera is left out."""
 
 
 class Ground:
@@ -68,10 +62,13 @@ def grid(places: np.ndarray, height: float) -> np.ndarray:
         return np.zeros((0, 2, 3))
     middle = np.median(places, axis=0)
     low, high = np.percentile(places, (1.0, 99.0), axis=0)
-    low = CELL * np.floor(np.maximum(low - AROUND, middle - FARTHEST) / CELL)
-    high = CELL * np.ceil(np.minimum(high + AROUND, middle + FARTHEST) / CELL)
-    xs, zs = (np.arange(a, b + 0.5 * PIECE, PIECE) for a, b in zip(low, high, strict=True))
-    step = round(CELL / PIECE)
+    cell = 0.5  # spacing of the grid, metres
+    farthest = 6.0  # maximum distance of the grid from the centre of the people, metres
+    low = cell * np.floor(np.maximum(low - AROUND, middle - farthest) / cell)
+    high = cell * np.ceil(np.minimum(high + AROUND, middle + farthest) / cell)
+    piece = 0.25  # length of the drawn line segments, metres; a segment partly behind the camera is left out
+    xs, zs = (np.arange(a, b + 0.5 * piece, piece) for a, b in zip(low, high, strict=True))
+    step = round(cell / piece)
     pieces = [((a, z), (b, z)) for z in zs[::step] for a, b in zip(xs[:-1], xs[1:], strict=True)]
     pieces += [((x, a), (x, b)) for x in xs[::step] for a, b in zip(zs[:-1], zs[1:], strict=True)]
     flat = np.array(pieces)

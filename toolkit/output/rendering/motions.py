@@ -17,12 +17,8 @@ RATE = 30.0
 PANEL = (300, 340)
 """Width and height of a panel, pixels."""
 COLUMNS = 3
-HOLD = 15
-"""Number of repetitions of the last pose of the longest motion."""
 YAW = np.radians(35.0)
 """Azimuth of the view relative to the initial facing; shows arms and legs side by side."""
-VIEWED = 1.6
-"""Height of a panel in body lengths (leg and spine, `BodyLengths.body`)."""
 
 _SPINE = ("root", "belly", "chest", "neck", "head", "headtop")
 _LIMBS = tuple(
@@ -62,7 +58,8 @@ def film_of_motions(path: str | Path, titled: Sequence[tuple[str, Motion]]) -> P
 
 def _pictures(titled: Sequence[tuple[str, Motion]]) -> Iterator[np.ndarray]:
     pixels = [_projected(motion) for _, motion in titled]
-    for frame in range(max(map(len, pixels)) + HOLD):
+    hold = 15  # number of repetitions of the last pose of the longest motion
+    for frame in range(max(map(len, pixels)) + hold):
         panels = [
             _panel(title, places[min(frame, len(places) - 1)])
             for (title, _), places in zip(titled, pixels, strict=True)
@@ -78,7 +75,8 @@ def _projected(motion: Motion) -> np.ndarray:
     ground = joints - joints[:, [_ROOT]] * [1.0, 0.0, 1.0]
     x = np.cos(turn) * ground[..., 0] - np.sin(turn) * ground[..., 2]
     y = ground[..., 1] - joints[..., 1].min()
-    scale = PANEL[1] / (VIEWED * (BodyLengths.of(motion).body or 1.0))
+    viewed = 1.6  # height of a panel in body lengths (leg and spine, `BodyLengths.body`)
+    scale = PANEL[1] / (viewed * (BodyLengths.of(motion).body or 1.0))
     return np.stack([0.5 * PANEL[0] + scale * x, 0.93 * PANEL[1] - scale * y], axis=-1)
 
 

@@ -7,8 +7,6 @@ import os
 import sys
 
 VULKAN_PACKAGES = "on Debian or Ubuntu `apt-get install libvulkan1 mesa-vulkan-drivers`"
-CREATE_INFO = 1
-"""VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO of the Vulkan specification."""
 
 
 class _InstanceInfo(ctypes.Structure):
@@ -44,7 +42,8 @@ def _vulkan_devices() -> int:
     except OSError:
         return 0
     instance, count = ctypes.c_void_p(), ctypes.c_uint32()
-    info = _InstanceInfo(type=CREATE_INFO)
+    create_info = 1  # VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO of the Vulkan specification
+    info = _InstanceInfo(type=create_info)
     if vulkan.vkCreateInstance(ctypes.byref(info), None, ctypes.byref(instance)):
         return 0
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)

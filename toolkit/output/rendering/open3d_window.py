@@ -35,10 +35,6 @@ logger = logging.getLogger(__name__)
 
 SIZE = (1280, 800)
 """Width and height of the window, pixels."""
-PANEL = 15
-"""Width of the panel at the right, in sizes of its letters."""
-VIEW_ANGLE = 50.0
-"""Vertical angle of view, degrees."""
 TURN, RAISE = np.radians(25.0), np.radians(10.0)
 """By which the first view is turned about the people, and raised, against that of the depth camera."""
 
@@ -259,7 +255,8 @@ class RunWindow:
     def _layout(self, context: Any) -> None:
         gui = _gui()
         area = self.window.content_rect
-        width = PANEL * context.theme.font_size
+        panel = 15  # width of the panel at the right, in sizes of its letters
+        width = panel * context.theme.font_size
         self.scene.frame = gui.Rect(area.x, area.y, area.width - width, area.height)
         self._panel.frame = gui.Rect(area.x + area.width - width, area.y, width, area.height)
 
@@ -276,14 +273,15 @@ class RunWindow:
         low, high = np.percentile(joints, (1.0, 99.0), axis=0)
         centre = (low + high) / 2
         up = self._people[0].R_level_camera[1]
-        distance = 0.7 * max(float(np.linalg.norm(high - low)), 1.0) / np.tan(np.radians(VIEW_ANGLE / 2))
+        view_angle = 50.0  # vertical angle of view, degrees
+        distance = 0.7 * max(float(np.linalg.norm(high - low)), 1.0) / np.tan(np.radians(view_angle / 2))
         ahead = centre - (centre @ up) * up
         ahead /= max(float(np.linalg.norm(ahead)), 1e-6)
         beside = np.cross(ahead, up)
         away = -np.cos(TURN) * ahead + np.sin(TURN) * beside
         eye = centre + distance * (np.cos(RAISE) * away + np.sin(RAISE) * up)
         box = o3d.geometry.AxisAlignedBoundingBox(low - 3.0, high + 3.0)
-        self.scene.setup_camera(VIEW_ANGLE, box, centre)
+        self.scene.setup_camera(view_angle, box, centre)
         self.scene.look_at(centre, eye, up)
 
 

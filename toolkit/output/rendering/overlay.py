@@ -10,7 +10,6 @@ from toolkit.body.skeleton import BONE_ROWS
 from toolkit.output.rendering.style import BONE_COLORS, EXTREMUM, JOINT_COLORS, PAPER
 
 SHIFT = 3  # fractional bits of pixel coordinates, for smooth motion of lines
-DIM = 0.45  # brightness of pixels outside the person
 
 
 @lru_cache(maxsize=1)
@@ -39,7 +38,8 @@ def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: floa
 @lru_cache(maxsize=1)
 def _depth_table() -> np.ndarray:
     bright = _depth_palette()
-    return np.concatenate([bright, (bright * DIM).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
+    dim = 0.45  # brightness of pixels outside the person
+    return np.concatenate([bright, (bright * dim).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
 
 
 def draw_skeleton(

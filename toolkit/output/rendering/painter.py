@@ -29,9 +29,7 @@ TITLES = {
     "plan": "seen from above",
 }  # fmt: skip
 CAMERA_AT = {"side": "camera at the left", "plan": "camera at the bottom"}
-NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m of depth range in front of and behind the person on the colour scale
 NEAR_BODY = 0.15  # m between the drawn body and points shown with it
-BEHIND_BODY = 2  # factor by which the depth image behind the fitted body is darkened
 
 
 @dataclass(frozen=True)
@@ -114,8 +112,9 @@ class FramePainter:
         self._outside = {view: outside_view_of(level, self.settings.size(view), view) for view in R_LEVEL_VIEW}
         self._ground = Ground(people)
         depths = joints[:, 0, 2]
-        self._near = float(np.percentile(depths, 5)) - NEAR_SHARE
-        self._far = float(np.percentile(depths, 95)) + FAR_SHARE
+        near_share, far_share = 0.4, 0.8  # m of depth range in front of and behind the person on the colour scale
+        self._near = float(np.percentile(depths, 5)) - near_share
+        self._far = float(np.percentile(depths, 95)) + far_share
 
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
         """Return the picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames must be in
@@ -172,7 +171,8 @@ class FramePainter:
         if panel in R_LEVEL_VIEW or backdrop is None:
             width, height = self.settings.size(panel)
             return np.full((height, width, 3), style.PAPER, dtype=np.uint8)
-        return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
+        behind_body = 2  # factor by which the depth image behind the fitted body is darkened
+        return backdrop.copy() if panel == "depth" else backdrop // behind_body
 
     def _to_pixels(self, panel: str, points: np.ndarray) -> np.ndarray:
         """Map points (..., 3) of the level frame to a panel (..., 2), NaN behind its camera."""

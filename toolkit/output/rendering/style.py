@@ -24,13 +24,12 @@ FAINT = (150, 156, 166)
 PAPER = (20, 22, 28)
 BAR = (32, 35, 43)
 
-PEOPLE = ((255, 145, 40), (60, 150, 255), (120, 220, 120), (240, 110, 190), (240, 215, 70), (150, 120, 255))
-"""Colours of several people in order of appearance."""
-
 
 def person_color(number: int) -> tuple[int, int, int]:
     """Return the colour of the person with this index (from 0)."""
-    return PEOPLE[number % len(PEOPLE)]
+    # Colours of several people in order of appearance.
+    people = ((255, 145, 40), (60, 150, 255), (120, 220, 120), (240, 110, 190), (240, 215, 70), (150, 120, 255))
+    return people[number % len(people)]
 
 
 def side_color(name: str) -> tuple[int, int, int]:

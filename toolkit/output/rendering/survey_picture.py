@@ -10,9 +10,6 @@ from toolkit.output.rendering.film import save_png
 from toolkit.output.rendering.style import ALARM, FAINT, INK, PAPER, person_color
 from toolkit.people.description import FirstLook, largest_surface
 
-NEAR_SHADE, FAR_SHADE = 0.95, 0.25
-"""Brightness of the nearest and the farthest measurement."""
-
 
 def picture(look: FirstLook) -> np.ndarray:
     """Return an RGB picture, uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture with a
@@ -24,7 +21,8 @@ def picture(look: FirstLook) -> np.ndarray:
     measured = depth > 0
     near, far = np.percentile(depth[measured], [2, 98]) if measured.any() else (0.0, 1.0)
     place = np.clip((depth - near) / max(far - near, 1.0), 0.0, 1.0)
-    shade = np.where(measured, NEAR_SHADE + (FAR_SHADE - NEAR_SHADE) * place, 0.0)[..., None]
+    near_shade, far_shade = 0.95, 0.25  # brightness of the nearest and the farthest measurement
+    shade = np.where(measured, near_shade + (far_shade - near_shade) * place, 0.0)[..., None]
     image = np.where(measured[..., None], shade * np.array(FAINT), np.array(PAPER))
     for sighting in look.sightings:
         size = (image.shape[1], image.shape[0])

@@ -13,10 +13,6 @@ from toolkit.tracks.runs import Person
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SKELETONS = 6
-"""Number of skeletons."""
-STEP = 1.1
-"""Distance between two skeletons, metres."""
 CURVES = {"head": "black", "left_hand": "tab:orange", "right_hand": "tab:blue"}
 CURVES |= {"left_foot": "tab:orange", "right_foot": "tab:blue"}
 
@@ -32,12 +28,14 @@ def plot_person(person: Person) -> Figure:
     above, below = figure.subplots(2, 1, height_ratios=(3, 2))
     joints, times = person.joints_level, person.times
     frames = np.flatnonzero(person.there)
-    for k, frame in enumerate(frames[np.linspace(0, len(frames) - 1, SKELETONS).astype(int)] if len(frames) else ()):
+    skeletons = 6  # number of skeletons
+    step = 1.1  # distance between two skeletons, metres
+    for k, frame in enumerate(frames[np.linspace(0, len(frames) - 1, skeletons).astype(int)] if len(frames) else ()):
         points = joints[frame] - joints[frame, REPORTED.index("pelvis")] * (1.0, 0.0, 0.0)
         for (a, b), side in zip(points[BONE_ROWS], BONE_COLORS, strict=True):
             color = tuple(channel / 255 * 0.8 for channel in side)
-            above.plot([k * STEP + a[0], k * STEP + b[0]], [a[1], b[1]], color=color, lw=2)
-        above.text(k * STEP, np.nanmin(points[:, 1]) - 0.15, f"{times[frame]:.1f} s", ha="center", va="top", fontsize=8)
+            above.plot([k * step + a[0], k * step + b[0]], [a[1], b[1]], color=color, lw=2)
+        above.text(k * step, np.nanmin(points[:, 1]) - 0.15, f"{times[frame]:.1f} s", ha="center", va="top", fontsize=8)
     above.set_aspect("equal")
     above.set_axis_off()
     above.set_title(f"{person.name}: {len(person.track)} frames", fontsize=10, loc="left")

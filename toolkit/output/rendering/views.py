@@ -9,9 +9,7 @@ import numpy as np
 from toolkit.sensing.camera import Camera
 
 MARGIN = 0.18  # margin relative to the extent of the person
-LEAST_WINDOW = 0.35  # relative to the image height
 DISTANCE = 8.0  # m: far enough for a weak perspective
-LEAST_SPAN = 2.0  # m of height in these views
 
 R_LEVEL_VIEW = {
     "side": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
@@ -59,7 +57,8 @@ def window_on(joints: np.ndarray, camera: Camera, size: tuple[int, int]) -> Wind
     low, high = np.percentile(pixels, (0.5, 99.5), axis=0)
     low, high = np.clip(low, 0, (camera.width, camera.height)), np.clip(high, 0, (camera.width, camera.height))
     extent = (high - low) * (1 + 2 * MARGIN)
-    height = max(extent[1], extent[0] * size[1] / size[0], LEAST_WINDOW * camera.height)
+    least_window = 0.35  # relative to the image height
+    height = max(extent[1], extent[0] * size[1] / size[0], least_window * camera.height)
     scale = size[1] / height
     u, v = (low + high) / 2 - np.array(size) / scale / 2
     picture = Camera(
@@ -98,7 +97,8 @@ def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) 
     rotation = R_LEVEL_VIEW[view]
     low, high = np.percentile(joints_level.reshape(-1, 3) @ rotation, (0.5, 99.5), axis=0)
     extent = (high - low) * (1 + 2 * MARGIN)
-    span = max(extent[1], extent[0] * size[1] / size[0], LEAST_SPAN)
+    least_span = 2.0  # m of height in these views
+    span = max(extent[1], extent[0] * size[1] / size[0], least_span)
     focal = size[1] * DISTANCE / span
     camera = Camera(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2, *size)
     return OutsideView(camera, rotation @ ((low + high) / 2 - (0.0, 0.0, DISTANCE)), rotation)

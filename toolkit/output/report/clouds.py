@@ -14,10 +14,6 @@ REACH = 0.45
 shown."""
 POINTS, ROOM_POINTS = 900, 12_000
 """Maximum number of points near the people per frame, and of the room, for a page of some megabytes."""
-TOTAL = 500_000
-"""Maximum number of points near the people in all frames; long recordings have fewer points per frame."""
-ROOM_FRAMES = 7
-"""Number of frames in the median of the room."""
 MILLIMETRES = 1000.0
 UNIT = 0.004
 """Metres per unit of a stored point, below the resolution of depth cameras."""
@@ -50,8 +46,11 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
     joints : float (T, J, 3), joints of all people in each frame, camera frame, metres; NaN in frames without the person
     frames : which ones are shown, in order
     """
-    limit = min(POINTS, max(50, TOTAL // len(frames)))
-    for_room = set(np.linspace(0, len(frames) - 1, min(ROOM_FRAMES, len(frames))).astype(int).tolist())
+    # Maximum number of points near the people in all frames; long recordings have fewer points per frame.
+    total = 500_000
+    limit = min(POINTS, max(50, total // len(frames)))
+    room_frames = 7  # number of frames in the median of the room
+    for_room = set(np.linspace(0, len(frames) - 1, min(room_frames, len(frames))).astype(int).tolist())
     rays = np.dstack([recording.camera.rays(), np.ones(recording.camera.shape)])
     points, counts, still = [], [], []
     shown, last = dict(zip(frames, range(len(frames)), strict=True)), max(frames)

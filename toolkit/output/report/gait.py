@@ -36,8 +36,6 @@ EXPECTED: dict[str, float] = {
 
 
 LEFT, RIGHT = "#5b8ff9", "#f6903d"
-WIDTH, HEIGHT, EDGE = 640, 150, 34
-"""Size and margin of a curve, pixels."""
 CURVES = (("knee", "flexion"), ("hip", "flexion"), ("ankle", "dorsiflexion"))
 SHOWN = (
     ("stride_length_m", "stride length", "m", 2),
@@ -49,8 +47,6 @@ SHOWN = (
 )
 SIDED = (("step_length", "step length", "m", 2), ("stance_share", "stance, share of the stride", "", 2))
 MOTIONS = {"internal_rotation": "internal rotation", "plane_of_elevation": "plane of elevation"}
-NARROW = 5.0
-"""Minimum range of a motion in the table, degrees."""
 
 
 def gait_section(name: str, people: Sequence[Person]) -> str:
@@ -115,9 +111,10 @@ def _rise_table(found: Summary) -> str:
 
 def _range_table(found: Summary) -> str:
     rows = []
+    narrow = 5.0  # minimum range of a motion in the table, degrees
     for r in found.ranges:
         widths = [high - low for low, high in (r.left, r.right)]
-        if not np.isfinite(widths).all() or max(widths) < NARROW:
+        if not np.isfinite(widths).all() or max(widths) < narrow:
             continue
         sides = [f"{low:.0f} to {high:.0f}" for low, high in (r.left, r.right)]
         name = f"{r.joint} {MOTIONS.get(r.motion, r.motion)}"
@@ -142,15 +139,17 @@ def _curve(title: str, times: np.ndarray, sides: Sequence[np.ndarray], known: np
     low, high = float(known.min()) - 2.0, float(known.max()) + 2.0
     end = max(float(times[-1]), 1e-6)
 
+    width, height, edge = 640, 150, 34  # size and margin of a curve, pixels
+
     def x(time: float) -> float:
-        return EDGE + (WIDTH - EDGE - 4) * time / end
+        return edge + (width - edge - 4) * time / end
 
     def y(value: float) -> float:
-        return 6 + (HEIGHT - 34) * (high - value) / (high - low)
+        return 6 + (height - 34) * (high - value) / (high - low)
 
     marks = []
     for value in (low + 2.0, high - 2.0):
-        marks.append(f'<line class="grid" x1="{EDGE}" x2="{WIDTH}" y1="{y(value):.1f}" y2="{y(value):.1f}"/>')
+        marks.append(f'<line class="grid" x1="{edge}" x2="{width}" y1="{y(value):.1f}" y2="{y(value):.1f}"/>')
         marks.append(f'<text x="2" y="{y(value) + 4:.1f}">{value:.0f}</text>')
     for side, (values, color) in enumerate(zip(sides, (LEFT, RIGHT), strict=True)):
         for span in spans(np.isfinite(values)):
@@ -158,9 +157,9 @@ def _curve(title: str, times: np.ndarray, sides: Sequence[np.ndarray], known: np
             marks.append(f'<polyline class="line" stroke="{color}" points="{points}"/>')
         for span in spans(contact[:, side]):
             a, b = x(times[span.start]), x(times[span.stop - 1])
-            top = HEIGHT - 24 + 7 * side
+            top = height - 24 + 7 * side
             marks.append(f'<rect fill="{color}" x="{a:.1f}" y="{top}" width="{max(b - a, 1):.1f}" height="5"/>')
-    marks.append(f'<text x="{EDGE}" y="{HEIGHT - 1}">0 s</text>')
-    marks.append(f'<text x="{WIDTH - 46}" y="{HEIGHT - 1}">{end:.1f} s</text>')
-    drawing = f'<svg viewBox="0 0 {WIDTH} {HEIGHT}">{"".join(marks)}</svg>'
+    marks.append(f'<text x="{edge}" y="{height - 1}">0 s</text>')
+    marks.append(f'<text x="{width - 46}" y="{height - 1}">{end:.1f} s</text>')
+    drawing = f'<svg viewBox="0 0 {width} {height}">{"".join(marks)}</svg>'
     return f"<figure><figcaption>{html.escape(title)}</figcaption>{drawing}</figure>"

@@ -20,9 +20,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D, same_rays
 from toolkit.sensing.stream import Frame
 
-ASPECT = 0.01
-"""Maximum relative difference of width and height between the scales of colour and depth."""
-
 
 class DetectedJoints:
     """Detector of each person's joints by a network, in a crop that follows the person; see `JointSource`.
@@ -81,7 +78,8 @@ class DetectedJoints:
             raise RecordingError("a frame has no colour to find joints in; use --joints depth or --joints none")
         height, width = color.shape[:2]
         scale = width / camera.width
-        if abs(height / camera.height - scale) > ASPECT * scale:
+        aspect = 0.01  # maximum relative difference of width and height between the scales of colour and depth
+        if abs(height / camera.height - scale) > aspect * scale:
             raise RecordingError(
                 f"colour of {width}x{height} does not show what depth of {camera.width}x{camera.height} shows; "
                 "register it to the depth, or use --joints depth"

@@ -27,12 +27,6 @@ POINTS, HEAT_SIDE = 39, 64
 """Number of keypoints, the last six for internal use, and the side of the heat maps in pixels."""
 CENTRE, UPWARD = 33, 34
 """Keypoints that define the next crop: the middle of the hips, and one above it."""
-CROP_MARGIN = 1.25
-"""Side of a crop against the longer side of the person's silhouette."""
-CROP_REACH = 2.5
-"""Side of a crop against the distance from `CENTRE` to `UPWARD`."""
-HEAT_REACH, HEAT_LEAST = 3, 0.5
-"""Pixels around a point in which the heat map corrects it, and the heat that is needed."""
 LEAST_PRESENCE = 0.5
 """Minimum probability of a person in the crop."""
 
@@ -57,13 +51,15 @@ class Crop(NamedTuple):
         """Return the upright crop around a silhouette, bool (H, W), that is not empty."""
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
         extent = max(int(rows[-1] - rows[0]), int(columns[-1] - columns[0])) + 1
-        return cls(0.5 * float(columns[0] + columns[-1]), 0.5 * float(rows[0] + rows[-1]), CROP_MARGIN * extent, 0.0)
+        crop_margin = 1.25  # side of a crop against the longer side of the person's silhouette
+        return cls(0.5 * float(columns[0] + columns[-1]), 0.5 * float(rows[0] + rows[-1]), crop_margin * extent, 0.0)
 
     @classmethod
     def of_points(cls, centre: np.ndarray, upward: np.ndarray) -> Crop:
         """Return the crop given by two points (2,) of a person, pixels; the second is above the first in the crop."""
         du, dv = float(upward[0] - centre[0]), float(upward[1] - centre[1])
-        return cls(float(centre[0]), float(centre[1]), CROP_REACH * math.hypot(du, dv), math.atan2(du, -dv))
+        crop_reach = 2.5  # side of a crop against the distance from `CENTRE` to `UPWARD`
+        return cls(float(centre[0]), float(centre[1]), crop_reach * math.hypot(du, dv), math.atan2(du, -dv))
 
     @property
     def to_picture(self) -> np.ndarray:
@@ -175,13 +171,15 @@ def refined(points: np.ndarray, heat: np.ndarray) -> np.ndarray:
     before the centre of its first pixel, and means the corner of a cell of heat, not its middle.
     """
     moved, scale = points.copy(), HEAT_SIDE / SIDE
+    # Pixels around a point in which the heat map corrects it, and the heat that is needed.
+    heat_reach, heat_least = 3, 0.5
     for k, (x, y) in enumerate(points * scale):
         column, row = math.floor(x), math.floor(y)
         if not (0 <= column < HEAT_SIDE and 0 <= row < HEAT_SIDE):
             continue
-        u0, v0 = max(column - HEAT_REACH, 0), max(row - HEAT_REACH, 0)
-        around = _share(heat[v0 : row + HEAT_REACH + 1, u0 : column + HEAT_REACH + 1, k].astype(np.float64))
-        if around.max() < HEAT_LEAST:
+        u0, v0 = max(column - heat_reach, 0), max(row - heat_reach, 0)
+        around = _share(heat[v0 : row + heat_reach + 1, u0 : column + heat_reach + 1, k].astype(np.float64))
+        if around.max() < heat_least:
             continue
         total, height, width = around.sum(), *around.shape
         moved[k, 0] = ((around.sum(axis=0) * (u0 + np.arange(width))).sum() / total) / scale

@@ -8,15 +8,8 @@ from toolkit.sensing.camera import Camera
 
 ENLARGED = 3
 """Enlargement of the picture against the depth image: its contours are smooth as in a photograph."""
-SMOOTHED = 5
-"""Side of the window, pixels, over which depth is averaged before normals are computed."""
-BORDER = 4
-"""Pixels around a person that are shaded with them: the enlarged contour reaches two."""
-SKIN = (224.0, 172.0, 138.0)
 GREY = 120.0
 """Grey value of the background."""
-AMBIENT, HEAD_LIGHT, KEY_LIGHT = 0.35, 0.4, 0.35
-"""Fractions of ambient light, light from the camera, and light from above left."""
 KEY = np.array([-0.48, -0.64, -0.6])
 """Direction towards the light, camera frame."""
 
@@ -32,8 +25,9 @@ def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
     if not len(rows):
         return picture
     box, large = [], []
+    border = 4  # pixels around a person that are shaded with them: the enlarged contour reaches two
     for there, size in ((rows, height), (columns, width)):
-        first, last = max(int(there[0]) - BORDER, 0), min(int(there[-1]) + BORDER + 1, size)
+        first, last = max(int(there[0]) - border, 0), min(int(there[-1]) + border + 1, size)
         box.append(slice(first, last))
         large.append(slice(ENLARGED * first, ENLARGED * last))
     slopes = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
@@ -46,14 +40,18 @@ def lit(depth: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     import cv2
 
     mask = (depth > 0).astype(np.float32)
-    window = (SMOOTHED, SMOOTHED)
+    smoothed = 5  # side of the window, pixels, over which depth is averaged before normals are computed
+    window = (smoothed, smoothed)
     share = cv2.blur(mask, window, borderType=cv2.BORDER_CONSTANT)
     smooth = np.where(mask > 0, cv2.blur(depth, window, borderType=cv2.BORDER_CONSTANT) / np.maximum(share, 1e-6), 0.0)
     normals = _normals(smooth, mask > 0, slopes)
     from_head = -(normals * slopes).sum(axis=-1) / np.sqrt((slopes * slopes).sum(axis=-1))
     from_key = (normals * KEY).sum(axis=-1)
-    light = AMBIENT + HEAD_LIGHT * np.maximum(from_head, 0.0) + KEY_LIGHT * np.maximum(from_key, 0.0)
-    picture = np.where(mask[..., None] > 0, np.array(SKIN) * light[..., None], GREY)
+    # Fractions of ambient light, light from the camera, and light from above left.
+    ambient, head_light, key_light = 0.35, 0.4, 0.35
+    light = ambient + head_light * np.maximum(from_head, 0.0) + key_light * np.maximum(from_key, 0.0)
+    skin = (224.0, 172.0, 138.0)
+    picture = np.where(mask[..., None] > 0, np.array(skin) * light[..., None], GREY)
     size = (ENLARGED * depth.shape[1], ENLARGED * depth.shape[0])
     large = cv2.resize(picture.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
     return np.clip(np.rint(large), 0, 255).astype(np.uint8)

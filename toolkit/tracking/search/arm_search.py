@@ -21,10 +21,6 @@ ITERATIONS = 2
 """Iterations that refine a pose with one new limb."""
 
 
-FARTHER = 1.2
-"""Maximum factor by which the sparse distance may grow; beyond it the new arm covers measured points."""
-
-
 @dataclass(frozen=True)
 class LimbExchange:
     """Refinement of arm candidates; keeps the pose that leaves least unexplained.
@@ -43,9 +39,11 @@ class LimbExchange:
         self, body: Body, pose: np.ndarray, compared: Comparison, candidates: Iterable[np.ndarray], scene: Scene
     ) -> tuple[np.ndarray, Comparison]:
         """Return the best of a pose (P,), `compared` with the frame, and the `candidates` (P,) to replace it."""
+        # Maximum factor by which the sparse distance may grow; beyond it the new arm covers measured points.
+        farther = 1.2
         for candidate in candidates:
             refined = self.refiner.refine(body, candidate, scene, iterations=ITERATIONS)
-            tried = self.objective.compare(body, refined, scene, FARTHER * compared.distance)
+            tried = self.objective.compare(body, refined, scene, farther * compared.distance)
             if unexplained(tried, self.settings) < unexplained(compared, self.settings) - self.settings.margin:
                 pose, compared = refined, tried
         return pose, compared

@@ -18,8 +18,6 @@ from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
-PULLED_ITERATIONS = 2
-"""Iterations with a query's pull; later ones use the depth image alone."""
 FIRST_ROUNDS = 2
 """Factor on the usual number of iterations where there is no previous pose."""
 
@@ -124,9 +122,10 @@ class DatabaseLookup:
         """Return a retrieved pose, refined with the query's pull first."""
         scene, iterations = observation.scene, rounds * self._refiner.settings.iterations
         pull = query.pull(observation)
+        pulled_iterations = 2  # iterations with a query's pull; later ones use the depth image alone
         if pull is not None:
-            pose = self._refiner.refine(body, pose, scene, terms=[pull], iterations=rounds * PULLED_ITERATIONS)
-            iterations -= PULLED_ITERATIONS
+            pose = self._refiner.refine(body, pose, scene, terms=[pull], iterations=rounds * pulled_iterations)
+            iterations -= pulled_iterations
         return self._refiner.refine(body, pose, scene, iterations=max(iterations, 1))
 
 

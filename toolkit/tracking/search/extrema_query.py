@@ -15,8 +15,6 @@ from toolkit.tracking.state import Previous
 
 TIPS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
 """Rows of the reported joints that are end effectors."""
-FEWEST_KNOWN = 3
-"""Minimum number of end effectors of a partial query: with two, any pose fits."""
 
 
 class ExtremaQuery:
@@ -69,9 +67,10 @@ class ExtremaQuery:
             present = np.ones(points.shape[:2], dtype=np.bool_)
         expected = [] if observation.votes is None else [observation.votes.points[TIPS]]
         expected += [] if previous is None else [previous.effectors]
+        fewest_known = 3  # minimum number of end effectors of a partial query: with two, any pose fits
         for effectors in expected if settings.candidate_distance > 0.0 else ():
             found, known = label_candidates(extrema, effectors, settings.candidate_distance)
-            if known.sum() >= FEWEST_KNOWN:
+            if known.sum() >= fewest_known:
                 points, present = np.concatenate([points, found[None]]), np.concatenate([present, known[None]])
         return points, present
 

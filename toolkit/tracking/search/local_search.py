@@ -38,10 +38,6 @@ class LocalSearch:
         return Proposal((Hypothesis("local", pose, continues=True),))
 
 
-FARTHEST = 3.0
-"""Maximum extrapolation, in steps of the previous frame rate."""
-
-
 def moved_on(previous: Previous, momentum: float, elapsed: float) -> np.ndarray:
     """Return the previous pose (P,), extrapolated within the joint limits by `momentum` times its speed.
 
@@ -52,7 +48,8 @@ def moved_on(previous: Previous, momentum: float, elapsed: float) -> np.ndarray:
         return pose
     step = pose - before
     step[skeleton.ROOT_ROTATION] = least_turn(before[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION])
-    steps = min(elapsed / previous.elapsed, FARTHEST)
+    farthest = 3.0  # maximum extrapolation, in steps of the previous frame rate
+    steps = min(elapsed / previous.elapsed, farthest)
     return np.clip(pose + momentum * steps * step, *skeleton.POSE_LIMITS.T)
 
 
