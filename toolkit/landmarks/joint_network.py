@@ -23,7 +23,7 @@ from toolkit.sensing.exact_network import ExactNetwork
 
 ASSET = Path(__file__).parent / "assets" / "joints.onnx"
 SIZE, STRIDE, PIXEL = 96, 8, 0.025
-"""Pixels of a side of the crop; pixels between anchors; metres of a pixel at the person's median depth."""
+"""Side of the crop, distance between anchors, pixels; size of a pixel at the person's median depth, metres."""
 WITHIN, RELIABILITY = 0.1, 1.4
 """Metres: the error below which a joint counts as right, with probability 1 - exp(-RELIABILITY (WITHIN / scale)**1.5):
 fitted between 800 held-out simulated crops and UTD-MHAD without the mean offset of each joint, see `docs/models.md`."""
@@ -45,7 +45,7 @@ OPPOSITE: np.ndarray = np.array(
 
 @dataclass(frozen=True, eq=False)
 class JointEstimate:
-    """Joints of a person as the network estimates them from one frame.
+    """Joints of a person, estimated by the network from one frame.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class JointEstimate:
 
 
 class JointNetwork:
-    """A joint network, that of the package unless another file is named."""
+    """Joint network of the package, or of another file."""
 
     def __init__(self, path: Path = ASSET) -> None:
         side = SIZE // STRIDE
@@ -146,7 +146,7 @@ def _digest(*arrays: np.ndarray | None) -> bytes:
 
 
 def _down(rotation: np.ndarray) -> np.ndarray:
-    """Unit vector (2,) of the image that points downwards, of `R_level_camera`; (0, 1) of a camera without roll."""
+    """Return the image direction (2,) that points downwards, of `R_level_camera`; (0, 1) for a camera without roll."""
     down = -rotation[1, :2]
     length = float(np.hypot(down[0], down[1]))
     # Length of the vertical in the image plane below which a camera looks up or down so steeply that it has no roll.
@@ -155,7 +155,9 @@ def _down(rotation: np.ndarray) -> np.ndarray:
 
 
 def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """Probability (20,) of an error below `WITHIN`, by the scale (20,) and the probability (2,) of the right sides."""
+    """Return the probability (20,) of an error below `WITHIN`, by scale (20,) and the probability (2,) of correct
+    sides.
+    """
     ratio = WITHIN / scale
     near = 1.0 - np.array([joint_crop.exponential(-RELIABILITY * r * math.sqrt(r)) for r in ratio])
     for rows, side in zip(PAIRS, sides, strict=True):
@@ -166,7 +168,9 @@ def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
 def _in_view(
     pixels: np.ndarray, metres: np.ndarray, scale: np.ndarray, shape: tuple[int, ...], unobserved: np.ndarray | None
 ) -> np.ndarray:
-    """Probability (N,) that joints at `pixels` (N, 2), `metres` (N,) a pixel, are in the image and not occluded."""
+    """Return the probability (N,) that joints at `pixels` (N, 2), `metres` (N,) a pixel, are in the image and not
+    occluded.
+    """
     limits = np.array([shape[1], shape[0]]) - 0.5
     inside = np.minimum(pixels + 0.5, limits - pixels).min(axis=1) * metres
     view_margin = 0.5  # scales of a joint inside the image at which it is in view with probability 1 / (1 + 1/e)

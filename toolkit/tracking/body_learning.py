@@ -1,4 +1,4 @@
-"""A person's own body, learnt from the first seconds in which they are seen."""
+"""Learning of a person's body from the first seconds in view."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from toolkit.tracks import TRACKED, FrameResult
 
 
 class FollowedBody:
-    """A `BodyLearner` that follows the person with a body that becomes their own.
+    """`BodyLearner` that follows the person with a body that becomes their own.
 
     Parameters
     ----------
@@ -87,14 +87,14 @@ class FollowedBody:
 
 
 class RateLimiter:
-    """Chooses evenly spread frames: at most about `rate` in a second."""
+    """Selector of evenly spread frames: at most about `rate` in a second."""
 
     def __init__(self, rate: float) -> None:
         self._rate, self._due = rate, -math.inf
 
     def takes(self, timestamp: float) -> bool:
-        """Whether the next frame, at `timestamp` seconds, is one of them."""
-        # Clocks are not even: a third of the time between two is let go.
+        """Return True if the next frame, at `timestamp` seconds, is selected."""
+        # clocks are uneven: a tolerance of a third of the interval
         if timestamp < self._due - 0.3 / self._rate:
             return False
         self._due = max(self._due, timestamp) + 1.0 / self._rate

@@ -1,4 +1,4 @@
-"""Follows one person from sighting to sighting (Baak 2013, 5.4)."""
+"""Follower of one person from sighting to sighting (Baak 2013, 5.4)."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ class Follower(FollowedPerson):
         if votes is None:
             return len(cloud) / cloud.depth.size, voted_facing(None), math.nan, not observation.cut.any()
         joints = float((votes.reliability * votes.in_view).sum())
-        whole = bool(votes.in_view.min() > 0.5)  # each joint is rather in view than not
+        whole = bool(votes.in_view.min() > 0.5)  # each joint is more likely in view than not
         return joints, voted_facing(votes), head_top(cloud, votes.points[HEAD]), whole
 
     def compared(self, body: Body, pose: np.ndarray, observation: Observation, context: StepContext) -> float:
@@ -212,7 +212,7 @@ class Follower(FollowedPerson):
         went = _last_seen(state, observation.timestamp, self.held)
         known = [] if went is None else [replace(state, previous=went)]
         bodies = (state.body,) if state.sized else context.sizes
-        # A person who was hidden for a moment has not turned round meanwhile.
+        # a person who was out of view for a moment keeps the heading
         redetected = not observation.follows and not known
         scored: list[ScoredHypothesis] = []
         for told in (*known, *(replace(state, body=body) for body in bodies)):
@@ -232,7 +232,7 @@ class Follower(FollowedPerson):
     def _scored(
         self, hypothesis: Hypothesis, body: Body, observation: Observation, redetected: bool
     ) -> ScoredHypothesis:
-        """A hypothesis against the frame (5.4.4, Eq. 5.9), unless the search compared it already."""
+        """Return a hypothesis with its cost for the frame (5.4.4, Eq. 5.9), unless the search compared it already."""
         compared = hypothesis.comparison
         if compared is None:
             compared = self.objective.compare(body, hypothesis.pose, observation.scene)
@@ -241,7 +241,7 @@ class Follower(FollowedPerson):
     def _selected(
         self, winner: ScoredHypothesis, state: PersonState, observation: Observation
     ) -> tuple[FrameResult, PersonState]:
-        """The winner as a row of the track, and the state of the next frame."""
+        """Return the winner as a row of the track, and the state of the next frame."""
         settings, body, elapsed = self._settings, winner.body, observation.elapsed
         continues = state.previous is not None and winner.hypothesis.continues
         guess = self._completed(winner, None if continues else state.previous)
@@ -279,7 +279,7 @@ class Follower(FollowedPerson):
         return row, following
 
     def _completed(self, winner: ScoredHypothesis, before: Previous | None) -> Guess:
-        """The winner, whose unobserved limbs stay as in the frame before, where the pose does not go on from it."""
+        """Return the winner with unobserved limbs as in the previous frame, unless the pose continues from it."""
         pose = winner.hypothesis.pose
         if self._occluded_limbs is None:
             return Guess(pose, np.zeros(len(skeleton.REPORTED)))
@@ -289,7 +289,7 @@ class Follower(FollowedPerson):
 
 
 def unseen(before: PersonState, timestamp: float) -> PersonState:
-    """The state after a frame without a sighting or without a hypothesis.
+    """Return the state after a frame without a sighting or without a hypothesis.
 
     A person who comes back may stand anywhere, in any pose, facing anywhere; after a short absence they are probably
     near the last place.
@@ -313,7 +313,7 @@ def _remember_last_seen(state: PersonState, previous: Previous) -> dict[str, Any
 
 
 def _last_seen(state: PersonState, timestamp: float, held: float) -> Previous | None:
-    """The frame in which the person went out of sight, unless that is more than `held` seconds ago."""
+    """Return the frame in which the person was last seen, unless that is more than `held` seconds ago."""
     if state.last_seen_at is None or abs(timestamp - state.last_seen_at) > held:
         return None
     return state.last_seen
@@ -324,6 +324,6 @@ def _turn(state: PersonState) -> int:
 
 
 def _in_view(observation: Observation, guess: Guess) -> np.ndarray | None:
-    """What has been in view lately; a joint that the pose itself shows is, whatever the votes say."""
+    """Return the probability that joints have been in view recently; joints that the pose shows are in view."""
     voted = observation.in_view
     return None if voted is None else np.where(guess.observed, 1.0, voted)

@@ -1,4 +1,5 @@
-"""Which way a person heads, by all frames around: it tells front from back where the depth of one frame does not.
+"""Expected heading of a person from neighbouring frames; it separates front from back where one frame's depth does
+not.
 
 In real rooms a body seen from behind explains the depth nearly as well as one that faces the camera. But people walk
 forwards; and of many frames there are some in which the joint network is sure of both shoulders.
@@ -17,14 +18,14 @@ from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.tracks import TRACKED
 
 LONGEST = 1.2
-"""Seconds to the nearest frame on either side, at most."""
+"""Maximum time to the nearest frame on either side, seconds."""
 AROUND = 0.75
-"""Seconds from a frame at which a vote for a facing counts e times less."""
+"""Time constant of the weight of a vote for a facing, seconds."""
 HEADING_UNCERTAINTY = 0.5
-"""Sure votes about a frame, summed, of which half is believed."""
+"""Sum of certain votes about a frame at which the heading has half of its full weight."""
 MAX_HEADING_PENALTY = 0.25
-"""Share by which a pose has to explain a frame better that heads away from where the person surely heads, and may
-explain it worse that heads there: where no pose explains it well, differences of distance say little.
+"""Maximum relative penalty on the cost of a pose that disagrees with the expected heading. It is relative because
+differences of distance are not informative where no pose explains the frame well.
 """
 LINES = [
     (skeleton.REPORTED.index(f"left_{name}"), skeleton.REPORTED.index(f"right_{name}")) for name in ("shoulder", "hip")
@@ -35,7 +36,7 @@ PLACED = [skeleton.REPORTED.index(name) for name in ("neck", "pelvis")]
 
 
 def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: np.ndarray) -> np.ndarray:
-    """Directions in which a person walks, by their track.
+    """Return the directions in which a person walks, from the track.
 
     Parameters
     ----------
@@ -51,10 +52,10 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
     walked = np.zeros((len(timestamps), 2))
     places = linear.rotated(rows["joints"][known][:, PLACED].mean(axis=1), level_rotation.T)[:, [0, 2]]
     times = timestamps[known]
-    # Seconds before and after a moment, over which the way is measured: a person who bends, sits down or rises does
-    # not get far in twice as long.
+    # Seconds before and after a moment over which the path is measured: a person who bends, sits down or rises
+    # does not move far in twice that time.
     window = 0.75
-    stands, walks = 0.4, 0.8  # metres a second: slower than the first counts nothing, faster than the second in full
+    stands, walks = 0.4, 0.8  # m/s: no weight below the first value, full weight above the second
     for k, moment in enumerate(times):
         first, last = np.searchsorted(times, [moment - window, moment + window])
         first, last = min(first, max(k - 1, 0)), max(last - 1, min(k + 1, len(times) - 1))
@@ -67,8 +68,9 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
 
 
 def voted_facing(votes: JointEstimate | None) -> np.ndarray:
-    """Where a person faces by the votes for shoulders and hips: float64 (2,), x and z in the level frame, as long as
-    the probability that one of the shoulders is right, and one of the hips; zero without votes.
+    """Return the facing by the votes for shoulders and hips: float64 (2,), x and z in the level frame; its length is
+    the
+    probability that one of the shoulders and one of the hips is correct, zero without votes.
     """
     facing = np.zeros(2)
     if votes is None:
@@ -81,7 +83,7 @@ def voted_facing(votes: JointEstimate | None) -> np.ndarray:
 
 
 def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
-    """Directions in which a person faces, by the votes in some frames.
+    """Return the facing directions of a person, from the votes in some frames.
 
     Parameters
     ----------
@@ -102,13 +104,13 @@ def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndar
 
 
 def heading(walked: np.ndarray, faced: np.ndarray) -> np.ndarray:
-    """What both say together: float64 (T, 2), x and z in the level frame, as long as it is sure, 0 to 1."""
+    """Return the combined heading: float64 (T, 2), x and z in the level frame; the length is the certainty, 0 to 1."""
     together = walked + faced
     return together / np.maximum(np.hypot(together[:, :1], together[:, 1:]), 1.0)
 
 
 def heading_disagreement(heads: np.ndarray, pose: np.ndarray) -> float:
-    """What a heading (2,), see `heading`, says against a pose (P,), level frame: -1 to 1."""
+    """Return the disagreement of a heading (2,), see `heading`, with a pose (P,), level frame: -1 to 1."""
     if not heads.any():
         return 0.0
     yaw = float(canonical.body_facing(pose))

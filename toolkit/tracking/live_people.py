@@ -1,4 +1,4 @@
-"""The people before a live camera: a pose of each person in each frame at once, and the rows of their tracks later.
+"""People in front of a live camera: a pose of each person in each frame at once, and the rows of their tracks later.
 
 `MultiPersonTracker` gives no pose until a person's body is learnt, and then tracks the frames since they came in one
 step. Here the poses of these frames are those of the learner, which follows the person with the body so far, and the
@@ -22,14 +22,16 @@ from toolkit.tracking.tracker_protocol import PersonFollower
 from toolkit.tracks import FrameResult
 
 PAST_FRAMES = 3
-"""Earlier frames that are tracked again beside a new one, of all people together. A frame takes 3 to 5 ms, so that they
-stay below 15 ms; of 30 frames a second, the 90 frames of 3 s of learning are caught up with in 1.5 s."""
+"""Earlier frames that are tracked again with each new one, for all people together. A frame takes 3 to 5 ms, so these
+take
+less than 15 ms; at 30 frames a second, the 90 frames of 3 s of learning are processed within 1.5 s.
+"""
 ABSENT_FRAMES = 50
 """Frames without a sighting that take the time of one with it: 20 to 60 microseconds each."""
 
 
 class LivePose(NamedTuple):
-    """The pose of one person in the newest frame.
+    """Pose of one person in the newest frame.
 
     Attributes
     ----------
@@ -76,7 +78,7 @@ class _Past:
 
 
 class LivePeople(MultiPersonTracker):
-    """A `MultiPersonTracker` that gives poses from the first frame on and never tracks many frames in one step.
+    """`MultiPersonTracker` that returns poses from the first frame on and never tracks many frames in one step.
 
     The rows are those of a `MultiPersonTracker` where people are cut out; in a room the people finder is given the
     provisional bodies a little longer.
@@ -124,7 +126,7 @@ class LivePeople(MultiPersonTracker):
     def _provisional(
         self, person: int, sighting: Sighting | None, timestamp: float, prepare_ms: float
     ) -> FrameResult | None:
-        """Have the learner take in a frame; return its pose, which is of an earlier frame if it takes fewer."""
+        """Let the learner process a frame; return its pose, which is of an earlier frame if it takes fewer."""
         waiting = self._waiting[person]
         if person in self._past:
             stored = None if sighting is None else StoredSighting.of(sighting)

@@ -120,7 +120,7 @@ class MultiPersonTracker:
         return rows
 
     def _taken(self, frame: Frame) -> tuple[dict[int, Sighting], float]:
-        """Return the sightings of the next frame by person, and the milliseconds that finding them took per person."""
+        """Return the sightings of the next frame by person, and the milliseconds per person of the detection."""
         self._check(frame)
         start = perf_counter()
         found = self.finder.find(frame.depth_mm, frame.timestamp, self._predictions())

@@ -1,4 +1,4 @@
-"""What a tracker knows of a frame before it decides: the cloud of one sighting and its landmarks (Baak 2013, 5.3)."""
+"""Observation of a frame by a tracker: the cloud of one sighting and its landmarks (Baak 2013, 5.3)."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from toolkit.tracking.state import PersonState
 LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
 """Bool (18,): joints of the legs."""
 VIEW_TIME = 0.3
-"""Seconds over which what is in view is smoothed: a person who crouches for a moment is no head behind a desk."""
+"""Time constant of the joints in view, seconds: a person who crouches for a moment is not a head behind a desk."""
 
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """How sightings are looked at: settings and tools that all observations of a person share.
+    """Settings and tools that all observations of a person share.
 
     Attributes
     ----------
@@ -67,12 +67,12 @@ class Observer:
 
     @property
     def kind(self) -> type[Observation]:
-        """What is made of a sighting."""
+        """Class of the observations."""
         return Observation
 
     @cached_property
     def workspace(self) -> Workspace:
-        """Buffers of the graph, kept from frame to frame."""
+        """Buffers of the graph, reused from frame to frame."""
         return Workspace()
 
     def observe(
@@ -83,12 +83,12 @@ class Observer:
         unobserved: np.ndarray | None = None,
         joints: Joints2D | None = None,
     ) -> Observation:
-        """A frame of the person, seconds; `unobserved` and `joints` as in `Sighting`."""
+        """Return the observation of a frame at `timestamp` seconds; `unobserved` and `joints` as in `Sighting`."""
         return self.kind(self, cloud, timestamp, state, unobserved, joints)
 
 
 class Observation:
-    """One frame of one person; each part is computed when it is first asked for.
+    """One frame of one person; each part is computed at its first use.
 
     Attributes
     ----------
@@ -129,18 +129,18 @@ class Observation:
 
     @cached_property
     def facing(self) -> np.ndarray:
-        """Float64 (2,): the smoothed direction that the person faces, in the ground plane."""
+        """Smoothed facing direction in the ground plane, float64 (2,)."""
         estimate = estimate_facing(self.cloud.points, self.centre, self.observer.landmarks, self.scale)
         return smoothed_facing(self._state.facing, estimate, self.elapsed, self.centre)
 
     @property
     def yaw(self) -> float:
-        """Radians, facing of the person."""
+        """Facing of the person, radians."""
         return float(np.arctan2(*self.facing))
 
     @cached_property
     def extrema(self) -> Extrema:
-        """The geodesic extrema (`E_I^20`, Baak 2013, 5.4.2)."""
+        """Geodesic extrema (`E_I^20`, Baak 2013, 5.4.2)."""
         observer, points = self.observer, self.cloud.points
         graph = grid_graph(self.cloud, observer.landmarks, observer.workspace)
         source = source_node(graph, points, self.centre, observer.landmarks, self.scale)
@@ -148,7 +148,7 @@ class Observation:
 
     @cached_property
     def cut(self) -> np.ndarray:
-        """Bool (n,): extrema where the image's border or something nearer cuts the person off. They are no limbs.
+        """Extrema at which the image border or a nearer surface truncates the person, bool (n,). They are no limbs.
 
         A narrow piece that leaves by another border than the lower one is a hand, of which little is missing.
         """
@@ -156,7 +156,7 @@ class Observation:
 
     @cached_property
     def free_extrema(self) -> np.ndarray:
-        """The extrema that may be limbs: float64 (n, 3), metres, level frame, in the order found."""
+        """Extrema that may be limbs: float64 (n, 3), metres, level frame, in the order found."""
         return self.extrema.points[~self.cut].astype(np.float64)
 
     @cached_property
@@ -167,9 +167,9 @@ class Observation:
 
     @cached_property
     def in_view(self) -> np.ndarray | None:
-        """Float64 (20,): how likely each joint has been in view lately; None for a person whom nothing ever cut off.
+        """Smoothed probability that each joint is in view, float64 (20,); None for a person who was never truncated.
 
-        The votes say which joints are in view where something cuts the person off; else all of them are.
+        The network estimates it for truncated people; otherwise all joints are in view.
         """
         before, is_cut = self._state.in_view, bool(self.cut.any())
         if before is None and not is_cut:
@@ -182,17 +182,16 @@ class Observation:
         return now if before is None else before + (1.0 - math.exp(-self.elapsed / VIEW_TIME)) * (now - before)
 
     def look(self) -> None:
-        """Compute what every frame needs; the rest waits until it is asked for."""
+        """Compute the parts that each frame needs; the others are computed on demand."""
         for part in ("scene", "facing", "in_view"):
             getattr(self, part)
 
     @cached_property
     def withheld(self) -> np.ndarray | None:
-        """Bool (18,): joints whose links are out of view; None if none are, or where the person is redetected.
+        """Joints whose links are out of view, bool (18,); None if there are none, or if the person is redetected.
 
-        A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
-        While the body is learnt, what the votes are sure of holds the legs. Who is told how much there is to see does
-        not ask the votes.
+        Without it, a leg below a desk would be attracted to unexplained measurements, such as those of a raised arm.
+        While the body is learnt, certain votes hold the legs instead. With a given `body` setting votes are not used.
         """
         if self.observer.body != "auto":
             return LEG_LINKS if self.observer.body == "upper" else None
@@ -203,7 +202,7 @@ class Observation:
 
     @cached_property
     def lifted(self) -> LiftedJoints | None:
-        """The joints of the image in space: metres, level frame; None without."""
+        """Image joints in space: metres, level frame; None without."""
         if self.joints is None:
             return None
         lifted = lift(self.joints, self.cloud.depth, self.cloud.camera)
@@ -211,13 +210,13 @@ class Observation:
 
     @cached_property
     def evidence(self) -> list[FrameEvidence]:
-        """Evidence besides the depth, and the joints that the network is sure of."""
+        """Evidence besides the depth, and the joints of which the network is certain."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
         unsure = not self.follows or observer.learning
         if observer.vote_pull > 0.0 and unsure and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
-        # Share of the joints in the image that have to lie on the person's own pixels; with fewer they are another's.
+        # Minimum fraction of the image joints on the person's pixels; with fewer the joints are another person's.
         own_share = 0.5
         if observer.told_joints and self.joints is not None:
             own = on_cut_out(self.joints, self.cloud.depth)
@@ -228,7 +227,7 @@ class Observation:
 
     @cached_property
     def scene(self) -> Scene:
-        """The frame as a fit needs it."""
+        """Frame as input of a fit."""
         observer = self.observer
         return observer.scene(
             self.cloud,

@@ -1,4 +1,4 @@
-"""What every follower of one person has: a state, the body in it, and rows of the track made of it."""
+"""Base of followers of one person: state, body, and rows of the track."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from toolkit.tracking.state import PersonState, State
 from toolkit.tracks import FrameResult
 
 PREDICTED = "predicted"
-"""The source of a pose that no hypothesis gave: the last one that was found."""
+"""Source of a pose without a hypothesis: the last found pose."""
 HEAD = skeleton.REPORTED.index("head")
 UNSEEN = (0.0, 0.0, -3.0)
-"""Metres, level frame: the root's reported place before the first sighting."""
+"""Reported root position before the first sighting, metres, level frame."""
 
 
 class FollowedPerson:
-    """One person before one camera; a `PersonFollower` but for its step.
+    """One person in front of one camera; a `PersonFollower` without its step.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class FollowedPerson:
         return self._drawn[1]
 
     def after(self, rng: np.random.Generator) -> Mapping[str, Any]:
-        """What the next state says of a generator that was drawn from."""
+        """Return the state of a used random generator for the next state."""
         self._drawn = rng.bit_generator.state, rng
         return self._drawn[0]
 
@@ -86,7 +86,7 @@ class FollowedPerson:
         state: int,
         source: str,
     ) -> FrameResult:
-        """A row of the track, without times: `joints` (20, 3) in the level frame."""
+        """Return a row of the track without times: `joints` (20, 3) in the level frame."""
         return FrameResult(
             pose=pose,
             joints=linear.rotated(joints, self.level_rotation).astype(np.float32),
@@ -106,7 +106,7 @@ class FollowedPerson:
 
 
 def last_pose(state: PersonState) -> np.ndarray:
-    """Return the last pose (P,) that was found, a standing one if there is none yet."""
+    """Return the last found pose (P,), or a standing one before the first."""
     if state.pose is not None:
         return state.pose
     pose = np.zeros(skeleton.POSE_SIZE)

@@ -1,4 +1,4 @@
-"""The base of trackers whose followers use searches: camera, body, and its learning from the first frames."""
+"""Base of trackers whose followers use searches: camera, body, and body learning from the first frames."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from toolkit.tracking.tracking_settings import FollowerSettings
 from toolkit.tracking.trajectory_choice import TrajectoryStore
 
 LARGE_IMAGE = 200
-"""Pixels of width above which the body is drawn at half the resolution of the image."""
+"""Image width above which the body is drawn at half resolution, pixels."""
 
 
 class SearchingSettings(TrackerSettings, FollowerSettings, Protocol):
-    """What the settings of such a tracker hold besides those of its searches; see `HybridSettings`."""
+    """Settings of such a tracker besides those of its searches; see `HybridSettings`."""
 
     @property
     def sizes(self) -> tuple[float, ...]: ...  # noqa: D102
@@ -68,7 +68,7 @@ class SearchingTracker(ABC):
             self.know(body)
 
     def know(self, body: Body) -> None:
-        """Take a body for that of all people who are tracked from now on; none is learnt."""
+        """Set the body of all people tracked from now on; none is learnt."""
         self._known_body = self._first_body = body
 
     @property
@@ -83,30 +83,30 @@ class SearchingTracker(ABC):
 
     @property
     def priors(self) -> Sequence[PoseTerm]:
-        """Terms in the pose vector, of the local optimisation and of comparisons."""
+        """Terms in the pose vector, for the local optimisation and for comparisons."""
         return ()
 
     @property
     def occluded_limbs(self) -> OccludedLimbs | None:
-        """Guesses occluded limbs; None keeps the winner as it is."""
+        """Estimator of occluded limbs; None keeps the winner unchanged."""
         return None
 
     @property
     @abstractmethod
     def observer(self) -> Observer:
-        """How this tracker looks at sightings."""
+        """Return the observer of this tracker's sightings."""
 
     @abstractmethod
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
-        """The searches of the settings, in the order in which they are asked."""
+        """Return the searches of the settings in their order."""
 
     def verifier(self, objective: Objective, refiner: Refiner) -> Verifier | None:
-        """Verifies first poses; None leaves the selection to the costs."""
+        """Return the verifier of first poses; None leaves the selection to the costs."""
         return None
 
     @property
     def joints_wanted(self) -> Wanted:
-        """See `Tracker.joints_wanted`: none of the searches uses them, unless a member says otherwise."""
+        """Use of image joints, see `Tracker.joints_wanted`: none, unless a subclass overrides it."""
         return "none"
 
     @property
@@ -125,7 +125,7 @@ class SearchingTracker(ABC):
         return self._follower(camera, level_rotation, known or self._first_body, sized=known is not None)
 
     def of_still(self) -> SearchingTracker:
-        """The tracker of a recording of one frame, where no other frame tells which of several poses is right."""
+        """Return the tracker for a recording of one frame."""
         return self
 
     @property
@@ -176,7 +176,7 @@ class SearchingTracker(ABC):
         state: PersonState,
         floor: float | None = None,
     ) -> Follower:
-        """A follower from these parts."""
+        """Return a follower of these parts."""
         members = self.searches(objective, refiner)
         return self.kind(
             observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state,
@@ -204,7 +204,7 @@ class SearchingTracker(ABC):
 
     @cached_property
     def _sizes(self) -> Sequence[Body]:
-        """Bodies to try for a person of unknown size; the small ones have the proportions of toddlers."""
+        """Return bodies to try for a person of unknown size; small ones have the proportions of toddlers."""
         space, bodies = ShapeSpace.load(), []
         for size in self._common.sizes:
             shape = space.childhood(size) + self._first_body.shape

@@ -1,4 +1,4 @@
-"""The sightings of a recording on disk, so that a person can be followed again, frame by frame in any order."""
+"""Sightings of a recording on disk, for following a person again in any order of the frames."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from toolkit.sensing.cloud import window_of
 from toolkit.sensing.joints2d import Joints2D
 
 ENTRY = np.dtype([("frame", "<i8"), ("person", "<i4"), ("pixels", "<i4"), ("begin", "<i8"), ("end", "<i8")])
-"""One sighting in the index: how many pixels it has, and its bytes in the file of sightings."""
+"""Index entry of a sighting: number of pixels, and bytes in the file of sightings."""
 HEADER = np.dtype([("window", "<i4", 4), ("mask", "<i4"), ("joints", "<i4")])
-"""Of one sighting: rows and columns of its depth, ends excluded; bytes of the mask and numbers of the joints."""
+"""Header of a sighting: rows and columns of its depth, ends excluded; bytes of the mask and number of joints."""
 MILLIMETRE = float(np.float32(1e-3))
-"""Metres, as `kernels.depth.median_to_metres` has it, so that a depth read back is the same to the bit."""
+"""Metres per millimetre as in `kernels.depth.median_to_metres`, so that stored depth is equal to the bit."""
 JOINTS_BYTES = len(skeleton.REPORTED) * 3 * 4
 
 
@@ -41,13 +41,13 @@ class StoredSighting(NamedTuple):
 
     @classmethod
     def of(cls, sighting: Sighting) -> StoredSighting:
-        """What there is of a sighting."""
+        """Return a sighting in stored form."""
         window = window_of(sighting.depth)
         bits = None if sighting.unobserved is None else np.packbits(sighting.unobserved)
         return cls(sighting.id, window, sighting.depth[window].copy(), bits, sighting.camera, sighting.joints)
 
     def sighting(self) -> Sighting:
-        """The sighting as it was."""
+        """Return the original sighting."""
         shape = self.camera.shape
         depth = np.zeros(shape, dtype=np.float32)
         depth[self.window] = self.depth
@@ -57,7 +57,7 @@ class StoredSighting(NamedTuple):
         return Sighting(self.id, depth, unobserved, self.camera, self.joints)
 
     def packed(self) -> bytes:
-        """The sighting as bytes; its depth is whole millimetres."""
+        """Return the sighting as bytes; its depth is whole millimetres."""
         millimetres = np.rint(self.depth / MILLIMETRE).astype("<u2")
         mask = b"" if self.unobserved is None else self.unobserved.tobytes()
         joints = b"" if self.joints is None else self.joints.rows.astype("<f4").tobytes()
@@ -70,7 +70,7 @@ class StoredSighting(NamedTuple):
 
     @classmethod
     def unpacked(cls, data: bytes, person: int, camera: Camera) -> StoredSighting:
-        """From `packed`; raises ValueError where it is from elsewhere."""
+        """Return a sighting from `packed`; raise ValueError for other bytes."""
         pixels = camera.width * camera.height
         mask_bytes, unpacking = -(-pixels // 8), zlib.decompressobj()
         plain = unpacking.decompress(data, HEADER.itemsize + 2 * pixels + mask_bytes + JOINTS_BYTES)
@@ -122,7 +122,7 @@ class SightingFile:
             raise _unwritable(folder, error) from error
 
     def append(self, frame: int, sightings: Iterable[Sighting]) -> None:
-        """Keep what is seen in the next frame: nothing of who has no pixel in it.
+        """Append the sightings of the next frame; people without pixels are left out.
 
         Raises
         ------
@@ -146,17 +146,17 @@ class SightingFile:
                 raise _unwritable(self._folder, error) from error
 
     def flush(self) -> None:
-        """Put on disk what was appended so far, for a checkpoint."""
+        """Write all appended sightings to the disk, for a checkpoint."""
         self._data.flush()
         self._index.flush()
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self._data.close()
         self._index.close()
 
     def of(self, person: int, before: PersonSightings | None = None) -> PersonSightings:
-        """What was kept of one person, and elsewhere of earlier frames (`before`)."""
+        """Return the stored sightings of one person, and elsewhere of earlier frames (`before`)."""
         self.flush()
         entries = self._entries()
         own = entries[entries["person"] == person]
@@ -185,7 +185,7 @@ class SightingFile:
 
 
 class PersonSightings:
-    """The sightings of one person, read from disk when they are asked for; those of earlier frames may lie elsewhere.
+    """Sightings of one person, read from disk on demand; those of earlier frames may be elsewhere.
 
     Attributes
     ----------
@@ -216,7 +216,7 @@ class PersonSightings:
             raise TrackError(f"frame {frame} in {self._path} is damaged ({error}); {HINT}") from error
 
     def detected_fraction(self) -> float:
-        """Share of these frames in which joints of the person were seen in the image."""
+        """Fraction of these frames with image joints of the person."""
         told = (sighting is not None and sighting.joints is not None for sighting in map(self.__getitem__, self.frames))
         return sum(told) / max(len(self.frames), 1)
 

@@ -1,4 +1,5 @@
-"""How tall a person is: what is likely of people, what the floor says, and which of several sizes explains the frames.
+"""Stature of a person: prior of the population, evidence of the floor, and choice between sizes that explain the
+frames.
 
 Sizes are compared in metres, as poses are: so many millimetres nearer to the frame outweigh an unlikely stature.
 """
@@ -16,47 +17,55 @@ from toolkit.landmarks.cuts import CUT_PIXELS
 from toolkit.sensing.cloud import Cloud
 
 COST_PER_LOG_ODDS = 0.004
-"""Metres of distance from a frame that are worth a natural unit of information about the size: those of neighbouring
-sizes of a person who is cut at the waist differ by as much by chance."""
+"""Metres of distance from a frame per natural unit of information about the size: neighbouring sizes of a person
+truncated
+at the waist differ by as much by chance.
+"""
 SIZE_COST_SPREAD = 0.03
-"""Metres by which a frame may be nearer to a body of another size than the person's."""
+"""Metres by which a frame may fit a body of another size better than the person's."""
 HEAD_REACH, HIGHEST = 0.2, 5
-"""Metres from the middle of a head, horizontally, within which its top is; and which of the highest points is taken for
-it: noise is above."""
+"""Horizontal distance from the middle of a head to its top, metres; and the rank of the highest points that is taken
+as
+the top: higher ones are noise.
+"""
 
 
 def stature_prior_cost(stature: float) -> float:
-    """Metres of distance that a stature in metres costs, 0 for the likeliest."""
-    # Metres: middle and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails hold
-    # children.
+    """Return the prior cost of a stature in metres as distance in metres, 0 for the most likely."""
+    # Metres: mean and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails
+    # include children.
     adults, spread, tails = 1.70, 0.09, 2.0
     away = (stature - adults) / spread
     return COST_PER_LOG_ODDS * 0.5 * (tails + 1.0) * math.log1p(away**2 / tails)
 
 
 def off_floor(lowest: float, floor: float | None) -> float:
-    """Cost, metres, of a body's lowest point at `lowest` above or below a floor at `floor`: both y, metres,
-    level frame; nothing where no floor is known.
+    """Return the cost, metres, of a body's lowest point at `lowest` with a floor at `floor`: both y, metres, level
+    frame; 0
+    without a known floor.
     """
     return 0.0 if floor is None else _missed_by(lowest - floor)
 
 
 def too_small(stature: float, stood: float) -> float:
-    """Cost, metres, of a stature whose head was seen at `stood` metres above the floor; nothing for the taller."""
+    """Return the cost, metres, of a stature below the head's height `stood` above the floor, metres; 0 for taller
+    ones.
+    """
     return _missed_by(max(stood - stature, 0.0))
 
 
 def _missed_by(away: float) -> float:
-    """Cost, metres, of a body that ends so many metres away from where the floor says that it does."""
-    # Metres by which the soles of a right body miss the floor; natural units that they can say at most, for people
+    """Return the cost, metres, of a body whose lowest point is this many metres away from the floor."""
+    # Metres by which the soles of a correct body miss the floor; maximum natural units of this evidence, because people
     # jump, kneel and sit.
     floor_sigma, floor_cap = 0.04, 4.0
     return COST_PER_LOG_ODDS * min(0.5 * (away / floor_sigma) ** 2, floor_cap)
 
 
 def head_top(cloud: Cloud, head: np.ndarray) -> float:
-    """Y of the top of a head whose middle is expected at `head` (3,): metres, level frame; NaN where nothing is
-    measured there, or the image's border cuts the head off.
+    """Return y of the top of a head expected at `head` (3,): metres, level frame; NaN if nothing is measured there or
+    the image
+    border truncates the head.
     """
     away = cloud.points[:, [0, 2]] - head[[0, 2]]
     near = np.flatnonzero((away**2).sum(axis=1) < HEAD_REACH**2)
@@ -69,32 +78,33 @@ def head_top(cloud: Cloud, head: np.ndarray) -> float:
 
 
 def height_stood(tops: np.ndarray, floor: float | None) -> float:
-    """How high above the floor the top of a person's head was where they stood, metres; 0 where it is not known.
+    """Return the standing height of the top of a person's head above the floor, metres; 0 if unknown.
 
     `tops` (N,), of some frames, and `floor` are y, metres, level frame.
     """
     known = tops[np.isfinite(tops)]
-    # Share of the frames in which a head is not higher than that of a person who stands: in the others there is
+    # Fraction of the frames in which the head is not higher than that of a standing person: others are
     # noise.
     standing = 0.75
     return 0.0 if floor is None or not len(known) else float(np.quantile(known, standing)) - floor
 
 
 def statures_of(stood: float, likely: float) -> tuple[float, float]:
-    """Least and largest stature, metres, of a person whose head `stood` so high and who is `likely` to be so tall; a
-    person who sits may have any.
+    """Return the range of statures, metres, of a person whose head was at the height `stood` with the `likely`
+    stature; a
+    seated person may have any.
     """
-    # Metres by which a likely stature may differ from the height of the head: nearer, the person stood, and it is the
-    # stature; farther, they sat, or something hid the head.
+    # Metres by which a stature may differ from the height of the head: if nearer, the person stood and this is the
+    # stature; if farther, the person sat or was occluded.
     upright = 0.15
-    # Metres by which a person who walks may be taller than the head is high: the knees are bent.
+    # Metres by which a walking person may be taller than the head's height: the knees are bent.
     bent_stature_spread = 0.04
     return (stood, stood + bent_stature_spread) if abs(likely - stood) < upright else (0.0, math.inf)
 
 
 @dataclass(frozen=True)
 class StatureBelief:
-    """How likely each of several bodies is, given the frames so far.
+    """Probabilities of bodies of different statures, given the frames so far.
 
     Attributes
     ----------
@@ -111,12 +121,12 @@ class StatureBelief:
 
     @classmethod
     def of(cls, bodies: tuple[Body, ...], stood: float = 0.0) -> StatureBelief:
-        """Before the first frame."""
+        """Return the belief before the first frame."""
         return cls(bodies, np.zeros(len(bodies)), stood=stood)
 
     def narrowed(self, costs: Mapping[int, float]) -> StatureBelief:
-        """After a frame in which these bodies, by number, lay so far from it; those that were not tried are as bad as
-        the worst.
+        """Return the belief after a frame with costs of these bodies by number; bodies that were not tried get the
+        largest cost.
         """
         worst = max(costs.values(), default=0.0)
         frame = np.array([costs.get(number, worst) for number in range(len(self.bodies))])
@@ -124,7 +134,7 @@ class StatureBelief:
 
     @property
     def shares(self) -> np.ndarray:
-        """Float64 (B,): probability of each body; a frame tells as much as all, for their errors are the same ones."""
+        """Probability of each body, float64 (B,); the frames count as one because their errors are correlated."""
         statures = [stature_prior_cost(body.height) + too_small(body.height, self.stood) for body in self.bodies]
         mean = self.costs / max(self.frames, 1) + np.array(statures)
         weights = np.exp(-(mean - mean.min()) / COST_PER_LOG_ODDS)
@@ -132,18 +142,18 @@ class StatureBelief:
 
     @property
     def shape(self) -> np.ndarray:
-        """Float64 (K,): shape coefficients, the mean over the likely bodies."""
+        """Shape coefficients, float64 (K,): the mean over the likely bodies."""
         return np.asarray(sum(share * body.shape for share, body in zip(self.shares, self.bodies, strict=True)))
 
     @property
     def possible(self) -> tuple[int, ...]:
-        """Numbers of the bodies that are worth trying again: one frame may mislead by `SIZE_COST_SPREAD`."""
+        """Numbers of the bodies to try again: one frame may be wrong by `SIZE_COST_SPREAD`."""
         mean = self.costs / max(self.frames, 1)
         return tuple(np.flatnonzero(mean <= mean.min() + SIZE_COST_SPREAD).tolist())
 
     @property
     def likely(self) -> tuple[int, ...]:
-        """Numbers of the bodies that are at least a tenth as likely as the likeliest, that one first."""
+        """Numbers of the bodies with at least a tenth of the highest probability, the most likely first."""
         shares = self.shares
         order = np.argsort(-shares, kind="stable")
         return tuple(order[shares[order] >= 0.1 * shares.max()].tolist())

@@ -1,4 +1,4 @@
-"""Interface of trackers: the pipeline uses nothing else."""
+"""Interface of trackers, the only one that the pipeline uses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Wanted = Literal["none", "offered", "welcome", "required"]
 
 
 class TrackerSettings(Protocol):
-    """A frozen dataclass of settings.
+    """Frozen dataclass of settings.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class PersonFollower(Protocol):
 
     @property
     def body(self) -> Body:
-        """The body as fitted so far, with its shape and scale."""
+        """Body as fitted so far, with its shape and scale."""
         ...
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
@@ -72,15 +72,15 @@ class PersonFollower(Protocol):
         ...
 
     def predicted(self) -> PredictedBody:
-        """Where the person is expected in the next frame."""
+        """Return the body predicted for the next frame."""
         ...
 
     def export_state(self) -> State:
-        """All that the next step depends on besides the sighting: plain arrays, numbers and text."""
+        """Return all state that the next step depends on besides the sighting: plain arrays, numbers and text."""
         ...
 
     def restore_state(self, state: State) -> None:
-        """Go on from what `export_state` of a follower of the same tracker gave."""
+        """Continue from `export_state` of a follower of the same tracker."""
         ...
 
 
@@ -111,11 +111,11 @@ class BodyLearner(Protocol):
         ...
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
-        """Take in the next sighting, at `timestamp` seconds."""
+        """Process the next sighting, at `timestamp` seconds."""
         ...
 
     def predicted(self) -> PredictedBody:
-        """Where the person is expected in the next frame."""
+        """Return the body predicted for the next frame."""
         ...
 
 
@@ -124,12 +124,12 @@ class TakesBody(Protocol):
     """Tracker that accepts the person's own body."""
 
     def know(self, body: Body) -> None:
-        """Take a body for that of all people who are tracked from now on; none is learnt."""
+        """Set the body of all people tracked from now on; none is learnt."""
         ...
 
 
 class Tracker(Protocol):
-    """Tracking method with its settings; it makes the followers of the people before a camera.
+    """Tracking method with its settings; it makes the followers of the people in front of a camera.
 
     Attributes
     ----------
@@ -171,20 +171,20 @@ class Tracker(Protocol):
         ...
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> BodyLearner:
-        """Learns one person's own body; only asked where `learning_seconds` is not 0.
+        """Return a learner of one person's body; only called if `learning_seconds` is not 0.
 
         `floor` is its y, metres, level frame, where it is known.
         """
         ...
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
-        """A follower of one person, with the body of a `learner` if there is one."""
+        """Return a follower of one person, with the body of a `learner` if there is one."""
         ...
 
 
 @runtime_checkable
 class JudgesPeople(Protocol):
-    """A tracker that can tell people from furniture.
+    """Tracker that can separate people from furniture.
 
     Attributes
     ----------
@@ -198,13 +198,13 @@ class JudgesPeople(Protocol):
 
 
 def judge_of(tracker: Tracker) -> PersonClassifier | None:
-    """The tracker's classifier of people and furniture, None if it has none."""
+    """Return the tracker's classifier of people and furniture, None if it has none."""
     return tracker.judge if isinstance(tracker, JudgesPeople) else None
 
 
 @runtime_checkable
 class LooksBack(Tracker, Protocol):
-    """A tracker that can follow the people of a recording a second time, from their surest frames outwards.
+    """Tracker with a second pass over the people of a recording.
 
     Attributes
     ----------

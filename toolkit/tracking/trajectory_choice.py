@@ -20,7 +20,9 @@ from toolkit.tracks.track_writer import check_rows, row_type
 
 APART = 1.0
 """Cost of a switch between two trajectories per metre between them: ten frames in which the better one is 3 cm nearer
-to what was measured outweigh a jump of 30 cm."""
+to
+the measurements outweigh a jump of 30 cm.
+"""
 
 
 class Direction(Enum):
@@ -85,7 +87,7 @@ class TrajectoryStore:
         check_rows(steps["row"][steps["known"]], self._sources, str(self._path))
 
     def packed(self, step: Step) -> np.ndarray:
-        """A step as uint8 (N,), as it lies on disk."""
+        """Return a step as uint8 (N,), as stored on disk."""
         record = np.zeros((), dtype=self._type)
         for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
             record["row"][name] = getattr(step.result, name)
@@ -94,7 +96,7 @@ class TrajectoryStore:
         return np.frombuffer(record.tobytes(), dtype=np.uint8)
 
     def unpacked(self, packed: np.ndarray) -> Step:
-        """From `packed`."""
+        """Return a step from `packed`."""
         record = np.frombuffer(packed.tobytes(), dtype=self._type)[0]
         direction = Direction.BACKWARD if record["direction"] < 0 else Direction.FORWARD
         costs = float(record["cost"]), float(record["rival_cost"])
@@ -110,7 +112,7 @@ class TrajectoryStore:
             ) from error
 
     def put_back(self, frame: int, packed: np.ndarray) -> None:
-        """Set a frame's step, as `packed` gave it before the run was stopped; raises TrackError for anything else."""
+        """Set a frame's step from `packed` of an interrupted run; raises TrackError for anything else."""
         step = np.asarray(packed)
         if step.dtype != np.uint8 or step.shape != (self._type.itemsize,):
             raise TrackError(f"{self._path} cannot take step {frame}; {HINT}")
@@ -118,7 +120,7 @@ class TrajectoryStore:
         self[frame] = self.unpacked(step)
 
     def get(self, frame: int) -> Step | None:
-        """The step of a frame; None without one."""
+        """Return the step of a frame; None without one."""
         self._file.seek(frame * self._type.itemsize)
         data = self._file.read(self._type.itemsize)
         if len(data) < self._type.itemsize or not np.frombuffer(data, dtype=self._type)[0]["known"]:
@@ -132,7 +134,7 @@ class TrajectoryStore:
         return step
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._file.close()
 
 
@@ -150,7 +152,7 @@ def result_of(row: np.void) -> FrameResult:
 
 
 def apart(one: FrameResult, other: FrameResult) -> float:
-    """Mean distance of two rows' joints, metres."""
+    """Return the mean distance of two rows' joints, metres."""
     return float(np.linalg.norm(one.joints - other.joints, axis=1).mean())
 
 

@@ -1,4 +1,4 @@
-"""The second pass over a recording: all people who were found are followed again from their surest frames outwards."""
+"""Second pass over a recording: all people are tracked again, forward and backward from keyframes."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from toolkit.tracking.trajectory_choice import TrajectoryStore
 from toolkit.tracks import EMPTY, FrameResult
 
 FOLDER, BEFORE_FOUND = "second", "before"
-"""Within a run folder, while the run lasts; within that, what was seen of people before they were found."""
+"""Folder of the second pass within an unfinished run, and within it that of sightings before the first detection."""
 STATE_FILE = "state.npz"
 MEMORY_SECONDS = 2.0
-"""A killed run loses at most this much work: the state is written so often, seconds."""
+"""Interval of stored states, seconds; a killed run loses at most this much work."""
 
 
 class SecondPass:
-    """Follows the people of a recording again, one after the other, and puts their rows in place of the first ones.
+    """Second pass over the people of a recording, one after the other; its rows replace those of the first pass.
 
     Parameters
     ----------
@@ -71,16 +71,17 @@ class SecondPass:
         self._resumed: Mapping[str, Any] = {}
 
     def sightings(self, frames: int) -> SightingFile:
-        """Where the first pass keeps what it sees; of a run that goes on, the sightings of so many frames are there."""
-        if frames == 0 and is_folder(self._folder):  # of a pipe rmtree would wait for a writer
+        """Return the store of the first pass's sightings; a resumed run keeps those of its first `frames`."""
+        if frames == 0 and is_folder(self._folder):  # rmtree would wait for a writer of a pipe
             shutil.rmtree(self._folder, ignore_errors=True)
         return SightingFile(self._folder, self._camera, frames)
 
     def begin(
         self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence], before: Iterable[tuple[int, StoredSighting]]
     ) -> None:
-        """After the first pass, which learnt these bodies and gathered this evidence; `before` are frames before people
-        were found, and what is seen of them.
+        """Begin after the first pass with its bodies and evidence; `before` are frames before people were detected,
+        and their
+        sightings.
         """
         with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
             for frame, kept in sorted(before, key=lambda seen: seen[0]):
@@ -89,7 +90,7 @@ class SecondPass:
         self._keep({})
 
     def restore(self) -> bool:
-        """Go on from what an unfinished run left, if its first pass came to its end: whether all rows of it are there.
+        """Restore an unfinished run; return True if its first pass was finished.
 
         Raises
         ------
@@ -108,7 +109,7 @@ class SecondPass:
         return self._sink.rows(self.bodies.keys() - furniture(self.evidence)) == len(self._timestamps)
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
-        """Follow all people, until a stop is asked for; whether all are done."""
+        """Track all people until a stop is requested; return True if all are done."""
         people = sorted(self.bodies)
         frames = len(self._timestamps)
         total = len(people) * frames
@@ -127,7 +128,7 @@ class SecondPass:
         return True
 
     def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
-        """Follow one person and put their rows in place; `stop` may end it between two steps."""
+        """Track one person and replace the rows; `stop` may end it between two steps."""
         seen, stages = sightings.of(person, before_found.of(person)), self._tracker.stage_names
         first_pass, frames = self._sink.past(person), len(self._timestamps)
         if "plan" in self._resumed:
@@ -140,7 +141,7 @@ class SecondPass:
                 yield 0
             plan = planner.plan
         if plan is None:
-            return  # too little was seen: the rows of the first pass stay
+            return  # too little was seen: the rows of the first pass are kept
         trajectory = TrajectoryStore(
             self._folder / f"trajectory_{person}", len(stages), len(self._tracker.source_names)
         )
@@ -158,7 +159,7 @@ class SecondPass:
         self._sink.replace(person, self._rows(person, trajectory))
         self.bodies[person] = plan.body
         trajectory.close()
-        # Share of the frames in which a detector sees joints of whoever keeps still; of coats it does in a seventh.
+        # Minimum fraction of frames with detected joints for a motionless track to count as a person (coats: 0.14).
         min_detected_fraction = 0.5
         if person in self.evidence:
             poses = self._sink.past(person)["pose"][seen.frames]
@@ -168,7 +169,7 @@ class SecondPass:
             self.evidence[person] = replace(own, unlikely=0.0) if is_person else own
 
     def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
-        """All rows of a person; where they were out of sight the last pose, before that the first one."""
+        """Return all rows of a person; frames out of view repeat the last pose, earlier ones the first."""
         spent = self._sink.past(person)["stage_ms"]
         predicted = self._tracker.source_names.index(PREDICTED)
         known = next(step for step in map(trajectory.get, range(len(self._timestamps))) if step is not None)
@@ -192,7 +193,7 @@ class SecondPass:
 
 
 def _nothing(result: FrameResult) -> dict[str, Any]:
-    """What a row says of joints of which nothing is known."""
+    """Return the row entries of unknown joints."""
     return {
         "state": EMPTY,
         "confidence": np.zeros_like(result.confidence),
