@@ -39,9 +39,11 @@ def beside(place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
 def apart(head: np.ndarray, other: np.ndarray) -> bool:
     """Return True if two heads on one surface may be of two people."""
     aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
-    level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
-    # Horizontal distance, metres, within which a place below a head on its surface is a knee of a seated person (0.55
-    # m below) or the back of a leaning one.
+    level = (
+        abs(head[1] - other[1]) <= aside
+    )  # pixels that exceed those beside the head belong to the back of a leaning person
+    # Horizontal distance, metres, within which a place below a head on its surface is a knee of a seated person (0.55 m
+    # below) or the back of a leaning one.
     knee_reach = 0.75
     return aside >= (SHOULDER_DISTANCE if level else knee_reach)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 FASTEST = 12.4
-"""Metres a second: the top speed of the fastest 100 m run (Berlin 2009)."""
+"""Top speed of the fastest 100 m run (Berlin 2009), m/s."""
 SHIFT = 0.5
-"""Metres by which the middle of what is visible of a person changes where something begins or ceases to cover them."""
+"""Metres by which the middle of a person's visible part moves when an occlusion begins or ends."""
 HELD = 1.0
-"""Seconds between two frames after which the first says nothing of the pose in the second."""
+"""Seconds between two frames after which the first has no information about the pose in the second."""
 
 
 def connected(before: np.ndarray, after: np.ndarray, seconds: float) -> bool:

@@ -18,7 +18,9 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
-BORDER = 3  # pixels from the image border within which a person counts as cut: registered depth often ends before it
+BORDER = (
+    3  # pixels from the image border within which a person counts as truncated: registered depth often ends before it
+)
 CUTS = ((0.35, "head"), (0.6, "chest"), (1.0, "waist"), (1.35, "knees"))
 """Metres below the centre of the head at which the image truncates an adult, and the body part there."""
 
@@ -60,7 +62,7 @@ def describe(
     finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, judge=judge)
     first_seconds = 3.0
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + first_seconds))
-    frames = 45  # of them that are looked at, at the most
+    frames = 45  # maximum number of examined frames
     numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), frames)).astype(np.int64))
     best: tuple[int, tuple[Sighting, ...]] = (0, ())
     for i in numbers:
@@ -125,7 +127,7 @@ def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | Non
     height, width = sighting.depth.shape
     border = BORDER * max(1, lens.step)
     cuts = []
-    border_share = 0.05  # of a person's width or height that lies on such a border
+    border_share = 0.05  # fraction of a person's width or height on such a border
     if np.count_nonzero(v >= height - border) > border_share * np.ptp(u):
         cuts.append(f"cut off at the {_cut_at(sighting, lens)}")
     if np.count_nonzero(v < border) > border_share * np.ptp(u):
@@ -174,7 +176,7 @@ def _advice(
         found.append("--people all tells the person from the room, or give --background")
     if recording.vertical.source == "assumed" and not surroundings.cut_out:
         found.append("--up X,Y,Z if the camera is tilted: no floor is seen")
-    full_size = 300_000  # pixels of an image that half resolution makes four times as fast
+    full_size = 300_000  # pixels of an image above which half resolution is used, four times as fast
     if recording.camera.width * recording.camera.height >= full_size:
         found.append("--set sensing.half_resolution=true is faster")
     if sightings and recording.has_color:

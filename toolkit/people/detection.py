@@ -22,18 +22,20 @@ TOLERANCES = np.array([0.10, 0.12, 0.3, 0.1])  # m: head's depth, gap behind it,
 TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
 """Scale of head and body against these, and the minimum score: an adult, and a child of a metre, whose shape a fist on
 a forearm resembles."""
-HEAD_DISTANCE = 0.25  # m between two heads; shoulder to shoulder, cheek to cheek
-SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a shoulder that looks like one
-SURFACE_GAP = 0.05  # m in depth between neighbours on one surface, on top of the quantisation: a torso's side, at 3 m
-BRIDGE_CUT = 0.5  # m of the largest step within a person where only people are measured: an arm before the chest
-BRIDGE_ROOM = 0.12  # m, the same in a room: less than what separates a person from a shelf behind
-REACH = 1.1  # m horizontally from the head to the fingertip of a tall adult, leaning
-REACH_STILL = 0.6  # m, the same where nothing moved so far: a seated person's knees; more would be the chair
-SEED_RADIUS = 0.12  # m around a head's centre that is surely the head
-PLATEAU = 0.05  # of a score: the head's centre is the middle of what scores nearly best
+HEAD_DISTANCE = 0.25  # m between two heads, shoulder to shoulder and cheek to cheek
+SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a shoulder with a head's score
+SURFACE_GAP = 0.05  # m of depth between neighbours on one surface, besides the quantisation: a torso's side, at 3 m
+BRIDGE_CUT = 0.5  # m, largest depth step within a segmented person: an arm in front of the chest
+BRIDGE_ROOM = 0.12  # m, the same in a room: below the distance between a person and a shelf behind
+REACH = 1.1  # m horizontally from the head to the fingertip of a leaning tall adult
+REACH_STILL = (
+    0.6  # m, the same where nothing has moved yet: a seated person's knees; a larger one would include the chair
+)
+SEED_RADIUS = 0.12  # m around a head's centre that certainly belong to the head
+PLATEAU = 0.05  # fraction of the best score above which pixels define the head's centre
 HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
-CHEST_WIDTH = (0.2, 0.95)  # m: a slim person's from the side to an adult's with the elbows out
-OPEN = 0.7  # of the outline of head and chest, to the left and right, behind which the scene lies farther back
+CHEST_WIDTH = (0.2, 0.95)  # m: from a slim person seen from the side to an adult with spread elbows
+OPEN = 0.7  # fraction of the outline of head and chest, left and right, with farther depth behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +50,12 @@ class Head:
 
 
 def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
-    """Detect heads in a frame, the highest first; of several on one body the highest only.
+    """Return the heads in a frame, the highest first; of several on one body only the highest.
 
-    `cut_out`: unmeasured pixels are background, so that they count as space beside a head.
+    `cut_out`: unmeasured pixels are background, so they count as space beside a head.
     """
     scores, small = np.zeros(view.depth.shape, dtype=np.float32), np.zeros(view.depth.shape, dtype=np.bool_)
-    head_score = 0.8  # of 1, which a head must reach
+    head_score = 0.8  # minimum score of a head, of 1
     for size, body, least in TEMPLATES:
         scaled = np.empty(view.depth.shape, dtype=np.float32)
         places = (size * INSIDE, size * AROUND, body * SHOULDERS)
@@ -75,9 +77,9 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
         values, points, rows, child = values[~near], points[~near], rows[~near], child[~near]
     heads.sort(key=lambda h: -h.place[1])
     kept: list[Head] = []
-    rivalry = 0.1  # of a score by which a head may be worse than the shoulder below it
+    rivalry = 0.1  # score difference by which a head may be worse than the shoulder below it
     for head in heads:
-        above = [o for o in kept if o.score >= head.score - rivalry]  # a raised fist is no reason to drop a head
+        above = [o for o in kept if o.score >= head.score - rivalry]  # a raised fist does not remove a head
         if not any(_on_body_below(head.place, other.place) for other in above):
             kept.append(head)
     return kept
@@ -125,8 +127,8 @@ def share_out(
     reach_up = 0.85  # m from the head's centre to the fingertip of a raised arm
     reach_down = 2.0  # m from the head's centre to the sole of a person of 2.1 m
     limits = np.array([reach_up, reach_down])
-    bridge_cost = 3.0  # times a step on the surface that one over a gap counts
-    upright_cost = 0.5  # times a horizontal step that a vertical one counts when people share pixels
+    bridge_cost = 3.0  # cost of a step across a gap relative to one on the surface
+    upright_cost = 0.5  # cost of a vertical step relative to a horizontal one when people share pixels
     steps = np.array([SURFACE_GAP, lens.quantisation, bridge, bridge_cost, upright_cost])
     measured = np.where(view.foreground, view.depth, np.float32(0))
     longest_way = 2.5  # m over the surface from head to toe or fingertip
@@ -138,7 +140,7 @@ def share_out(
 def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
     """Return True if a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
-    planar = 0.8  # of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
+    planar = 0.8  # fraction of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
     return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < planar
 
 
@@ -146,9 +148,9 @@ def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float)
     """Return True if a surface is narrow around a head's centre (3,) and wide below it, for a body of a `scale`."""
     across_head = float(np.median(_run_widths(view, mask, head, HEAD_BAND, scale)))
     across_chest = float(np.max(_run_widths(view, mask, head, CHEST_BAND, scale)))
-    head_width = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
+    head_width = (0.09, 0.36)  # m: from a child seen from the side to a hooded adult
     fits = head_width[0] <= across_head <= head_width[1] and CHEST_WIDTH[0] <= across_chest <= CHEST_WIDTH[1]
-    narrowing = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
+    narrowing = 1.1  # maximum ratio of head to chest width: 1.1 for a slim person with long hair seen from the side
     return fits and across_head <= narrowing * across_chest
 
 
@@ -161,7 +163,7 @@ def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[floa
     """
     widths = np.zeros(len(view.depth))
     lowest, highest = scale * band[0], scale * band[1]
-    # m across and in depth between the pixels of one run: a hand beside the head is another
+    # m across and in depth between the pixels of one run; a hand beside the head is another run
     run_gap, run_step = 0.06, 0.2
     rows = run_widths(view.points, view.depth, mask, head, lowest, highest, run_gap, np.float32(run_step), widths)
     return widths[: max(rows, 1)] / scale
@@ -175,7 +177,7 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
     aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
     upper = mask & (view.points[..., 1] > head[1] + CHEST_BAND[0]) & (aside < CHEST_WIDTH[1] / 2)
     ends, total = 0, 0
-    open_step = 0.06  # m by which it does
+    open_step = 0.06  # m, minimum depth step at the outline
     for side in (-1, 1):
         beside = np.roll(view.depth, -side, axis=1)
         edge = upper & ~np.roll(mask, -side, axis=1)
@@ -193,7 +195,7 @@ def planar_share(view: View, lens: CoarseCamera, mask: np.ndarray) -> float:
     picked = np.linspace(0, len(v) - 1, min(planar_samples, len(v))).astype(np.int64)
     points = view.points[v[picked], u[picked]].astype(np.float64)
     tolerances = 0.02 + lens.quantisation / 2 * (points**2).sum(axis=1)
-    flattest = 0.04  # m of tolerance, at 3.8 m: beyond, people are as flat as doors
+    flattest = 0.04  # m of tolerance, at 3.8 m; beyond, people are as flat as doors
     if np.median(tolerances) > flattest:
         return 0.0
     triples = np.random.default_rng(0).integers(0, len(points), (planar_triples, 3))

@@ -10,12 +10,12 @@ from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import largest_plane
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 
-SAMPLES = 6000  # points; a floor of a tenth of the scene still has 600
+SAMPLES = 6000  # sampled points; a floor of a tenth of the scene still has 600
 INLIER_DISTANCE = 0.03  # m; a Kinect's quantisation at 3 m
-LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
-SMALLEST_AREA = 0.8  # m^2; a person shows no plane of this size
-LOWEST_CAMERA = 0.1  # m above the floor; nearer to its plane, all that is seen edge-on would pass for one
-SHARE_ABOVE = 0.97  # of the scene; a table has the floor below it
+LARGEST_TILT = np.deg2rad(50.0)  # maximum tilt of a camera without roll
+SMALLEST_AREA = 0.8  # m^2; no plane of a person is this large
+LOWEST_CAMERA = 0.1  # m above the floor; nearer points may be on an edge-on plane
+SHARE_ABOVE = 0.97  # fraction of the scene above the plane; a table has the floor below it
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     v, u = v[picked], u[picked]
     z = depth_mm[v, u] * 1e-3
     points = np.column_stack([camera.rays()[v, u] * z[:, None], z])
-    # A sampled pixel stands for as many pixels as there are per sample, each covering z^2 / (fx fy) head on.
+    # A sampled pixel represents the pixels per sample, each covering z^2 / (fx fy).
     areas = z**2 / (camera.fx * camera.fy) * (np.count_nonzero(depth_mm) / len(points))
-    seed = 0  # every search of a scene finds the same floor
+    seed = 0  # each search of a scene finds the same floor
     rest, rng = np.ones(len(points), dtype=bool), np.random.default_rng(seed)
     iterations = 2000  # find a plane of a tenth of the points with probability 0.86, of a fifth always
     planes = 6  # walls, ceiling and tables may be larger than the floor
@@ -84,7 +84,7 @@ def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray
     slant = np.maximum(np.abs(rises) / linear.lengths(points), 0.05)
     areas = z**2 / (camera.fx * camera.fy) * (len(v) / len(points)) / slant
     found, largest = None, SMALLEST_AREA
-    prominent = 1.5  # times as large as what is seen 9 cm higher: walls are as wide there
+    prominent = 1.5  # ratio to the area 9 cm higher: walls have the same width there
     for level in np.arange(rises.min(), min(rises.max(), -LOWEST_CAMERA), 0.5 * INLIER_DISTANCE):
         members = np.abs(rises - level) < INLIER_DISTANCE
         standing = np.abs(rises - level - 3 * INLIER_DISTANCE) < INLIER_DISTANCE
@@ -97,7 +97,7 @@ def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray
 
 def _pixel_area(depth_mm: np.ndarray, camera: Camera) -> float:
     far = float(depth_mm.max()) * 1e-3
-    return 20.0 * far * far / (camera.fx * camera.fy)  # 20: the slant that `find_floor` allows for
+    return 20.0 * far * far / (camera.fx * camera.fy)  # 20: the slant that `find_floor` allows
 
 
 def _as_floor(plane: np.ndarray) -> Floor | None:

@@ -105,7 +105,7 @@ class GivenJoints(NoJoints):
 def on_cut_out(joints: Joints2D, depth: np.ndarray) -> np.ndarray:
     """Return the sure joints that lie on a person's depth (H, W), or close beside it: bool (20,)."""
     found = np.zeros(len(joints.sure), dtype=np.bool_)
-    reach = 2  # pixels beside a mask that count as on it: its contour is deleted, and joints are seldom exact
+    reach = 2  # maximum pixels beside a mask: its contour is deleted, and joints are inexact
     for joint in np.flatnonzero(joints.sure):
         u, v = np.rint(joints.pixels[joint]).astype(np.int64)
         rows, columns = slice(max(v - reach, 0), v + reach + 1), slice(max(u - reach, 0), u + reach + 1)

@@ -102,11 +102,11 @@ class RoomLearningFinder:
         return self._finder.find(depth_mm, timestamp, predicted)
 
     def _sample(self, depth_mm: np.ndarray, timestamp: float) -> None:
-        """Use the room that was learned from the samples before, and start to learn it again where it is time to."""
+        """Use the room learnt from earlier samples, and start learning again when it is due."""
         if self._learning is not None:
             self._finder.use_room(replace(self._learning.result(), floor=self._floor))
             self._learning = None
-        sample_seconds = 0.5  # between two samples of a room: the `SAMPLES` of a recording take 20 s
+        sample_seconds = 0.5  # interval of the room samples: the `SAMPLES` of a recording take 20 s
         self._due = timestamp + sample_seconds
         if len(self._samples) == SAMPLES:
             return

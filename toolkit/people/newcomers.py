@@ -38,12 +38,12 @@ class Newcomers:
         """
         counted = [i for i in range(len(candidates)) if shaped[i] and not touching[i]]
         left, kept = [i for i in range(len(candidates)) if i not in counted], []
-        gate, walk = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
+        gate, walk = 0.3, 2.0  # m, and m/s, of a head's motion between frames
         least_frames = 2.5
-        frames = 3  # in which it must be seen: noise does not look like a head in the same place three times
-        # s for which a head on another person's surface must be seen: a knee or a fist may look like one
+        frames = 3  # minimum number of detections: noise does not repeat three times in one place
+        # seconds of detections for a head on another person's surface: a knee or a fist may resemble one
         touching_time = 0.5
-        patience = 0.3  # s without being seen, after which it is forgotten
+        patience = 0.3  # seconds without a detection after which a candidate is dropped
         for newcomer in self._waiting:
             away = [float(np.sqrt(((candidates[i] - newcomer.place) ** 2).sum())) for i in left]
             elapsed = timestamp - newcomer.last

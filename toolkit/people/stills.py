@@ -8,8 +8,8 @@ from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_
 from toolkit.people.hypothesis import PersonClassifier, alone_log_odds, judged_head, lowness, possible_height
 from toolkit.people.view import CoarseCamera, View
 
-LEAST_CUT_OUT = 0.03  # m^2 where nothing but people is measured: one of half a metre
-LEAST_HEIGHT = 0.35  # m of a person: head and chest of a child
+LEAST_CUT_OUT = 0.03  # m^2 of a person where only people are measured: one of half a metre
+LEAST_HEIGHT = 0.35  # m, minimum height of a person: head and chest of a child
 
 
 def people_and_furniture(
@@ -34,8 +34,8 @@ def people_and_furniture(
     alone = [hanging_on(view, lens, [head])[0] for head in heads]
     large = [large_enough(view, lens, mask) for mask in alone]
     heads = [head for head, big in zip(heads, large, strict=True) if big]
-    # Heads that compete for one surface share it out, and no half has a person's shape: each is judged as if the
-    # surface were its own, too.
+    # Heads that compete for one surface share it, and no half has a person's shape: each is also classified as if the
+    # whole surface were its own.
     alone = [mask for mask, big in zip(alone, large, strict=True) if big]
     shared = hanging_on(view, lens, heads)
     shaped = _shaped(view, lens, heads, alone, shared)
@@ -44,19 +44,19 @@ def people_and_furniture(
         possible_height(head, floor) and alone_log_odds(shape, said, lowness(head, floor)) > 0
         for head, shape, said in zip(heads, shaped, judged, strict=True)
     ]
-    largest_arm = 0.1  # m^2 of a raised arm, with what is nearest to it of the shoulder
+    largest_arm = 0.1  # m^2 of a raised arm with the nearest part of the shoulder
     arms = [
         said is not None and said > 0 and not shape and lens.area(view.depth[mask]) < largest_arm
         for said, shape, mask in zip(judged, shaped, shared, strict=True)
     ]
     people: list[np.ndarray] = []
-    surfaces: list[np.ndarray] = []  # of the people so far; only a hand lies on them
-    for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # those with a shape first, the highest first
+    surfaces: list[np.ndarray] = []  # only a hand lies on an accepted person
+    for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # heads with a shape first, the highest first
         covered = any(_below(person, heads[k]) for person in people)
         if good[k] and not covered and not _part_of(view, heads[k], arms[k], people, surfaces):
             people.append(heads[k])
             surfaces = hanging_on(view, lens, people) if any(arms) else []
-    furniture = [  # keeps its own pixels
+    furniture = [  # keeps its pixels
         head
         for head, right, arm in zip(heads, good, arms, strict=True)
         if not right and not _part_of(view, head, arm, people, surfaces)
@@ -88,7 +88,7 @@ def _part_of(view: View, place: np.ndarray, arm: bool, people: list[np.ndarray],
 
 def _below(place: np.ndarray, head: np.ndarray) -> bool:
     aside = float(np.hypot(place[0] - head[0], place[2] - head[2]))
-    knees = 0.3  # m horizontally, within which what looks like a person below a head are the legs of that person
+    knees = 0.3  # m horizontally, within which a person-like surface below a head is that person's legs
     return aside < knees and place[1] < head[1]
 
 
@@ -116,7 +116,7 @@ def a_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray)
 
 def large_enough(view: View, lens: CoarseCamera, mask: np.ndarray, *, cut_out: bool = False) -> bool:
     """Return True if a surface has a person's area and height; `cut_out`: the recording holds segmented people."""
-    least_area = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
+    least_area = 0.06  # m^2 of a person: head and chest of a child behind a table
     if lens.area(view.depth[mask]) < (LEAST_CUT_OUT if cut_out else least_area):
         return False
     heights = view.points[mask][:, 1]

@@ -10,8 +10,8 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import best_plane
 
-TRIPLES = 400  # of them half from one neighbourhood: a plane of a fifth of the points is hit with probability 0.9999
-CORE = 2  # coarse pixels: what is on a plane but thinner than twice this is something that stands out of it
+TRIPLES = 400  # half of them from one neighbourhood: a plane of a fifth of the points is hit with probability 0.9999
+CORE = 2  # coarse pixels: surfaces on a plane that are thinner than twice this stand out of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> l
     v, u = np.nonzero(depth)
     if len(v) < 50:
         return []
-    samples = 2500  # points of the image: a wall of a twentieth of it still has 125
+    samples = 2500  # sampled points of the image: a wall of a twentieth of it still has 125
     share = max(1.0, len(v) / samples)
     picked = np.linspace(0, len(v) - 1, min(samples, len(v))).astype(np.int64)
     v, u = v[picked], u[picked]
@@ -50,15 +50,15 @@ def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> l
     points = np.column_stack([rays[v, u] * z[:, None], z])
     tolerances = tolerance[v, u].astype(np.float64)
     pitch = (rays[0, -1, 0] - rays[0, 0, 0]) / max(depth.shape[1] - 1, 1)
-    facing = share * (z * pitch) ** 2  # m^2 that a sample stands for, head on
+    facing = share * (z * pitch) ** 2  # m^2 per sample, seen perpendicularly
     rng = np.random.default_rng(0)
     rest = np.ones(len(points), dtype=bool)
     planes: list[Plane] = []
-    # m^2, and m of the shorter side, of a wall or a floor; no person shows such a plane
+    # m^2, and m of the shorter side, of a wall or a floor; no person has such a plane
     least_area, least_side = 1.2, 0.9
-    neighbourhood = 0.1  # of the image's width
+    neighbourhood = 0.1  # fraction of the image width
     most_planes = 8
-    filled = 0.35  # of a plane's rectangle that its points cover at the least; a cut through clutter covers less
+    filled = 0.35  # minimum fraction of a plane's rectangle that its points cover; a cut through clutter covers less
     least_slant = 0.3  # sine of the angle at which a plane is seen: nearer to edge-on, its area is unknown
     for _ in range(most_planes):
         members = np.flatnonzero(rest)
@@ -88,7 +88,7 @@ def on_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray, planes
     for plane in planes:
         slopes = rays[..., 0] * plane.normal[0] + rays[..., 1] * plane.normal[1] + plane.normal[2]
         on = (depth > 0) & (np.abs(depth * slopes + plane.offset) <= tolerance)
-        # A plane is endless and cuts people on its way: only where it is wide it is the wall itself.
+        # A plane is infinite and also cuts people: it is a wall only where it is wide.
         core = cv2.erode(on.astype(np.uint8), disc, borderType=cv2.BORDER_CONSTANT, borderValue=1)
         mask |= on & (cv2.dilate(core, np.ones((4 * CORE + 1, 4 * CORE + 1), np.uint8)) > 0)
     return mask
@@ -133,7 +133,7 @@ def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: 
     hits = points * np.where(slopes < 0, -offset / np.minimum(slopes, -1e-9), 0.0)[:, None]
     low, high = np.percentile(points[on], [5, 95], axis=0)
     inside = ((hits >= low - 0.05) & (hits <= high + 0.05)).all(axis=1)
-    # of a plane's points: more measured through it, and it bounds nothing (a sofa's front, a row of people)
+    # maximum fraction of points measured behind a plane that bounds the room (unlike a sofa's front, a row of people)
     behind = 0.35
     return bool((through & inside).sum() <= behind * on.sum())
 

@@ -102,7 +102,7 @@ class Surroundings:
 
 def tolerances(depth: np.ndarray, lens: CoarseCamera) -> np.ndarray:
     """Return the distance within which a pixel lies on a plane, metres, in the shape of `depth`."""
-    plane_distance = 0.03  # m of a pixel from a wall or floor, on top of the quantisation
+    plane_distance = 0.03  # m from a pixel to a wall or floor, besides the quantisation
     return np.asarray(plane_distance + lens.quantisation * depth**2, dtype=np.float32)
 
 
@@ -120,7 +120,7 @@ def empty_scene(background: np.ndarray, lens: CoarseCamera, margin: float) -> Su
 
 def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
     """Return True if a coarse frame holds only people: mostly 0, no wall or floor, few surfaces without a head."""
-    empty_share = 0.1  # of a frame is 0 where it is already cut out (recording format)
+    empty_share = 0.1  # fraction of zeros of a frame that is already segmented (recording format)
     if np.count_nonzero(depth == 0) < empty_share * depth.size:
         return False
     view = lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
@@ -129,7 +129,7 @@ def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
     headless[0] = False
     for head in find_heads(view, lens, cut_out=True):
         headless[labels[near_head(view, head.place)]] = False
-    largest_headless = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
+    largest_headless = 1.5  # m^2 of surfaces without a head where only people are measured: a lying, wide adult
     if areas[headless].sum() > largest_headless:
         return False
     return not _planes_of(depth, lens)

@@ -1,7 +1,4 @@
-"""Network that detects the keypoints of a person: the pose landmark model of MediaPipe 0.10.21 (Apache-2.0).
-
-The toolkit contains neither the model (`depthmocap joints --fetch`) nor its runtime (extra `joints`).
-"""
+"""Network for the keypoints of a person: the pose landmark model of MediaPipe 0.10.21 (Apache-2.0)."""
 
 from __future__ import annotations
 
@@ -105,7 +102,7 @@ def check_model(content: bytes, where: str | Path) -> bytes:
 
 
 class PoseModel:
-    """The network, loaded; the same picture gives the same points with any number of threads.
+    """Loaded network; equal pictures give equal points with any number of threads.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
     if not len(rows):
         return picture
     box, large = [], []
-    border = 4  # pixels around a person that are shaded with them: the enlarged contour reaches two
+    border = 4  # pixels around a person that are shaded too: the enlarged contour needs two
     for there, size in ((rows, height), (columns, width)):
         first, last = max(int(there[0]) - border, 0), min(int(there[-1]) + border + 1, size)
         box.append(slice(first, last))
