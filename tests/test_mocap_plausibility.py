@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from toolkit.io.errors import MocapError, PlausibilityWarning
+from toolkit.mocap.bvh import read_bvh
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.plausibility import check_clip
 from toolkit.mocap.read import read_clip
@@ -151,3 +153,18 @@ def test_exchanged_sides_and_a_negative_scale_are_doubted(how: str) -> None:
         wrong = replace(clip, offsets=-clip.offsets)
     with pytest.warns(PlausibilityWarning, match="left and right exchanged, or is mirrored by a negative scale"):
         check_clip(wrong)
+
+
+def test_a_long_file_is_read_in_time_linear_in_its_joints(tmp_path: Path) -> None:
+    def seconds(joints: int) -> float:
+        head = ["HIERARCHY ROOT r { OFFSET 0 0 0 CHANNELS 1 Zrotation"]
+        leaf = "OFFSET 0 1 0 CHANNELS 1 Zrotation End Site { OFFSET 0 1 0 } }"
+        head += [f"JOINT j{i} {{ {leaf}" for i in range(joints)]
+        row = " ".join(["0"] * (joints + 1))
+        (tmp_path / "a.bvh").write_text("\n".join([*head, "}", "MOTION", "Frames: 1", "Frame Time: 0.03", row]))
+        start = time.process_time()
+        assert len(read_bvh(tmp_path / "a.bvh").joint_names) == joints + 1
+        return time.process_time() - start
+
+    seconds(100)  # imports and compiled kernels
+    assert seconds(40_000) < 8 * max(seconds(10_000), 0.05)  # 4 is linear, 16 quadratic

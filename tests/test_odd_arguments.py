@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import subprocess
+import sys
 import threading
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +15,7 @@ import numpy as np
 import pytest
 
 import depthmocap
+from tests.file_formats import FORMATS
 from tests.sensing_scenes import KINECT, person_alone
 from toolkit.evaluation.evaluate import evaluate_tracks
 from toolkit.io.display_names import shown
@@ -92,3 +97,25 @@ def test_the_mask_of_new_files_is_kept_and_never_changed(tmp_path: Path, monkeyp
     finally:
         monkeypatch.undo()
         os.umask(before)
+
+
+@pytest.mark.parametrize("threads", ["0", "-1"])
+def test_a_number_of_threads_that_cannot_be_is_named(threads: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "depthmocap", "info", "take.npz"],
+        env={**os.environ, "NUMBA_NUM_THREADS": threads}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == f"depthmocap: NUMBA_NUM_THREADS is '{threads}'; give a positive number, or leave it unset\n"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_file_that_was_read_is_closed(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, unraisable = FORMATS[name].make(tmp_path), list[Any]()
+    gc.collect()  # of other tests
+    monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ResourceWarning)
+        FORMATS[name].read(path)
+        gc.collect()
+    assert [each.exc_value for each in unraisable] == []

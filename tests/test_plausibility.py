@@ -17,7 +17,7 @@ import depthmocap
 from depthmocap import tracks
 from tests.fake_tracker import FakeTracker
 from tests.run_helpers import run
-from tests.sensing_scenes import KINECT, scene
+from tests.sensing_scenes import KINECT, neutral, scene, standing
 from toolkit.app.cli.main import standard_streams
 from toolkit.app.cli.terminal import program
 from toolkit.app.pipeline import TrackerRecipe
@@ -31,8 +31,9 @@ from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.plausibility import plausibility
 from toolkit.recordings.opening import recording_of, upright
 from toolkit.recordings.writer import save_recording
-from toolkit.sensing.camera import Camera
+from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.conversion import DEPTH_UNITS
+from toolkit.simulation.raycast import render_depth
 from toolkit.tracks import EMPTY
 
 CENTRED = (KINECT.fx, KINECT.fy, KINECT.cx, KINECT.cy)
@@ -73,6 +74,9 @@ def test_a_plausible_recording_raises_no_concern(classifier: PersonClassifier, r
         ((143.9, 143.9, 79.5, 59.5), "25 % of the image away from its centre"),
         ((287.0, 287.0, 119.5, 159.5), "has cx and cy exchanged"),
         ((287.0, 287.0, 159.5, 170.0), "21 % of the image away"),
+        ((71.4, 71.4, 39.9, 29.9), "37 % of the image away"),
+        ((285.6, 142.8, 159.5, 119.5), "the focal lengths 285.6 and 142.8 differ"),
+        ((428.4, 285.6, 159.5, 119.5), "the focal lengths 428.4 and 285.6 differ"),
     ],
 )
 def test_intrinsics_of_another_image_size_are_named(intrinsics: tuple[float, ...], says: str) -> None:
@@ -108,14 +112,33 @@ UNITS = [name for name in DEPTH_UNITS if name not in ("mm", "m")]
 def test_depth_in_another_unit_is_named_with_the_unit_that_fits(
     classifier: PersonClassifier, unit: str, room: dict[str, Any]
 ) -> None:
-    stored = np.rint(frames(room) * (0.001 / DEPTH_UNITS[unit]))
-    assert kinds(stored.astype(np.uint16), classifier, depth_unit=unit) == {}
+    stored = frames(room) * (0.001 / DEPTH_UNITS[unit])
+    stored = np.rint(stored).astype(np.uint16)
+    assert kinds(stored, classifier, depth_unit=unit) == {}
     try:
-        found = kinds(stored.astype(np.uint16), classifier)
+        found = kinds(stored, classifier)
     except RecordingError as error:
         assert "--depth-unit" in str(error)
         return
     assert found == {"unit": found.get("unit")} and f"give --depth-unit {unit}" in found["unit"]
+
+
+@pytest.mark.parametrize("beyond", [np.nan, np.inf, -np.inf, -1.0, 1e10, 1e30])
+@pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64, ">f4"])
+def test_what_is_no_measurement_is_not_in_the_depth(beyond: float, kind: Any) -> None:
+    depth = frames()
+    with np.errstate(over="ignore"):  # in half precision the largest values are infinite
+        metres = np.where(depth > 0, depth / 1000.0, beyond).astype(kind)
+    recording = recording_of(metres, intrinsics=CENTRED)
+    np.testing.assert_allclose(recording.depth(1), depth[1], atol=2 if kind == np.float16 else 0)
+    np.testing.assert_array_equal(recording_of(depth.astype(">u2"), intrinsics=CENTRED).depth(1), depth[1])
+
+
+def test_a_sensor_that_is_rolled_by_45_degrees_raises_no_concern(classifier: PersonClassifier) -> None:
+    body, pose = neutral()[0], standing(0.0, 3.4, 1.2)
+    for up in ([0.7, -0.7, 0.0], [0.0, -0.7, -0.7]):
+        depth = np.rint(1000 * render_depth(body, pose, KINECT, level_rotation(np.array(up)))).astype(np.uint16)
+        assert kinds(np.stack([depth] * 2), classifier, up_camera=up) == {}
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])

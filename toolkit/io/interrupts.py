@@ -1,4 +1,4 @@
-"""Ctrl-C that takes effect after a block of code that has to be done whole."""
+"""Signals that end the process: after a block of code that has to be done whole, or with its files cleaned up."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+ENDING = (signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+"""Signals besides Ctrl-C that end a process: by a service or a batch system, and by a closed terminal."""
 
 
 @contextmanager
@@ -28,3 +31,24 @@ def interrupts_deferred() -> Iterator[None]:
         signal.signal(signal.SIGINT, usual)
         if pending:
             signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def endings_as_exits() -> Iterator[None]:
+    """Turn the signals of `ENDING` into SystemExit while the block runs, so that temporary files are removed.
+
+    The exit code is 128 plus the signal's number, as a shell reports it. Signals that are ignored stay ignored.
+    """
+
+    def leave(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(128 + number)
+
+    in_main = threading.current_thread() is threading.main_thread()
+    usual = [number for number in ENDING if in_main and signal.getsignal(number) is signal.SIG_DFL]
+    for number in usual:
+        signal.signal(number, leave)
+    try:
+        yield
+    finally:
+        for number in usual:
+            signal.signal(number, signal.SIG_DFL)

@@ -24,10 +24,17 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numba
 import platformdirs
-from numba.core import caching, event
-from numba.core import config as numba_config
+
+from toolkit.io.errors import UsageError
+
+try:
+    import numba
+    from numba.core import caching, event
+    from numba.core import config as numba_config
+except ValueError as error:
+    threads = os.environ.get("NUMBA_NUM_THREADS")
+    raise UsageError(f"NUMBA_NUM_THREADS is {threads!r}; give a positive number, or leave it unset") from error
 
 from toolkit.kernels.cache_files import KernelFile, is_private, is_protected, temporary_folder
 

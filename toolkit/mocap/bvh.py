@@ -180,7 +180,8 @@ def _rest_points(tree: _Tree, offsets: np.ndarray) -> np.ndarray:
     points: list[np.ndarray] = []
     for j, parent in enumerate(tree.parents):
         points.append(offsets[j] + points[parent] if parent >= 0 else np.zeros(3))
-    tips = [points[tree.names.index(joint)] + tip for joint, tip in tree.end_sites.items()]
+    place = dict(zip(tree.names, points, strict=True))
+    tips = [place[joint] + tip for joint, tip in tree.end_sites.items()]
     return np.array(points + tips)
 
 

@@ -44,6 +44,7 @@ class PlausibilitySettings:
     principal_point : largest distance of the principal point from the image centre, as a share of the image's width
         or height; registered and binned images of 14 depth cameras stay below 0.06
     exchanged : the same where cx and cy fit each other's side
+    oblong : largest quotient of the focal lengths in pixels; 14 depth cameras have less than 1.02
     sure, sure_in_room : log odds of a head from which on no other unit and no other orientation is tried, of people who
         are cut out and in a room, where 12 real recordings have 1.7 to 3.1
     person : log odds that a head needs in another unit or orientation
@@ -58,6 +59,7 @@ class PlausibilitySettings:
     pairs: int = 6
     principal_point: float = 0.15
     exchanged: float = 0.03
+    oblong: float = 1.1
     sure: float = 2.8
     sure_in_room: float = 1.5
     person: float = 2.3
@@ -141,7 +143,9 @@ def plausibility(
 
 
 def intrinsics_concern(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> Concern | None:
-    """Return a concern if the principal point lies far from the image centre or if cx and cy seem exchanged."""
+    """Return a concern if the principal point lies far from the image centre, if cx and cy seem exchanged, or if the
+    focal lengths differ.
+    """
     camera = recording.raw_camera
     centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     aside = abs(camera.cx - centre[0]) / camera.width, abs(camera.cy - centre[1]) / camera.height
@@ -150,7 +154,10 @@ def intrinsics_concern(recording: Recording, settings: PlausibilitySettings = Pl
     if max(exchanged) < settings.exchanged < min(aside):
         return Concern("intrinsics", f"{numbers} has cx and cy exchanged; give --intrinsics fx,fy,cx,cy")
     if max(aside) <= settings.principal_point:
-        return None
+        if max(camera.fx / camera.fy, camera.fy / camera.fx) < settings.oblong:
+            return None
+        text = f"the focal lengths {camera.fx:g} and {camera.fy:g} differ, so that people are wide or narrow"
+        return Concern("intrinsics", f"{text}; check --intrinsics fx,fy,cx,cy")
     size = size_of_centre(camera.cx, camera.cy)
     like = f"; these look like the intrinsics of {size[0]}x{size[1]}" if size else ""
     return Concern(

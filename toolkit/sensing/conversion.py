@@ -15,10 +15,10 @@ FARTHEST_MEDIAN_MM = 20_000.0
 """Twice the length of a room."""
 DEPTH_UNITS = {
     "mm": 0.001, "m": 1.0, "0.01": 0.01, "0.0254": 0.0254, "0.002": 0.002, "0.0005": 0.0005, "0.00025": 0.00025,
-    "0.0002": 0.0002, "0.0001": 0.0001,
+    "0.0002": 0.0002, "0.000125": 0.000125, "0.0001": 0.0001,
 }  # fmt: skip
 """Metres per stored unit, by the name of `--depth-unit`: centimetres, inches, 1/5000 m (TUM RGB-D), 1/10 mm (RealSense
-at close range), and halves, quarters and doubles of a millimetre."""
+at close range), halves, quarters, eighths (OpenNI, shifted) and doubles of a millimetre."""
 
 
 @dataclass(eq=False)
@@ -85,16 +85,18 @@ class DepthConverter:
         return rounded
 
     def _check(self, raw: np.ndarray, what: str) -> None:
-        measured = raw[np.isfinite(raw) & (raw > 0)]
+        measured = raw[np.isfinite(raw) & (raw > 0)].astype(np.float64)
+        far = measured * self._factor > LARGEST_MM
+        if far.any() and not far.all() and np.ptp(measured[far]) == 0:
+            measured = measured[~far]  # one value far away stands for no measurement
         if not measured.size:
             return
         stored = float(np.median(measured))
         if not self._plausible(self._factor * stored):
-            fitting = [u for u in ("mm", "m", "0.01") if self._plausible(1000 * stored * DEPTH_UNITS[u])]
+            fitting = [u for u, metres in DEPTH_UNITS.items() if self._plausible(1000 * stored * metres)]
             raise RecordingError(
                 f"{what} has a median value of {stored:g}, which is {self._factor * stored / 1000:g} m with "
-                f"--depth-unit {self.unit}; give --depth-unit "
-                f"{' or '.join(fitting) or 'the metres of one unit, such as 0.0002'}"
+                f"--depth-unit {self.unit}; give --depth-unit {' or '.join(fitting) or 'the metres of one unit'}"
             )
         self._checked = True
 

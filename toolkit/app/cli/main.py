@@ -39,6 +39,7 @@ from toolkit.app.cli import (
 from toolkit.app.cli.examples import add_examples
 from toolkit.io.display_names import printable, shown
 from toolkit.io.errors import DepthMocapError, PlausibilityWarning, UsageError
+from toolkit.io.interrupts import endings_as_exits
 
 app = typer.Typer(
     name="depthmocap",
@@ -102,7 +103,7 @@ def main(arguments: list[str] | None = None) -> None:
     not stop the work and does not change the exit code.
     """
     gc.set_threshold(COLLECTED)
-    with standard_streams(), warnings.catch_warnings():
+    with standard_streams(), endings_as_exits(), warnings.catch_warnings():
         warnings.simplefilter("always", PlausibilityWarning)
         warnings.showwarning = _show_warning
         _run(arguments)

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from toolkit.io.errors import OutputError
+from toolkit.io.interrupts import ENDING
 from toolkit.io.safe_open import open_file
 
 LOG_FILE = "log.txt"
@@ -18,7 +19,7 @@ LOG_FILE = "log.txt"
 
 @contextmanager
 def stop_request() -> Iterator[threading.Event]:
-    """Return an event that Ctrl-C or a termination signal sets; a second signal has its usual effect.
+    """Return an event that Ctrl-C, a termination signal or a closed terminal sets; a second one has its usual effect.
 
     Signals can only be handled in the main thread; in others the event is never set.
     """
@@ -26,7 +27,8 @@ def stop_request() -> Iterator[threading.Event]:
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, *ENDING)}
+    before = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}  # as by nohup
 
     def request(number: int, frame: object) -> None:
         stop.set()

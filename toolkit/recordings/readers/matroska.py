@@ -8,6 +8,7 @@ Indexing skips the payloads, so that the image size does not affect its time. Se
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -64,6 +65,7 @@ class Matroska:
         self.tracks: list[MatroskaTrack] = []
         self.attachments: dict[str, bytes] = {}
         self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
+        weakref.finalize(self, self._stream.close)
         identifier, *_ = self._element_at(0)
         if identifier != EBML:
             raise ValueError("it has no Matroska header")

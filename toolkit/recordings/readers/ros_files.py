@@ -5,7 +5,9 @@ All have the same interface: topics with types, message times, and messages from
 from __future__ import annotations
 
 import sqlite3
+import weakref
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -93,6 +95,12 @@ class _SqliteMessages:
             yield data
 
 
+def _close(reader: Any) -> None:
+    """Close a reader of `rosbags`, unless one of its queries is still open; that one closes it."""
+    with suppress(Exception):  # of the database that it uses
+        reader.close()
+
+
 class _BagMessages:
     """Reader by `rosbags`: ROS 1 bags, mcap files and ROS 2 folders, compressed ones too."""
 
@@ -109,6 +117,7 @@ class _BagMessages:
         with damaged(path):
             self._reader: Any = (Reader2 if self.cdr else Reader1)(path)
             self._reader.open()
+            weakref.finalize(self, _close, self._reader)
             self.topics = {c.topic: _type_name(c.msgtype) for c in self._reader.connections}
             if not all(isinstance(topic, str) for topic in self.topics):
                 raise ValueError("a topic has no name")
