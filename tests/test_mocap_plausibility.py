@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from toolkit.body.shape import load_body
 from toolkit.io.errors import MocapError, PlausibilityWarning
 from toolkit.mocap.bvh import read_bvh
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.plausibility import check_clip
 from toolkit.mocap.read import read_clip
+from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import KEYS, load_rig
 
 PLACES = {
@@ -131,6 +133,23 @@ def test_radians_read_as_degrees_are_doubted() -> None:
     still = np.broadcast_to(np.eye(3), clip.rotations.shape).copy()
     with pytest.warns(PlausibilityWarning, match="radians have to be given in degrees"):
         check_clip(replace(clip, rotations=still))
+
+
+@pytest.mark.parametrize("rate", [5.0, 24.0, 1000.0])
+def test_rates_of_motion_capture_are_read(rate: float) -> None:
+    assert check_clip(replace(clip_of(BIPED), frame_rate=rate)).frame_rate == rate
+
+
+def test_angles_beyond_the_limits_of_the_body_in_most_frames_are_doubted() -> None:
+    clip = clip_of(BIPED)
+    clip = replace(clip, rotations=np.broadcast_to(np.eye(3), clip.rotations.shape))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        retarget(clip, load_body("neutral"))
+    turned = clip.rotations.copy()
+    turned[:, clip.joint_names.index("Bip01_Head")] = [[-1, 0, 0], [0, 1, 0], [0, 0, -1]]  # the face is at the back
+    with pytest.warns(PlausibilityWarning, match=r"limits of the body in most frames \(cervical_ry 100 %"):
+        retarget(replace(clip, rotations=turned), load_body("neutral"))
 
 
 def test_a_root_without_channels_is_doubted() -> None:

@@ -26,13 +26,13 @@ from typing import Any
 
 import platformdirs
 
-from toolkit.io.errors import UsageError
-
 try:
     import numba
     from numba.core import caching, event
     from numba.core import config as numba_config
 except ValueError as error:
+    from toolkit.io.errors import UsageError
+
     threads = os.environ.get("NUMBA_NUM_THREADS")
     raise UsageError(f"NUMBA_NUM_THREADS is {threads!r}; give a positive number, or leave it unset") from error
 

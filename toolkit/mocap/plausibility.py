@@ -6,10 +6,13 @@ import warnings
 
 import numpy as np
 
+from toolkit.body import skeleton
 from toolkit.io.errors import MocapError, PlausibilityWarning, RigError
-from toolkit.mocap.clip import Clip
+from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import load_rig
 
+FEWEST = 10
+"""Minimum number of frames for a statement about motion."""
 STILL = 2.0 * np.pi
 """Degrees: range of angles that a full turn has if radians are read as degrees."""
 
@@ -38,19 +41,36 @@ def check_clip(clip: Clip) -> Clip:
     return clip
 
 
+def check_limits(clip: PoseClip) -> PoseClip:
+    """Return retargeted poses after a check of the entries that were clipped to the limits of the body.
+
+    Warns
+    -----
+    PlausibilityWarning
+        An entry was clipped in most frames, as by wrong units, sides or joint names.
+    """
+    mostly = 0.5  # fraction of the frames; 84 of 88 clips of HDM05 and CMU have no such angle
+    clipped = [i for i in np.argsort(-clip.clamped, kind="stable").tolist() if clip.clamped[i] > mostly]
+    if clipped and len(clip.poses) >= FEWEST:
+        entries = ", ".join(f"{skeleton.POSE_NAMES[i]} {100 * clip.clamped[i]:.0f} %" for i in clipped[:3])
+        text = f"angles are beyond the limits of the body in most frames ({entries}); check units, sides and joint map"
+        warnings.warn(PlausibilityWarning(f"{clip.name}: {text}; see docs/troubleshooting.md"), stacklevel=3)
+    return clip
+
+
 def _doubts(clip: Clip) -> list[str]:
     try:
         joints = {key: clip.joint_names.index(name) for key, name in load_rig(clip).joints.items()}
     except RigError:
         joints = {}
     found = []
-    fewest = 10  # minimum number of frames for a statement about motion
     step = 30.0  # degrees that a knee turns in a step or a squat, which move the root
-    if len(clip) >= fewest:
+    if len(clip) >= FEWEST:
         turns = _turns(clip)
         knees = [turns[joints[key]] for key in ("left_knee", "right_knee") if key in joints]
         if turns.max() < STILL:
-            found.append(f"no joint turns by more than {turns.max():.1f} degrees; radians have to be given in degrees")
+            still = f"no joint turns by more than {turns.max():.1f} degrees"
+            found.append(f"{still}; nothing moves, or radians have to be given in degrees")
         elif max(knees, default=0.0) > step and np.ptp(clip.root_positions, axis=0).max() == 0.0:
             found.append("the root stays in one place; export the motion with position channels of the root")
     # Minimum of the normalised triple product of left, up and forward, for a statement about sides; 1 at right

@@ -26,6 +26,7 @@ from toolkit.body.rotations.matrices import (  # fmt: skip
 )
 from toolkit.io.errors import MocapError
 from toolkit.mocap.clip import Clip, PoseClip
+from toolkit.mocap.plausibility import check_limits
 from toolkit.mocap.rig import Rig, load_rig
 from toolkit.mocap.source import KeyedClip
 
@@ -81,6 +82,11 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
     ------
     RigError
         No joint map fits, or the rest pose is not aligned with the axes of its file.
+
+    Warns
+    -----
+    PlausibilityWarning
+        Angles were clipped in most frames, see `check_limits`.
     """
     source = KeyedClip.of(clip, rig or load_rig(clip))
     chain = _Chain(body, source.frames)
@@ -93,7 +99,7 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
         _arm(chain, source, side)
         _leg(chain, source, side)
     chain.poses[:, skeleton.ROOT_POSITION] = _root_positions(source, body, chain.poses)
-    return PoseClip(clip.name, chain.poses, clip.frame_rate, clip.name, chain.clamped)
+    return check_limits(PoseClip(clip.name, chain.poses, clip.frame_rate, clip.name, chain.clamped))
 
 
 class _Chain:

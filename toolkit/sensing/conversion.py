@@ -9,6 +9,8 @@ import numpy as np
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.sensing.camera import Camera
 
+LARGEST_MM = 65535
+"""Largest depth of the canonical form."""
 INVALID_FROM = 65000
 """Raw 16-bit values from here on mean no measurement (Azure Kinect files; others saturate at 65535)."""
 FARTHEST_MEDIAN_MM = 20_000.0
@@ -77,9 +79,8 @@ class DepthConverter:
             if self._slant is None:
                 self._slant = 1.0 / np.sqrt(1.0 + (camera.rays() ** 2).sum(axis=-1))
             values *= self._slant
-        largest_mm = 65535
         with np.errstate(invalid="ignore"):
-            usable = (values > 0) & (values <= largest_mm)
+            usable = (values > 0) & (values <= LARGEST_MM)
         rounded = np.zeros(values.shape, dtype=np.uint16)
         rounded[usable] = np.rint(values[usable])
         return rounded

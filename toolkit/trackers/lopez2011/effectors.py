@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,12 +22,9 @@ COLUMN = 0.15
 
 SMALLEST_AREA = 0.004
 """Minimum area of a summit, square metres: half a fist."""
-GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8, source_drop=0.10)
+GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8)
 """Graph settings of upper bodies: neighbours within 0.1 m (with bridges, results are stable from 0.05 to 0.12), bridges
-up to 0.5 m, because forearms that point at the camera are not measured; a hand at 2 m has 30 pixels of 160x120. The
-source lies 0.1 m below the centre of mass ("lowered")."""
-PRONG = 0.25
-"""Path length at which its direction is measured, metres: outside the source's neighbourhood, before the shoulder."""
+up to 0.5 m, because forearms that point at the camera are not measured; a hand at 2 m has 30 pixels of 160x120."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +36,17 @@ class EffectorSettings:
     count : number of candidates per frame (3 in the paper); head and both hands are more often among the first 6
     tree : use the summits of the component tree of geodesic distances with the largest dynamics instead of the first
         extrema; the results are equal
+    source_drop : metres of the source below the centre of mass ("we find more convenient to lower the center of mass")
+    prong : path length at which the direction of a prong is measured, metres: outside the source's neighbourhood,
+        before the shoulder. The paper gives neither number
     narrowest, widest : range of the angle between neighbouring prongs of the fork, degrees; the cosines of the paper
         for all three pairs rarely hold
     """
 
     count: int = constant(6)
     tree: bool = False
+    source_drop: float = constant(0.1)
+    prong: float = constant(0.25)
     narrowest: float = constant(20.0)
     widest: float = constant(75.0)
 
@@ -111,7 +113,8 @@ def find_effectors(
     workspace = workspace or Workspace()
     graph = grid_graph(cloud, GRAPH, workspace)
     middle = cloud.points.mean(axis=0, dtype=np.float64)
-    source = source_node(graph, cloud.points, middle, GRAPH)
+    lowered = replace(GRAPH, source_drop=settings.source_drop)
+    source = source_node(graph, cloud.points, middle, lowered)
     # the number of possible cuts is added
     extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
     nodes = extrema.nodes
@@ -151,13 +154,13 @@ def _path(graph: Graph, extrema: Extrema, node: int, points: np.ndarray) -> np.n
     return points[out[:count][::-1]].astype(np.float64)
 
 
-def direction(path: np.ndarray) -> float:
+def direction(path: np.ndarray, prong: float) -> float:
     """Return the angle, radians from upwards towards the image's right, of a path (k, 3) at the source, level frame.
 
-    It is measured after `PRONG` metres of the path, or at its end.
+    It is measured after `prong` metres of the path, or at its end.
     """
     lengths = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)))])
-    at = min(int(np.searchsorted(lengths, PRONG)), len(path) - 1)
+    at = min(int(np.searchsorted(lengths, prong)), len(path) - 1)
     return math.atan2(path[at, 0] - path[0, 0], path[at, 1] - path[0, 1])
 
 
@@ -170,7 +173,7 @@ def find_fork(effectors: Effectors, settings: EffectorSettings | None = None) ->
     violates; here only the angle of neighbouring prongs is limited.
     """
     settings = settings or EffectorSettings()
-    angles = [direction(path) for path in effectors.paths]
+    angles = [direction(path, settings.prong) for path in effectors.paths]
     low, high = math.radians(settings.narrowest), math.radians(settings.widest)
     triples = combinations(range(len(angles)), 3)
     for triple in sorted(triples, key=lambda rows: (sum(rows), rows)):
