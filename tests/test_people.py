@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
-from toolkit.body.skeleton import REPORTED
+from toolkit.body.shape import load_body
+from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE, REPORTED
 from toolkit.people.description import describe
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import PredictedBody
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import find_people
 from toolkit.people.view import CoarseCamera
@@ -18,6 +20,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.simulation.raycast import render_depth
 
 UP = np.array([0.0, -1.0, 0.0])
 
@@ -46,6 +49,51 @@ def test_each_segmented_person_gets_a_sighting(camera, count):
     for s in sightings:
         both = (s.depth > 0) & (depth > 0)
         assert np.abs(s.depth[both] - depth[both] / 1000).max() < 0.2
+
+
+def squatting(shoulder: tuple[float, float], yaw: float) -> np.ndarray:
+    """Return the depth of a cut-out man who squats with bent arms and raised fists, uint16 (H, W), millimetres."""
+    body, pose = load_body("average_male"), np.zeros(POSE_SIZE)
+    twist, forwards = shoulder
+    angles = {
+        "shoulder_rx": twist, "shoulder_ry": -forwards, "shoulder_rz": -0.3, "elbow_ry": -2.0, "hip_rx": -0.8,
+        "hip_rz": 0.2, "knee_rx": 1.4, "ankle_rx": -0.6,
+    }  # fmt: skip
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        for name, value in angles.items():
+            pose[POSE_NAMES.index(f"{side}_{name}")] = value if name.endswith("rx") else sign * value
+    pose[POSE_NAMES.index("root_rx")], pose[POSE_NAMES.index("root_ry")] = 0.2, yaw
+    pose[1], pose[2] = -0.9 - body.vertex_positions(pose)[:, 1].min(), -2.2
+    seen = render_depth(body, pose, KINECT, level_rotation(UP))
+    return np.rint(1000 * np.where(np.isfinite(seen), seen, 0.0)).astype(np.uint16)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.4])
+@pytest.mark.parametrize("shoulder", [(-1.5, 0.3), (-1.5, 0.9), (-0.8, 0.9)])
+def test_raised_fists_on_one_surface_are_no_second_person(shoulder, yaw):
+    depth = squatting(shoulder, yaw)
+    (sighting,) = MultiPersonFinder(KINECT, UP).find(depth, 0.0, {})
+    assert ((sighting.depth > 0) & (depth > 0)).sum() > 0.95 * (depth > 0).sum()
+    turned = Camera(KINECT.fy, KINECT.fx, KINECT.cy, 319.0 - KINECT.cx, 240, 320)
+    assert len(MultiPersonFinder(turned, UP).find(np.rot90(depth).copy(), 0.0, {})) == 1
+
+
+def test_two_cut_out_people_shoulder_to_shoulder_are_two():
+    depth, _ = scene(KINECT, ((-0.22, 2.5), (0.22, 2.5)))
+    assert len(MultiPersonFinder(KINECT, UP).find(depth, 0.0, {})) == 2
+
+
+@pytest.mark.parametrize("camera", [KINECT, TOF])
+@pytest.mark.parametrize("gap", [0.05, 0.15])
+def test_holes_between_head_and_trunk_do_not_split_a_person(camera, gap):
+    depth, who = scene(camera, ((0.0, 3.0),))
+    depth, pixels = depth.copy(), camera.fy / 3.0
+    chin = np.flatnonzero((who > 0).any(axis=1))[0] + round(0.24 * pixels)
+    depth[chin : chin + round(gap * pixels)] = 0
+    several, alone = MultiPersonFinder(camera, UP), SinglePersonSegmenter(camera, None, SensingSettings(), UP)
+    for finder in (several, alone):
+        (sighting,) = finder.find(depth, 0.0, {})
+        assert ((sighting.depth > 0) & (depth > 0)).sum() > 0.98 * (depth > 0).sum()
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
@@ -96,6 +144,17 @@ def test_a_person_who_left_the_image_keeps_the_identity_if_no_other_can_enter(ot
         depth, _ = scene(KINECT, (*walker, *((0.9, 2.6),) * others), wall=4.5)
         ids.append(tuple(s.id for s in finder.find(depth, k / 15, {})))
     assert len(ids[0]) == len(again) == 1 + len(ids[37]) and ids[-1] == again
+
+
+@pytest.mark.parametrize("speed", [0.07, 0.12])
+def test_a_person_out_of_view_for_a_moment_keeps_the_identity(speed):
+    """A person leaves the room's image, stands outside for 0.3 to 0.8 s, and returns at the same border."""
+    finder, ids = MultiPersonFinder(KINECT, UP), []
+    for k in range(-18, 19):
+        x = 1.1 + speed * (18 - abs(k))
+        depth, _ = scene(KINECT, ((x, 2.4),), wall=4.5, floor=True, height=1.5)
+        ids.append(tuple(s.id for s in finder.find(depth, k / 15, {})))
+    assert ids[0] == ids[-1] == (1,) and set(ids) == {(1,), ()}
 
 
 def test_a_second_person_who_enters_is_number_two_within_half_a_second():

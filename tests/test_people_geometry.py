@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,10 +15,11 @@ from toolkit.io.errors import SegmentationError
 from toolkit.people.candidates import shaped_alone
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
-from toolkit.people.selected_person import meant_person
+from toolkit.people.selected_person import SelectedPersonFinder, meant_person
 from toolkit.people.sharing import body_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import people_and_furniture
+from toolkit.people.tracks import KnownPerson
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -133,13 +135,17 @@ def test_two_people_are_two_and_a_negative_score_is_furniture(odds, sides):
 
 
 class FakePeople:
-    """Finder that returns given people."""
+    """Finder that returns given people, of given heights."""
 
     camera = KINECT
     evidence: Mapping[int, Any] = {}
 
-    def __init__(self, frames: Sequence[Mapping[int, tuple[slice, float]]] = ()) -> None:
+    def __init__(
+        self, frames: Sequence[Mapping[int, tuple[slice, float]]] = (), heights: Sequence[float] = (0.4, 0.4, 0.4)
+    ) -> None:
         self.frames, self.told, self.lens = list(frames), {}, view_of(np.zeros(KINECT.shape, dtype=np.uint16))[0]
+        none, never = np.zeros(3), -1e9
+        self.people = [KnownPerson(k, none, none, never, never, h, none, 0.5) for k, h in enumerate(heights, start=1)]
 
     def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
         return int(v) // self.lens.step, int(u) // self.lens.step
@@ -149,6 +155,11 @@ class FakePeople:
         labels, depth = np.zeros(self.lens.camera.shape, dtype=np.int32), np.zeros(self.lens.camera.shape)
         for number, (columns, distance) in self.frames[round(timestamp * 10)].items():
             labels[20:40, columns], depth[20:40, columns] = number, distance
+            x = distance * (0.5 * (columns.start + columns.stop) - self.lens.camera.cx) / self.lens.camera.fx
+            known = self.people[number - 1]
+            first = known.first if known.first >= 0.0 else timestamp
+            head = np.array([x, known.tallest, -distance])
+            self.people[number - 1] = replace(known, head=head, first=first, last=timestamp)
         return labels, depth
 
     def find(self, depth_mm: np.ndarray, timestamp: float, told: Mapping[int, Any]) -> tuple[Sighting, ...]:
@@ -180,7 +191,7 @@ def test_two_are_one_too_many_who_are_seen_together_for_more_than_half_of_the_ti
         with pytest.raises(SegmentationError, match="2 people are in view"):
             meant_person(recording, FakePeople(frames), sensing)
     else:
-        assert meant_person(recording, FakePeople(frames), sensing) == 2
+        assert meant_person(recording, FakePeople(frames), sensing) == {2}
 
 
 def test_a_seed_selects_the_person_at_its_pixel_in_the_first_frame_with_people():
@@ -189,9 +200,37 @@ def test_a_seed_selects_the_person_at_its_pixel_in_the_first_frame_with_people()
     step = FakePeople().lens.step
     for column, meant in ((20, 1), (80, 2)):
         sensing = SensingSettings(segment=f"seed:{step * column},{step * 30}")
-        assert meant_person(recording, FakePeople(frames), sensing) == meant
+        assert meant_person(recording, FakePeople(frames), sensing) == {meant}
     with pytest.raises(SegmentationError, match="no person is found at the pixel"):
         meant_person(recording, FakePeople(frames), SensingSettings(segment="seed:0,0"))
+
+
+BESIDE, EDGE = slice(70, 100), slice(100, 130)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "heights", "expected"),
+    [
+        ([{1: (EDGE, 3.0)}, {}, {2: (EDGE, 3.1)}, {}, {3: (EDGE, 2.9)}], (0.4, 0.41, 0.38), {1, 2, 3}),
+        ([{1: (EDGE, 3.0)}, {}, {2: (EDGE, 2.9)}], (0.4, 0.6, 0.4), {1}),
+        ([{1: (EDGE, 3.0)}, {}, {2: (SMALL, 2.9)}], (0.4, 0.4, 0.4), {1}),
+        ([{1: (EDGE, 3.0)}, {1: (EDGE, 3.0), 2: (BESIDE, 2.9)}, {2: (BESIDE, 2.9)}], (0.4, 0.4, 0.4), {1}),
+        ([{1: (EDGE, 3.0)}, {2: (EDGE, 3.0)}, {1: (EDGE, 3.0)}], (0.4, 0.4, 0.4), {1}),
+    ],
+    ids=["one person", "taller", "too far to walk", "both in view", "between"],
+)
+def test_pieces_that_can_be_one_person_are_one_track(pieces, heights, expected):
+    recording, sensing = Frames(np.arange(len(pieces)) / 10), SensingSettings()
+    assert meant_person(recording, FakePeople(pieces, heights), sensing) == expected
+
+
+def test_the_track_follows_the_piece_in_view():
+    finder = SelectedPersonFinder(FakePeople(), frozenset({2, 3}))
+    (sighting,) = finder.find(None, 0.0, {1: None})
+    assert sighting.id == 1 and (sighting.depth == 2).all()
+    finder._finder.people[2] = replace(finder._finder.people[2], last=0.5)
+    (sighting,) = finder.find(None, 1.0, {1: None})
+    assert (sighting.depth == 3).all() and list(finder._finder.told) == [3]
 
 
 # Cameras on their side.

@@ -60,14 +60,15 @@ class KnownPeople:
         return list(match_heads(absent, heads, timestamp).values())
 
     def expected_back(self, timestamp: float) -> list[KnownPerson]:
-        """Return the people out of view who may return.
+        """Return the people out of view who may return: those who left the image, and those unseen for `PATIENCE`.
 
         In a room of several people a person who left the image is not expected back: the next one to enter is mostly
         another person. With one person, or at the maximum number, any of them may return.
         """
         people = sum(person.evidence.log_odds > 0 for person in self.people)
         others = 1 < people and len(self.people) < self._most
-        return [p for p in self._absent(timestamp) if not (others and p.gone)]
+        away = [p for p in self.people if p.gone or timestamp - p.last > PATIENCE]
+        return [p for p in away if not (others and p.gone)]
 
     def keep(self, person: KnownPerson) -> int:
         """Replace the person with the same id and return the id."""

@@ -12,7 +12,7 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
-from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.candidates import above_trunks, apart, beside, headless, in_a_mirror, shaped_alone
 from toolkit.people.connection import HELD
 from toolkit.people.detection import (
     BRIDGE_CUT,
@@ -238,6 +238,8 @@ class MultiPersonFinder:
         if surroundings.known:
             heads = find_heads(view, self.lens, cut_out=surroundings.cut_out)
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
+            if surroundings.cut_out:
+                heads = above_trunks(view, self.lens, heads)
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
         people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge, floor=surroundings.floor)
@@ -401,7 +403,7 @@ class MultiPersonFinder:
     ) -> np.ndarray:
         """Update the people and return the id of every label, int32 (n + 1,), 0 for background."""
         ids = np.zeros(len(places) + 1, dtype=np.int32)
-        back = self._known.expected_back(timestamp)
+        back: list[KnownPerson] | None = None
         for k, place in enumerate(places):
             mask = labels == k + 1
             points, area = view.points[mask], self.lens.area(view.depth[mask])
@@ -414,6 +416,7 @@ class MultiPersonFinder:
                     head = place if k in matched else None
                     ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
             elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
+                back = self._known.expected_back(timestamp) if back is None else back  # the present are up to date
                 ids[k + 1] = self._known.meet(place, middle, area, timestamp, back, head_seen=k not in doubtful)
         self._known.end_frame(timestamp)
         return ids

@@ -11,8 +11,10 @@ import numpy as np
 
 from toolkit.io.errors import SegmentationError
 from toolkit.people.evidence import Evidence, furniture
+from toolkit.people.known_people import SHORTER, WALK
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.tracks import GATE, LEVEL, KnownPerson
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
@@ -22,18 +24,18 @@ TOGETHER = 0.5
 
 
 class SelectedPersonFinder:
-    """`PeopleFinder` of one id of another finder.
+    """`PeopleFinder` of one person of another finder.
 
     Parameters
     ----------
     finder : of all people, before its first frame
-    meant : the id
+    pieces : ids of the person, see `meant_person`
     """
 
     evidence: Mapping[int, Evidence] = MappingProxyType({})
 
-    def __init__(self, finder: MultiPersonFinder, meant: int) -> None:
-        self._finder, self._meant = finder, meant
+    def __init__(self, finder: MultiPersonFinder, pieces: frozenset[int]) -> None:
+        self._finder, self._pieces = finder, pieces
         self.camera = finder.camera
 
     def find(
@@ -42,11 +44,13 @@ class SelectedPersonFinder:
         """Find the person, see `PeopleFinder.find`: one sighting in every frame, empty where the person is not
         visible.
         """
-        told = {self._meant: predicted[ID]} if ID in predicted else {}
-        for sighting in self._finder.find(depth_mm, timestamp, told):
-            if sighting.id == self._meant:
-                return (replace(sighting, id=ID),)
-        return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
+        known = [person for person in self._finder.people if person.id in self._pieces]
+        current = max(known, key=lambda person: person.last).id if known else min(self._pieces)
+        told = {current: predicted[ID]} if ID in predicted else {}
+        found = {s.id: s for s in self._finder.find(depth_mm, timestamp, told) if s.id in self._pieces}
+        if not found:
+            return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
+        return (replace(found.get(current) or found[min(found)], id=ID),)
 
     def redetect(self) -> MultiPersonFinder:
         """Return the finder of all people, see `PeopleFinder.redetect`."""
@@ -63,15 +67,27 @@ class SelectedPersonFinder:
 
 @dataclass
 class Presence:
-    """Presence of a person over a recording: frames, total area in m^2, distance in each frame in metres."""
+    """Presence of a person over a recording.
 
+    Attributes
+    ----------
+    first, last : state of the track in the first and the last frame with the person
+    frames : numbers of the frames
+    area : total, m^2
+    distances : in each frame, metres
+    """
+
+    first: KnownPerson
+    last: KnownPerson
     frames: set[int] = field(default_factory=set)
     area: float = 0.0
     distances: list[float] = field(default_factory=list)
 
 
-def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: SensingSettings) -> int:
-    """Return the id of the person that `sensing.subject` selects; `finder` is used up.
+def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: SensingSettings) -> frozenset[int]:
+    """Return the ids of the person that `sensing.subject` selects; `finder` is used up.
+
+    A person who was lost and found again may have several: those of pieces that can be one person, see `joined`.
 
     The ids are those of the tracking pass: a person gets theirs in the first frame in which they are seen.
 
@@ -90,7 +106,9 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
             at_seed = int(labels[finder.coarse_pixel(mode.numbers[0], mode.numbers[1])])
         for number in np.unique(labels[labels > 0]).tolist():
             own = depth[labels == number]
-            presence = seen.setdefault(number, Presence())
+            state = finder.people[number - 1]
+            presence = seen.setdefault(number, Presence(state, state))
+            presence.last = state
             presence.frames.add(i)
             presence.area += finder.lens.area(own)
             presence.distances.append(float(np.median(own)))
@@ -100,14 +118,14 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
                 f"no person is found at the pixel of --segment {sensing.segment}; give a pixel of the person in the "
                 "first frame, or --segment person"
             )
-        return at_seed
+        return joined(at_seed, seen)
     dropped = furniture(finder.evidence)
     people = {number: p for number, p in seen.items() if number not in dropped}
     if not people:
-        return next(iter(seen), ID)  # no sighting of this id will come; every row of the track is empty
+        return frozenset({next(iter(seen), ID)})  # no sighting of this id will come; every row of the track is empty
     first = max(people, key=lambda number: people[number].area)
     if sensing.subject == "nearest":
-        return min(people, key=lambda number: float(np.median(people[number].distances)))
+        return joined(min(people, key=lambda number: float(np.median(people[number].distances))), people)
     if sensing.subject == "only":
         rivals = [n for n, p in people.items() if n != first and _together(people[first], p) > TOGETHER]
         if rivals:
@@ -115,7 +133,37 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
                 f"{1 + len(rivals)} people are in view; give --people all, --subject nearest or largest, or --segment "
                 "seed:U,V (a pixel of the person)"
             )
-    return first
+    return joined(first, people)
+
+
+def joined(meant: int, people: Mapping[int, Presence]) -> frozenset[int]:
+    """Return the ids of the pieces that can be the person `meant`, the largest pieces first.
+
+    Two pieces can be one person if they have no frame in common, the way between them is walked in the time between
+    them, and they are of one height and a similar area.
+    """
+    pieces = [people[meant]]
+    numbers = {meant}
+    for number in sorted(people.keys() - numbers, key=lambda number: -people[number].area):
+        if all(_can_be_one(piece, people[number]) for piece in pieces):
+            pieces.append(people[number])
+            numbers.add(number)
+    return frozenset(numbers)
+
+
+def _can_be_one(one: Presence, other: Presence) -> bool:
+    """Return True if two pieces can be of one person."""
+    if one.frames & other.frames:
+        return False
+    early, late = (one, other) if one.last.last < other.first.first else (other, one)
+    if early.last.last >= late.first.first:
+        return False  # one piece lies in a gap of the other: that person returned without this one
+    away = (late.first.head - early.last.head) * LEVEL
+    if float(np.hypot(away[0], away[2])) > GATE + WALK * (late.first.first - early.last.last):
+        return False
+    least_area = 0.5  # minimum ratio of the areas: a side view shows half of a front view
+    areas = sorted((one.last.area, other.last.area))
+    return abs(one.last.tallest - other.last.tallest) < SHORTER and areas[0] >= least_area * areas[1]
 
 
 def _together(first: Presence, other: Presence) -> float:
