@@ -1,4 +1,4 @@
-"""Content of files and pages about tracks: report, film of motions, coordinates, JSON, changes."""
+"""Coordinates and markers of OpenSim's model, and JSON of tracks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.run_helpers import write_people, write_run
+from tests.run_helpers import write_run
 from toolkit.body import skeleton
 from toolkit.motion.angles import COLUMNS, joint_angles
 from toolkit.motion.opensim_coordinates import coordinates
@@ -26,21 +26,6 @@ def poses_of(count: int, seed: int = 0) -> np.ndarray:
     poses[:, :3] = [0.1, -0.2, -2.5] + rng.normal(scale=0.1, size=(count, 3))
     poses[:, 3:6] = rng.uniform(-0.4, 0.4, (count, 3))
     return poses
-
-
-# The report.
-
-
-@pytest.fixture(scope="module")
-def people(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write a run of two people, the second from the second frame on, whose recording is gone."""
-    return write_people(tmp_path_factory.mktemp("report") / "run", poses_of(6))
-
-
-# A film of motions.
-
-
-# Coordinates of OpenSim's model, and JSON.
 
 
 def person_of(run: Path) -> Person:
@@ -95,6 +80,3 @@ def test_json_equals_the_track_with_null_for_absent_frames(tmp_path: Path) -> No
         np.testing.assert_allclose(own[name][2:], getattr(person.track, name)[2:], atol=0.6 * 10.0**-DECIMALS)
     assert own["source"] == ["local"] * 5 and own["timestamps"] == person.track.timestamps.tolist()
     assert document["joint_names"] == list(skeleton.REPORTED) and document["units"]["length"] == "m"
-
-
-# Changes by stabilising.

@@ -1,14 +1,10 @@
-"""The suite of upper bodies, its figures, and its annotations."""
+"""Simulated images that end at a height below the neck."""
 
 from __future__ import annotations
-
-import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks._upper import JOINTS
 from toolkit.body.shape import subject_body
 from toolkit.io.errors import UsageError
 from toolkit.mocap.procedural import procedural_clips
@@ -25,19 +21,6 @@ def test_the_lowest_row_of_the_image_meets_the_subject_at_the_cut(height: float,
     view = place_camera(distance=distance, height=height, tilt=cut_tilt(camera, height, distance, cut))
     (pixel,) = camera.project(view.to_camera(np.array([[0.0, cut, 0.0]])))
     assert pixel[1] == pytest.approx(camera.height - 1)
-
-
-@pytest.mark.parametrize("file", ["stills.json", "seated.json"])
-def test_annotations_are_in_the_image_and_both_readings_nearly_agree(file: str) -> None:
-    content = json.loads((Path(__file__).parents[1] / "benchmarks" / "annotations" / file).read_text(encoding="utf-8"))
-    assert content["joints"] == list(JOINTS) and len(content["first"]) == 8
-    for places in content["first"].values():
-        assert np.array(places).shape == (7, 2) and (np.array(places) >= 0).all()
-        assert (np.array(places) < [640, 480]).all()
-    for name, others in content["second"].items():
-        for joint, place in others.items():
-            first = content["first"][name][content["joints"].index(joint)]
-            assert np.linalg.norm(np.subtract(first, place)) < 15
 
 
 def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:
