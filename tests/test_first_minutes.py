@@ -9,10 +9,13 @@ import pytest
 
 from tests.fake_tracker import write_recording
 from tests.run_helpers import run
+from tests.sensing_scenes import KINECT, scene
 from toolkit.app import pipeline
 from toolkit.app.cli import terminal
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.database import default
+from toolkit.recordings.writer import save_recording
+from toolkit.trackers.hybrid.tracker import HybridTracker
 
 
 @pytest.fixture
@@ -71,3 +74,22 @@ def test_a_log_gets_a_line_a_minute_and_nothing_of_what_takes_less(capsys: pytes
     lines.close()
     said = capsys.readouterr().err.splitlines()
     assert said and all(line.startswith("building: 1 of 3 after ") for line in said)
+
+
+def test_two_people_are_refused_before_anyone_is_tracked_with_the_commands_to_type(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    frame, _ = scene(KINECT, ((-0.5, 2.4), (0.5, 3.4)))
+    recording = tmp_path / "two.npz"
+    save_recording(recording, depth=[frame] * 3, camera=KINECT, timestamps=[0.0, 0.1, 0.2], up_camera=(0, -1, 0))
+
+    def tracked(*arguments: object, **named: object) -> None:
+        raise AssertionError("the people are counted first")
+
+    for name in ("follower", "learner"):
+        monkeypatch.setattr(HybridTracker, name, tracked)
+    assert run("track", recording, "--output", tmp_path / "run", "--online") == 1
+    said = capsys.readouterr().err
+    typed = f"depthmocap track {recording} --output {tmp_path / 'run'} --online"
+    assert "2 people are in view" in said
+    assert f"{typed} --people all" in said and f"{typed} --subject largest" in said

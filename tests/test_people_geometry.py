@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
-from toolkit.io.errors import SegmentationError
+from toolkit.io.errors import SegmentationError, SeveralPeopleError
 from toolkit.people.candidates import shaped_alone
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
-from toolkit.people.selected_person import SelectedPersonFinder, meant_person
+from toolkit.people.selected_person import FIRST_SECONDS, SelectedPersonFinder, meant_person
 from toolkit.people.sharing import body_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import people_and_furniture
@@ -192,6 +192,13 @@ def test_two_are_one_too_many_who_are_seen_together_for_more_than_half_of_the_ti
             meant_person(recording, FakePeople(frames), sensing)
     else:
         assert meant_person(recording, FakePeople(frames), sensing) == {2}
+
+
+def test_two_people_are_refused_before_a_long_recording_is_followed_to_its_end():
+    both, times = {2: (LARGE, 3.0), 1: (SMALL, 3.0)}, np.arange(400) / 10
+    shown = FakePeople([both] * (1 + round(10 * FIRST_SECONDS)))  # any later frame is an IndexError
+    with pytest.raises(SeveralPeopleError):
+        meant_person(Frames(times), shown, SensingSettings(subject="only"))
 
 
 def test_a_seed_selects_the_person_at_its_pixel_in_the_first_frame_with_people():

@@ -72,7 +72,7 @@ def test_a_room_with_many_holes_is_not_taken_for_a_person():
 
 def test_two_segmented_people_are_an_error_unless_one_is_meant():
     frame, who = scene(KINECT, ((-0.5, 2.4), (0.5, 3.4)))
-    with pytest.raises(SegmentationError, match="2 people are in view; give --subject nearest or largest"):
+    with pytest.raises(SegmentationError, match="2 people are in view; give --people all"):
         clean(frame)
     assert overlap(clean(frame, subject="nearest") > 0, who == 1) > 0.95
     frame[:, :95] = 0  # the nearer one cut in half

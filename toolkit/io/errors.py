@@ -35,6 +35,18 @@ class SegmentationError(RecordingError):
     """A depth image that cannot be segmented into exactly one person."""
 
 
+class SeveralPeopleError(SegmentationError):
+    """Several people in view where one is to be selected."""
+
+    @classmethod
+    def of(cls, count: int) -> SeveralPeopleError:
+        """Return the error about that number of people."""
+        return cls(
+            f"{count} people are in view; give --people all, --subject nearest or largest, or --segment seed:U,V "
+            "(a pixel of the person)"
+        )
+
+
 class MocapError(DepthMocapError):
     """A motion capture file that cannot be read or used."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
-from toolkit.io.errors import SegmentationError, TrackError
+from toolkit.io.errors import SegmentationError, SeveralPeopleError, TrackError
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
@@ -243,10 +243,7 @@ class Segmenter:
             components.label_overlap(self._labels, self._box, len(shared), self._last, shared)
             return max(groups, key=lambda g: int(shared[g].sum()))
         if self._settings.subject == "only":
-            raise SegmentationError(
-                f"{len(groups)} people are in view; give --subject nearest or largest, or --segment seed:U,V "
-                "(a pixel of the person)"
-            )
+            raise SeveralPeopleError.of(len(groups))
         if self._settings.subject == "nearest":
             return min(groups, key=lambda g: float(np.median(self._points(g)[:, 2])))
         return max(groups, key=lambda g: float(parts.areas[g].sum()))

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.io.errors import SegmentationError
+from toolkit.io.errors import SegmentationError, SeveralPeopleError
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.known_people import SHORTER, WALK
 from toolkit.people.multi_person import MultiPersonFinder
@@ -21,6 +21,8 @@ from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 ID = 1
 TOGETHER = 0.5
 """Maximum fraction of frames in common with a rival for a person to be the only one."""
+FIRST_SECONDS = 10.0
+"""Seconds after which two people in view together are refused, so that a long recording is not followed to its end."""
 
 
 class SelectedPersonFinder:
@@ -93,17 +95,24 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
 
     Raises
     ------
+    SeveralPeopleError
+        `subject` is "only" and there are several for most of the time, or of the first `FIRST_SECONDS`.
     SegmentationError
-        No person is found, none at the pixel of "seed:U,V", or `subject` is "only" and there are several
-        for most of the time.
+        No person is at the pixel of "seed:U,V" in the first frame with a person.
     """
     mode = SegmentationMode.parse(sensing.segment)
     seen: dict[int, Presence] = {}
     at_seed = 0
-    for i in range(len(recording)):
+    unchecked = sensing.subject == "only" and mode.name != "seed"
+    for i, time in enumerate(recording.timestamps - recording.timestamps[0]):
         labels, depth = finder.follow(recording.depth(i), float(recording.timestamps[i]))
-        if mode.name == "seed" and at_seed == 0 and not seen:
+        if mode.name == "seed" and not seen and labels.any():
             at_seed = int(labels[finder.coarse_pixel(mode.numbers[0], mode.numbers[1])])
+            if at_seed == 0:
+                raise SegmentationError(
+                    f"no person is found at the pixel of --segment {sensing.segment}; give a pixel of the person in "
+                    "the first frame with a person, or --segment person"
+                )
         for number in np.unique(labels[labels > 0]).tolist():
             own = depth[labels == number]
             state = finder.people[number - 1]
@@ -112,28 +121,38 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
             presence.frames.add(i)
             presence.area += finder.lens.area(own)
             presence.distances.append(float(np.median(own)))
-    if mode.name == "seed":
-        if at_seed == 0:
-            raise SegmentationError(
-                f"no person is found at the pixel of --segment {sensing.segment}; give a pixel of the person in the "
-                "first frame, or --segment person"
-            )
+        if unchecked and time >= FIRST_SECONDS:
+            _check_alone(_without_furniture(seen, finder))
+            unchecked = False
+    if at_seed:
         return joined(at_seed, seen)
-    dropped = furniture(finder.evidence)
-    people = {number: p for number, p in seen.items() if number not in dropped}
+    people = _without_furniture(seen, finder)
     if not people:
         return frozenset({next(iter(seen), ID)})  # no sighting of this id will come; every row of the track is empty
-    first = max(people, key=lambda number: people[number].area)
     if sensing.subject == "nearest":
         return joined(min(people, key=lambda number: float(np.median(people[number].distances))), people)
     if sensing.subject == "only":
-        rivals = [n for n, p in people.items() if n != first and _together(people[first], p) > TOGETHER]
-        if rivals:
-            raise SegmentationError(
-                f"{1 + len(rivals)} people are in view; give --people all, --subject nearest or largest, or --segment "
-                "seed:U,V (a pixel of the person)"
-            )
-    return joined(first, people)
+        _check_alone(people)
+    return joined(_largest(people), people)
+
+
+def _without_furniture(seen: Mapping[int, Presence], finder: MultiPersonFinder) -> dict[int, Presence]:
+    dropped = furniture(finder.evidence)
+    return {number: presence for number, presence in seen.items() if number not in dropped}
+
+
+def _largest(people: Mapping[int, Presence]) -> int:
+    return max(people, key=lambda number: people[number].area)
+
+
+def _check_alone(people: Mapping[int, Presence]) -> None:
+    """Raise SeveralPeopleError if others are in view in most frames of the largest person."""
+    if not people:
+        return
+    first = _largest(people)
+    rivals = [n for n, p in people.items() if n != first and _together(people[first], p) > TOGETHER]
+    if rivals:
+        raise SeveralPeopleError.of(1 + len(rivals))
 
 
 def joined(meant: int, people: Mapping[int, Presence]) -> frozenset[int]:

@@ -37,8 +37,9 @@ from toolkit.app.cli import (
     track,
 )
 from toolkit.app.cli.examples import add_examples
+from toolkit.app.cli.terminal import next_commands
 from toolkit.io.display_names import printable, shown
-from toolkit.io.errors import DepthMocapError, PlausibilityWarning, UsageError
+from toolkit.io.errors import DepthMocapError, PlausibilityWarning, SeveralPeopleError, UsageError
 from toolkit.io.interrupts import endings_as_exits
 
 app = typer.Typer(
@@ -114,6 +115,14 @@ def _run(arguments: list[str] | None) -> None:
         app(args=arguments, prog_name="depthmocap")
     except DepthMocapError as error:
         print(f"depthmocap: {error}", file=sys.stderr)
+        typed = tuple(sys.argv[1:] if arguments is None else arguments)
+        if isinstance(error, SeveralPeopleError) and typed[:1] == ("track",):
+            next_commands(
+                {
+                    (*typed, "--people", "all"): "tracks each of them",
+                    (*typed, "--subject", "largest"): "tracks the one of whom most is seen",
+                }
+            )
         sys.exit(2 if isinstance(error, UsageError) else 1)
     except OSError as error:
         where = shown(error.filename or "a file")
