@@ -59,6 +59,11 @@ class Page:
             assert time.monotonic() < end, f"{condition} did not come true; errors: {self.errors}"
             time.sleep(0.05)
 
+    def resize(self, width: int, height: int) -> None:
+        """Give the page the screen of a phone of that size, pixels."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        self._call("Emulation.setDeviceMetricsOverride", size)
+
     def screenshot(self, path: Path, *, whole: bool = False) -> Path:
         options = {"format": "png", "captureBeyondViewport": whole}
         path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot", options)["data"]))

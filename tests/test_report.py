@@ -74,7 +74,7 @@ def data_of(page: Path) -> list[dict]:
 def test_the_page_contains_each_block_that_it_names_and_loads_nothing(page_file: Path) -> None:
     text = page_file.read_text()
     for run in data_of(page_file):
-        for key in ("glb", "film", "points", "room"):
+        for key in ("glb", "film", "poster", "points", "room"):
             assert block_of(page_file, run[key])
     outside = re.sub(r"<script[^>]*>.*?</script>", "", text, flags=re.S)
     assert not re.search(r'(?:src|href)\s*=\s*["\'](?!data:)', outside)
@@ -173,6 +173,8 @@ def test_a_browser_draws_and_plays_the_page_and_no_request_leaves(page_file: Pat
         assert page.evaluate("document.querySelector('h1').textContent").startswith("depthmocap: <script>alert(1)<!--")
         page.wait_for("document.getElementById('film').readyState >= 2")
         assert colours(page, tmp_path) > 60
+        assert page.evaluate("document.getElementById('film').poster").startswith("blob:")
+        assert not page.evaluate("document.querySelector('details').open")
         page.evaluate("document.querySelector('[data-shows=names]').click()")
         page.wait_for(
             "[...document.querySelectorAll('#labels span')].some(s => !s.hidden && s.textContent === 'left hand')"
@@ -190,6 +192,26 @@ def test_a_browser_draws_and_plays_the_page_and_no_request_leaves(page_file: Pat
         page.wait_for("document.body.dataset.ready === 'yes' && document.body.dataset.frame === '0'")
         assert page.errors == []
         assert [url for url in page.requests if not url.startswith(("blob:", "data:"))] == [page_file.as_uri()]
+
+
+def test_the_film_has_its_first_picture_before_it_plays(page_file: Path) -> None:
+    shown = data_of(page_file)[0]
+    poster = cv2.imdecode(np.frombuffer(block_of(page_file, shown["poster"]), np.uint8), cv2.IMREAD_COLOR)
+    assert poster.std() > 20, "it is not black"
+
+
+def test_on_a_narrow_screen_the_page_is_as_wide_as_the_screen_and_keys_work_after_a_checkbox(page_file: Path) -> None:
+    with browser() as page:
+        page.resize(400, 800)
+        page.open(page_file.as_uri())
+        page.wait_for("document.body.dataset.ready === 'yes'")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
+        page.evaluate("document.querySelector('[data-shows=names]').click()")
+        page.evaluate(
+            "document.querySelector('[data-shows=names]').dispatchEvent("
+            "new KeyboardEvent('keydown', { key: 'ArrowRight', bubbles: true }))"
+        )
+        page.wait_for("document.body.dataset.frame === '1'")
 
 
 def test_the_viewer_in_the_package_is_what_its_script_builds(tmp_path: Path) -> None:

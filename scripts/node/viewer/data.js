@@ -32,10 +32,11 @@ async function points(id, run) {
   return out;
 }
 
-// The film, the GLB file, and points: those of every frame one after the other, and those of the room.
+// The film, its first picture, the GLB file, and points: those of every frame one after the other, and those of the room.
 export async function unpack(run) {
   return {
     film: run.film && (await bytes(run.film)),
+    poster: run.poster && (await bytes(run.poster)),
     glb: (await bytes(run.glb)).buffer,
     points: run.points ? await points(run.points, run) : new Float32Array(0),
     room: run.room ? await points(run.room, run) : new Float32Array(0),

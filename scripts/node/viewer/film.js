@@ -2,12 +2,14 @@
 const DRIFT = 0.12; // seconds of the film
 
 export class Film {
-  constructor(video, run, film) {
+  constructor(video, run, film, poster) {
     this._video = video;
     this._rate = run.rate;
     video.hidden = !film;
-    this._url = film ? URL.createObjectURL(new Blob([film], { type: "video/webm" })) : null;
-    if (this._url) video.src = this._url;
+    if (!film) return;
+    this._url = URL.createObjectURL(new Blob([film], { type: "video/webm" }));
+    this._poster = URL.createObjectURL(new Blob([poster], { type: "image/jpeg" }));
+    [video.poster, video.src] = [this._poster, this._url];
   }
 
   follow(clock) {
@@ -24,8 +26,8 @@ export class Film {
 
   dispose() {
     this._video.pause();
-    this._video.removeAttribute("src");
+    for (const name of ["src", "poster"]) this._video.removeAttribute(name);
     this._video.load();
-    if (this._url) URL.revokeObjectURL(this._url);
+    for (const url of [this._url, this._poster]) if (url) URL.revokeObjectURL(url);
   }
 }

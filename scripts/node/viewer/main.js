@@ -31,7 +31,7 @@ async function show(run) {
   find("slider").max = run.times.length - 1;
   const plots = drawPlots(find("plots"), run, (frame) => clock.jump(frame));
   const blocks = await unpack(run);
-  const film = new Film(find("film"), run, blocks.film);
+  const film = new Film(find("film"), run, blocks.film, blocks.poster);
   const scene = await Scene.make(find("scene"), find("labels"), run, blocks).catch((error) => {
     find("note").textContent += ` The scene cannot be drawn here: ${error.message}`;
     return null;

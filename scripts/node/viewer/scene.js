@@ -12,7 +12,7 @@ const JOINT_SIZE = 0.045; // metres
 const EMPTY = 2;
 const BEHIND = 2000; // of the depth buffer: the body lies some 2 cm behind itself, so that points on it are seen
 
-// A filled disc for a joint that was observed, a ring for one that was guessed.
+// A filled disc for a joint that was observed, a ring for one without a measurement.
 function disc(filled) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 64;
@@ -90,7 +90,7 @@ class Figure {
       const place = at[j].clone().project(camera);
       const label = this._labels[j];
       label.hidden = Math.abs(place.x) > 1 || Math.abs(place.y) > 1 || place.z > 1;
-      label.classList.toggle("guessed", !seen);
+      label.classList.toggle("inferred", !seen);
       label.style.transform = `translate(${((place.x + 1) / 2) * width + 7}px, ${((1 - place.y) / 2) * height - 7}px)`;
     });
     const ends = this._bones.geometry.attributes.position;

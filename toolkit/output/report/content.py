@@ -125,6 +125,7 @@ def _numbers(run: str | Path, info: RunInfo, people: list[Person], frames: range
         "lens": [1.0, 1.0, 0.0, 0.0, 0, 0],
         "to_level": info.R_level_camera.tolist(),
         "film": None,
+        "poster": None,
         "rate": 1.0,
         "unit": UNIT,
         "points": None,
@@ -229,7 +230,7 @@ def _seen(
     frames: range,
     progress: Progress,
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return film, points and room as bytes, and the numbers that describe them."""
+    """Return film, its first picture, points and room as bytes, and the numbers that describe them."""
     camera, times = recording.camera, people[0].times[frames.start : frames.stop]
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 25.0
     rate = float(np.clip(rate, 1.0, 120.0))
@@ -238,7 +239,7 @@ def _seen(
             run, Path(folder) / "film.webm", recording=moved_to, settings=FILM, frames=frames, rate=rate,
             progress=lambda done, of: progress("drawing the film", done, of),
         )  # fmt: skip
-        blocks = {"film": film.read_bytes()}
+        blocks = {"film": film.read_bytes(), "poster": _first_picture(film)}
     joints = np.concatenate(
         [np.where((person.track.state == EMPTY)[:, None, None], np.nan, person.track.joints) for person in people],
         axis=1,
@@ -248,6 +249,16 @@ def _seen(
     facts = {"rate": rate, "point_counts": clouds.counts.tolist()}
     lens = [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height]
     return facts | {"lens": lens}, blocks
+
+
+def _first_picture(film: Path) -> bytes:
+    """Return the first picture of a film as JPEG: browsers show nothing of a film before it plays."""
+    import cv2
+
+    opened = cv2.VideoCapture(str(film))
+    _, picture = opened.read()
+    opened.release()
+    return cv2.imencode(".jpg", picture)[1].tobytes()
 
 
 def _glb(people: list[Person]) -> bytes:
