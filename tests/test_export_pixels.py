@@ -117,7 +117,11 @@ def test_a_rerun_file_is_written_and_its_package_named_where_it_is_missing(
 ) -> None:
     pytest.importorskip("rerun")
     export_run(two[0], tmp_path / "run.rrd")
-    assert (tmp_path / "run.rrd").read_bytes()[:4] in (b"RRF2", b"RRIO")
+    written = (tmp_path / "run.rrd").read_bytes()
+    assert written[:4] in (b"RRF2", b"RRIO")
+    body = ShapeSpace.load().body([0.0])
+    mesh = 12 * (len(body.vertices) + len(body.faces))  # bytes of the positions and of the triangles
+    assert len(written) < 2 * FRAMES * mesh, "the triangles are written once, depth as PNG"
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(UsageError, match="rerun"):
         export_run(two[0], tmp_path / "other.rrd")

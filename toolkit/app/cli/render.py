@@ -37,6 +37,9 @@ def render(
         str | None,
         typer.Option(help="Panels separated by commas: depth, body, side, plan.", show_default="depth,body,side"),
     ] = None,
+    engine: Annotated[
+        str, typer.Option(help="toolkit, or open3d: bodies on white paper with soft shadows, for publications.")
+    ] = "toolkit",
     inertial: Annotated[
         Path | None,
         typer.Option(help="Canonical file of inertial sensors; draws their axes beside the axes of the limbs."),
@@ -51,6 +54,9 @@ def render(
 
     if calibration is not None and inertial is None:
         raise UsageError("--calibration needs sensors; name them with --inertial")
+    settings = replace(settings_for(output), engine=engine)
+    if panels is not None:
+        settings = replace(settings, panels=tuple(panels.split(",")))
     frames = None if (start, end) == (0, None) else slice(start, end)
     with progress_bars() as bars:
         written = render_run(
@@ -58,7 +64,7 @@ def render(
             output,
             recording=recording,
             axes=None if inertial is None else _axes(run, inertial, calibration),
-            settings=None if panels is None else replace(settings_for(output), panels=tuple(panels.split(","))),
+            settings=settings,
             frames=frames,
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),

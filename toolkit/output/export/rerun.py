@@ -1,4 +1,4 @@
-"""Export for the rerun viewer (`.rrd`): clouds, bodies, joints and plots on one time line."""
+"""Export for the rerun viewer (`.rrd`): depth, bodies, joints and plots on one time line."""
 
 from __future__ import annotations
 
@@ -12,29 +12,31 @@ from toolkit.body import skeleton
 from toolkit.io.errors import UsageError
 from toolkit.io.files import atomic_path
 from toolkit.output.export.origin import Origin
-from toolkit.output.export.pixels import camera_points
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import STATE_NAMES
 from toolkit.tracks.runs import Person
 
 POINTS = 6000
-"""Maximum number of cloud points per frame, for some hundred megabytes per minute."""
+"""Number of measured pixels of the first frame above which depth images are subsampled."""
 GREY = (150, 156, 166)
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
-    """Write all people, and the measured points if the recording is available, for `rerun FILE`.
+    """Write all people, and the measured depth if the recording is available, for `rerun FILE`.
 
-    Entities: `world/points`, `world/<person>/body` (mesh), `world/<person>/joints` (unobserved ones are grey) and
-    `world/<person>/bones`; `plots/<person>/...` confidence, state and foot contacts. The time line `time` is in seconds
-    from the first frame. Entities are cleared in frames without the person.
+    Entities: `world/camera/depth` (depth images, which the viewer shows as points), `world/<person>/body` (mesh),
+    `world/<person>/joints` (unobserved ones are grey), `world/<person>/bones`; `plots/<person>/...` confidence, state
+    and foot contacts. The time line `time` is in seconds from the first frame. Entities are cleared in frames without
+    the person.
 
     Parameters
     ----------
     path : the file, `.rrd`
     people : in the frame of the origin
     origin : position of (0, 0, 0); y is up
-    recording : gives the points
+    recording : gives the depth
 
     Raises
     ------
@@ -45,51 +47,83 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
     """
     try:
         import rerun as rr
+        import rerun.blueprint as views
     except ImportError as error:
         raise UsageError("rerun files need its package; type `pip install '.[rerun]'` in the project") from error
     colors = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
     with atomic_path(path) as temporary:
         stream = rr.RecordingStream("depthmocap", recording_id="depthmocap")
-        stream.save(str(temporary))
+        scene, plots = views.Spatial3DView(origin="world"), views.TimeSeriesView(origin="plots")
+        layout = views.Blueprint(views.Horizontal(scene, plots, column_shares=[2, 1]), collapse_panels=True)
+        stream.save(str(temporary), default_blueprint=layout)
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Y_UP, static=True)
-        frames = None if recording is None else recording.frames()
-        for i, time in enumerate(people[0].times.tolist()):
-            stream.set_time("time", duration=time)
-            if frames is not None and recording is not None:
-                log_points(rr, stream, next(frames), recording, people[0].R_level_camera, origin.offset)
-            for number, person in enumerate(people):
-                _log_person(rr, stream, person, i, colors[number % len(colors)])
+        times = people[0].times
+        if recording is not None:
+            _write_depth(rr, stream, recording, times, people[0].R_level_camera, origin.offset)
+        for number, person in enumerate(people):
+            _write_person(rr, stream, person, times, colors[number % len(colors)])
         stream.flush()
         stream.disconnect()
 
 
-def log_points(
-    rr: Any, stream: Any, depth_mm: np.ndarray, recording: Recording, R_level_camera: np.ndarray, offset: np.ndarray
+def _write_depth(
+    rr: Any, stream: Any, recording: Recording, times: np.ndarray, R_level_camera: np.ndarray, offset: np.ndarray
 ) -> None:
-    """Return about `POINTS` measured points of a frame, level frame, metres."""
-    millimetres = 1000.0
-    points = camera_points(depth_mm / millimetres, recording.camera)
-    points = points[:: max(1, -(-len(points) // POINTS))] @ R_level_camera.T - offset
-    stream.log("world/points", rr.Points3D(points, colors=GREY, radii=0.006))
-
-
-def _log_person(rr: Any, stream: Any, person: Person, frame: int, color: tuple[int, int, int]) -> None:
-    track, place, plots = person.track, f"world/{person.name}", f"plots/{person.name}"
-    stream.log(f"{plots}/state", rr.TextLog(STATE_NAMES[track.state[frame]]))
-    if not person.there[frame]:
-        stream.log(place, rr.Clear(recursive=True))
-        return
-    body, joints = person.body, person.joints_level[frame]
-    seen = track.observed[frame]
-    stream.log(
-        f"{place}/body",
-        rr.Mesh3D(
-            vertex_positions=body.vertex_positions(track.pose[frame]), triangle_indices=body.faces, albedo_factor=color
-        ),
+    """Write the camera, and the depth images as PNG without lens distortion, with about `POINTS` measured pixels."""
+    polisher = DepthFilter(recording.camera, SensingSettings())
+    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(recording.depth(0)) / POINTS))))
+    camera = polisher.flat_camera.subsampled(step)
+    place = rr.Transform3D(translation=-offset, mat3x3=R_level_camera)
+    lens = rr.Pinhole(
+        image_from_camera=camera.matrix, resolution=[camera.width, camera.height], camera_xyz=rr.ViewCoordinates.RDF
     )
-    colors = [color if known else GREY for known in seen]
-    stream.log(f"{place}/joints", rr.Points3D(joints, colors=colors, radii=0.02, labels=list(skeleton.REPORTED)))
-    stream.log(f"{place}/bones", rr.LineStrips3D(joints[skeleton.BONE_ROWS], colors=color, radii=0.008))
-    stream.log(f"{plots}/confidence/mean", rr.Scalars(float(track.confidence[frame].mean())))
-    for side, carries in zip(("left", "right"), track.contact[frame], strict=True):
-        stream.log(f"{plots}/contact/{side}_foot", rr.Scalars(float(carries)))
+    facts = rr.EncodedDepthImage.from_fields(
+        media_type="image/png", meter=1000.0, colormap="grayscale", point_fill_ratio=0.3
+    )
+    stream.log("world/camera", place, lens, static=True)
+    stream.log("world/camera/depth", facts, static=True)
+    for time, depth in zip(times.tolist(), recording.frames(), strict=False):
+        stream.set_time("time", duration=time)
+        image = _png(polisher.undistort(depth)[::step, ::step])
+        stream.log("world/camera/depth", rr.EncodedDepthImage.from_fields(blob=image))
+
+
+def _png(image: np.ndarray) -> bytes:
+    import cv2
+
+    return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
+
+
+def _write_person(rr: Any, stream: Any, person: Person, times: np.ndarray, color: tuple[int, int, int]) -> None:
+    """Write what is constant once, and each quantity of all frames as columns."""
+    track, place, plots = person.track, f"world/{person.name}", f"plots/{person.name}"
+    there = np.flatnonzero(person.there)
+    mesh = rr.Mesh3D.from_fields(triangle_indices=person.body.faces, albedo_factor=color)
+    dots = rr.Points3D.from_fields(radii=0.02, labels=list(skeleton.REPORTED), show_labels=False)
+    stream.log(f"{place}/body", mesh, static=True)
+    stream.log(f"{place}/joints", dots, static=True)
+    stream.log(f"{place}/bones", rr.LineStrips3D.from_fields(colors=color, radii=0.008), static=True)
+
+    def write(entity: str, frames: np.ndarray, columns: Any, lengths: int | None = None) -> None:
+        index = rr.TimeColumn("time", duration=times[frames])
+        rows = columns if lengths is None else columns.partition([lengths] * len(frames))
+        stream.send_columns(entity, indexes=[index], columns=rows)
+
+    every = np.arange(len(times))
+    write(f"{plots}/state", every, rr.TextLog.columns(text=[STATE_NAMES[state] for state in track.state]))
+    if len(there):
+        joints = person.joints_level[there]
+        vertices = np.concatenate([person.body.vertex_positions(track.pose[frame]) for frame in there])
+        write(f"{place}/body", there, rr.Mesh3D.columns(vertex_positions=vertices), len(person.body.vertices))
+        observed = np.where(track.observed[there][..., None], np.array(color), np.array(GREY)).astype(np.uint8)
+        dots = rr.Points3D.columns(positions=joints.reshape(-1, 3), colors=observed.reshape(-1, 3))
+        write(f"{place}/joints", there, dots, len(skeleton.REPORTED))
+        strips = joints[:, skeleton.BONE_ROWS].reshape(-1, 2, 3)
+        write(f"{place}/bones", there, rr.LineStrips3D.columns(strips=strips), len(skeleton.BONE_ROWS))
+        write(f"{plots}/confidence/mean", there, rr.Scalars.columns(scalars=track.confidence[there].mean(axis=1)))
+        for side, contact in zip(("left", "right"), track.contact[there].T.astype(np.float64), strict=True):
+            write(f"{plots}/contact/{side}_foot", there, rr.Scalars.columns(scalars=contact))
+    gone = np.flatnonzero(person.there[:-1] & ~person.there[1:]) + 1
+    for time in times[gone].tolist():  # after the columns: a recursive clear reaches the entities that exist
+        stream.set_time("time", duration=time)
+        stream.log(place, rr.Clear(recursive=True))

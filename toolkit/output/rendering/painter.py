@@ -14,6 +14,7 @@ from toolkit.output.rendering import style
 from toolkit.output.rendering.axes import LimbAxes
 from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.mesh import draw_mesh, mesh_colors
+from toolkit.output.rendering.open3d_pictures import PicturePainter, PictureView, Surface
 from toolkit.output.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.output.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
 from toolkit.sensing.cloud import Cloud
@@ -30,6 +31,7 @@ TITLES = {
 }  # fmt: skip
 CAMERA_AT = {"side": "camera at the left", "plan": "camera at the bottom"}
 NEAR_BODY = 0.15  # m between the drawn body and points shown with it
+ENGINES = ("toolkit", "open3d")
 
 
 @dataclass(frozen=True)
@@ -42,16 +44,20 @@ class RenderSettings:
     height : of a panel, pixels
     aspect : width of the panels "depth" and "body" relative to their height; the others have 3/4
     extrema : number of drawn geodesic extrema; 0 for none
+    engine : "toolkit", or "open3d": bodies on white paper with soft shadows, some ten times slower
     """
 
     panels: tuple[str, ...] = ("depth", "body", "side")
     height: int = 480
     aspect: float = 4 / 3
     extrema: int = 20
+    engine: str = "toolkit"
 
     def __post_init__(self) -> None:
         if not self.panels or any(panel not in PANELS for panel in self.panels):
             raise SettingsError(f"panels {self.panels} are not some of: {', '.join(PANELS)}")
+        if self.engine not in ENGINES:
+            raise SettingsError(f"engine {self.engine!r} is unknown; give {' or '.join(ENGINES)}")
         if not 120 <= self.height <= 2160 or self.height % 4:
             raise SettingsError(f"height {self.height} is no multiple of 4 between 120 and 2160")
         if not 0.5 <= self.aspect <= 3:
@@ -111,6 +117,7 @@ class FramePainter:
         level = joints @ self._rotation.T
         self._outside = {view: outside_view_of(level, self.settings.size(view), view) for view in R_LEVEL_VIEW}
         self._ground = Ground(people)
+        self._pictures = self._picture_painters() if self.settings.engine == "open3d" else {}
         depths = joints[:, 0, 2]
         near_share, far_share = 0.4, 0.8  # m of depth range in front of and behind the person on the colour scale
         self._near = float(np.percentile(depths, 5)) - near_share
@@ -121,18 +128,20 @@ class FramePainter:
         order."""
         cloud = self._cloud(i, depth_mm)
         draw = {"depth": self._draw_depth, "body": self._draw_body}
+        if self._pictures:
+            draw = {"depth": self._draw_depth} | {name: partial(self._draw_picture, name) for name in self._pictures}
         backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
         panels = []
         for panel in self.settings.panels:
             image, project = self._blank(panel, backdrop), partial(self._to_pixels, panel)
-            if panel != "depth":  # the measured floor is visible there
+            if panel != "depth" and not self._pictures:  # the measured floor is visible in the depth
                 self._ground.draw_floor(image, project)
             draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
             self._ground.draw_soles(image, project, i, [k for k, _ in self._there(i)])
             title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
             if panel == "depth" and self._axes is not None:
                 title = "axes of the limbs: track thin, sensors bold"
-            style.write(image, title, 10, 8, self._text)
+            style.write(image, title, 10, 8, self._text, style.PAPER if panel in self._pictures else style.INK)
             panels.append(image)
         return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
 
@@ -202,6 +211,19 @@ class FramePainter:
             vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
             depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._window.camera, depth)
 
+    def _picture_painters(self) -> dict[str, PicturePainter]:
+        """Return the painters of the panels with bodies on white paper."""
+        views = {"body": PictureView(self._window.camera, np.zeros(3), self._rotation)}
+        views |= {name: PictureView(view.camera, view.centre, view.rotation) for name, view in self._outside.items()}
+        return {name: PicturePainter(view, self._ground.height) for name, view in views.items()}
+
+    def _draw_picture(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        surfaces = [
+            Surface(person.body.vertex_positions(person.track.pose[i]), person.body.faces, self._colors[k])
+            for k, person in self._there(i)
+        ]
+        image[:] = self._pictures[panel].paint(surfaces)
+
     def _draw_outside(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
         view, depth = self._outside[panel], None
         for k, person in self._there(i):
@@ -238,7 +260,7 @@ class FramePainter:
             entries = [(person.name, style.person_color(k)) for k, person in enumerate(self._people)]
         if "depth" in self.settings.panels and self._extrema:
             entries.append(("geodesic extrema (the first five larger)", style.EXTREMUM))
-        if "side" in self.settings.panels:
+        if "side" in self.settings.panels and not self._pictures:
             entries.append(("measured points", style.CLOUD))
         if self._ground.carries:
             entries.append(("the foot carries", style.CARRYING))
