@@ -120,7 +120,7 @@ def _run(arguments: list[str] | None) -> None:
             next_commands(
                 {
                     (*typed, "--people", "all"): "tracks each of them",
-                    (*typed, "--subject", "largest"): "tracks the one of whom most is seen",
+                    (*typed, "--subject", "largest"): "tracks the person with the largest area",
                 }
             )
         sys.exit(2 if isinstance(error, UsageError) else 1)
