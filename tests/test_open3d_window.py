@@ -15,10 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.run_helpers import run, write_run
+from tests.run_helpers import run, write_people, write_run
 from tests.sensing_scenes import standing
-from toolkit.output.rendering import open3d_ready
+from toolkit.io.errors import UsageError
+from toolkit.output.rendering import open3d_ready, open3d_window
 from toolkit.output.rendering.playback import Playback
+from toolkit.tracks import Track
 
 needs_vulkan = pytest.mark.skipif(
     open3d_ready.obstacle_to_drawing() is not None, reason=f"no Vulkan here: {open3d_ready.VULKAN_PACKAGES}"
@@ -50,6 +52,55 @@ print(json.dumps(told))
 """
 
 
+SWITCHES = """
+import json, sys
+from pathlib import Path
+import cv2
+from open3d.visualization import gui
+from toolkit.output.rendering import open3d_window
+from toolkit.tracks.runs import load_persons
+
+open3d_window.SIZE = (480, 320)
+application = gui.Application.instance
+application.initialize()
+people, folder = load_persons(sys.argv[1]), Path(sys.argv[2])
+window = open3d_window.RunWindow(people, None, title="test", folder=folder)
+def switch(box, on):
+    box.checked = on
+    window.draw()
+told = {"labels": []}
+steps = {
+    "first": lambda: window._show(0),
+    "slider": lambda: window._show(2),
+    "names": lambda: switch(window._layers["joint names"], True),
+    "one": lambda: switch(window._shown[0], False),
+    "unwritable": lambda: None,
+    "none": lambda: [switch(box, False) for box in window._shown],
+}
+todo = list(steps)
+def next_step(path=None):
+    if path is not None:
+        picture = cv2.imread(str(path))
+        told[path.stem] = int(picture.max(axis=2).astype(int).sum())
+        told["labels"].append(len(window._labels))
+    if not todo:
+        told["note"] = window._note.text
+        window.window.close()
+        return
+    name = todo.pop(0)
+    steps[name]()
+    if name == "unwritable":
+        (folder / "file").write_text("")
+        window.screenshot(folder / "file" / "scene.png")  # its folder is a file
+        name = "one_more"
+    window.screenshot(folder / f"{name}.png", next_step)
+next_step()
+application.run()
+told["frame"] = window.playback.frame
+print(json.dumps(told))
+"""
+
+
 def told_by(script: str, *words: object, display: bool = False) -> dict[str, object]:
     """Return the last line that a script printed, as JSON."""
     command = [sys.executable, "-c", script, *map(str, words)]
@@ -74,6 +125,26 @@ def test_a_window_opens_plays_writes_a_picture_and_closes(folder: Path, tmp_path
     told = told_by(WINDOW, folder, tmp_path, display=True)
     assert told["closed"] and told["picture"] == "scene.png"
     assert (tmp_path / "scene.png").stat().st_size > 1000
+
+
+@needs_vulkan
+@needs_xvfb
+def test_slider_joint_names_and_people_are_switched(folder: Path, tmp_path: Path) -> None:
+    people = write_people(tmp_path / "people", Track.load(folder).pose)
+    told = told_by(SWITCHES, people, tmp_path, display=True)
+    assert told["frame"] == 2 and told["first"] != told["slider"]
+    assert told["labels"] == [0, 0, 40, 20, 20, 0]
+    assert "cannot write" in told["note"]
+    assert told["slider"] > told["one"] > told["none"], "less is drawn with each person who is switched off"
+
+
+def test_without_its_recording_a_run_is_shown_and_this_is_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(open3d_window, "obstacle_to_window", lambda: "there is no display")
+    with pytest.raises(UsageError, match="no window can be opened"):
+        open3d_window.view_run(folder)
+    assert "shows bodies and skeletons without the measured points" in caplog.text
 
 
 @pytest.mark.parametrize("missing", ["display", "vulkan"])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from toolkit.body.skeleton import REPORTED
-from toolkit.io.errors import RecordingError, TrackError, UsageError
+from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.motion.contact import ground_of
 from toolkit.output.rendering.film import save_png
 from toolkit.output.rendering.ground import Ground
@@ -35,6 +35,8 @@ logger = logging.getLogger(__name__)
 
 SIZE = (1280, 800)
 """Width and height of the window, pixels."""
+MOST_POINTS = 20_000
+"""Number of measured points that are shown: with more, they cover the skeletons within the bodies."""
 TURN, RAISE = np.radians(25.0), np.radians(10.0)
 """By which the first view is turned about the people, and raised, against that of the depth camera."""
 
@@ -127,7 +129,8 @@ class RunWindow:
         if self._recording is not None and self._layers["measured cloud"].checked:
             cloud = cloud_geometry(self._recording.depth(frame), self._recording.camera, self._recording.color(frame))
             if len(cloud.points):
-                scene.add_geometry("cloud", cloud, self._materials["cloud"])
+                every = -(-len(cloud.points) // MOST_POINTS)
+                scene.add_geometry("cloud", cloud.uniform_down_sample(every), self._materials["cloud"])
         bodies = body_geometries(self._people, frame)
         for label in self._labels:
             self.scene.remove_3d_label(label)
@@ -147,7 +150,11 @@ class RunWindow:
         """Write the scene as it is seen to a PNG file once the window is drawn; `done` is called with its path."""
 
         def write(image: Any) -> None:
-            save_png(path, np.asarray(image)[..., :3])
+            try:
+                save_png(path, np.asarray(image)[..., :3])
+            except OutputError as error:  # an exception here ends the process
+                self._note.text = str(error)
+                return
             done(path)
 
         self._pictures.append(write)
