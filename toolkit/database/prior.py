@@ -26,8 +26,6 @@ HEIGHT = skeleton.POSE_SIZE - 3
 """Height of the pelvis over the lowest joint among the variables, in leg lengths; known with a floor."""
 SIZE = skeleton.POSE_SIZE - 2
 """Number of variables."""
-NOISE = 0.1
-"""Radians, standard deviation of a tracked joint angle; about the same fraction of the leg length for the height."""
 _WIDEST = 10.0
 """Largest absolute variable, radians or leg lengths."""
 _COLUMNS = {
@@ -153,7 +151,7 @@ class PosePrior:
         except KeyError as error:
             raise DatabaseError(f"the pose prior lacks {error}; build the database again") from error
 
-    def expected(self, values: np.ndarray, known: np.ndarray, noise: float = NOISE) -> Conditional:
+    def expected(self, values: np.ndarray, known: np.ndarray, noise: float = 0.1) -> Conditional:
         """Return the distribution of the unknown variables.
 
         Parameters

@@ -24,8 +24,6 @@ from toolkit.kernels.fit import limbs as kernel
 CARRIER = "thorax"
 JOINTS = ("clavicle", "shoulder", "elbow", "wrist")
 SIDES = ("left", "right")
-COARSE = 3
-"""Step between the samples of the first comparison."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +123,8 @@ class Arm:
         if own <= settings.margin:
             return []
         costs = np.empty(len(self.angles))
-        coarse = measured._replace(samples=measured.samples[::COARSE].copy(), share=COARSE * measured.share)
+        coarse_step = 3  # step between the samples of the first comparison
+        coarse = measured._replace(samples=measured.samples[::coarse_step].copy(), share=coarse_step * measured.share)
         kernel.limb_costs(self._balls, self.chain.radii, coarse, costs)
         cheapest = np.argsort(costs, kind="stable")[: settings.fitted]
         angles, costs = self._fitted(self.angles[cheapest], measured, settings, sigma)

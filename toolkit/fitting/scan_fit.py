@@ -23,8 +23,6 @@ from toolkit.io.errors import BodyError
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
-FIRST_ITERATIONS, ITERATIONS = 20, 4
-"""Iterations of each pose in the first round and in later rounds."""
 MOST = 0.03
 """Maximum offset, metres."""
 
@@ -77,10 +75,11 @@ def fit_scan(views: Sequence[ScanView]) -> Scan:
     shape_settings = ShapeSettings(prior=prior, forgetting=1.0)
     # Number of alternating fits of poses and coefficients; limb length and pose are coupled and converge slowly.
     rounds = 60
+    first_rounds, later_rounds = 20, 4  # iterations of each pose in the first round and in later rounds
     for k in range(rounds):
         estimator = ShapeEstimator(body, shape_settings, placers[0], mesh_terms(fitting))
         for i, (placer, scene) in enumerate(zip(placers, scenes, strict=True)):
-            iterations = FIRST_ITERATIONS if k == 0 else ITERATIONS
+            iterations = first_rounds if k == 0 else later_rounds
             poses[i] = Refiner(placer, fitting).refine(body, poses[i], scene, iterations=iterations)
             found = estimator.observe(poses[i], scene, placer)
         body = found

@@ -11,12 +11,6 @@ from toolkit.kernels import linear
 from toolkit.kernels.cloud import torso
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 
-CURVED, FLAT = 0.08, 0.03
-"""Fractions of the smallest eigenvalue in the sum of all three: above the first the normal is ignored, below the second
-the torso counts as flat."""
-LONG, ROUND = 0.35, 0.65
-"""Ratios of the two larger eigenvalues: below the first the normal is ignored, above the second the patch counts as
-round."""
 FACING_TIME = 0.15
 """Time constant of the smoothing at weight 1, seconds."""
 
@@ -80,8 +74,14 @@ def estimate_facing(
         normal = -normal
     curvature = max(values[0], 0.0) / values.sum()
     circularity = values[1] / values[2]
-    flat = _ramp(curvature, CURVED, FLAT)
-    round_ = _ramp(circularity, LONG, ROUND)
+    # Fractions of the smallest eigenvalue in the sum of all three: above the first the normal is ignored, below the
+    # second the torso counts as flat.
+    curved_share, flat_share = 0.08, 0.03
+    flat = _ramp(curvature, curved_share, flat_share)
+    # Ratios of the two larger eigenvalues: below the first the normal is ignored, above the second the patch counts
+    # as round.
+    long_ratio, round_ratio = 0.35, 0.65
+    round_ = _ramp(circularity, long_ratio, round_ratio)
     horizontal = math.hypot(normal[0], normal[2])
     turn = settings.turn_gain * _wrapped(math.atan2(normal[0], normal[2]) - towards_camera)
     return FacingEstimate(_wrapped(towards_camera + turn), flat * round_ * horizontal)

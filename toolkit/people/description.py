@@ -18,9 +18,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
-BORDER = (
-    3  # pixels from the image border within which a person counts as truncated: registered depth often ends before it
-)
 CUTS = ((0.35, "head"), (0.6, "chest"), (1.0, "waist"), (1.35, "knees"))
 """Metres below the centre of the head at which the image truncates an adult, and the body part there."""
 
@@ -125,7 +122,8 @@ def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | Non
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
     height, width = sighting.depth.shape
-    border = BORDER * max(1, lens.step)
+    border_pixels = 3
+    border = border_pixels * max(1, lens.step)
     cuts = []
     border_share = 0.05  # fraction of a person's width or height on such a border
     if np.count_nonzero(v >= height - border) > border_share * np.ptp(u):

@@ -27,15 +27,12 @@ SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a s
 SURFACE_GAP = 0.05  # m of depth between neighbours on one surface, besides the quantisation: a torso's side, at 3 m
 BRIDGE_CUT = 0.5  # m, largest depth step within a segmented person: an arm in front of the chest
 BRIDGE_ROOM = 0.12  # m, the same in a room: below the distance between a person and a shelf behind
-REACH = 1.1  # m horizontally from the head to the fingertip of a leaning tall adult
 REACH_STILL = (
     0.6  # m, the same where nothing has moved yet: a seated person's knees; a larger one would include the chair
 )
 SEED_RADIUS = 0.12  # m around a head's centre that certainly belong to the head
-PLATEAU = 0.05  # fraction of the best score above which pixels define the head's centre
 HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
 CHEST_WIDTH = (0.2, 0.95)  # m: from a slim person seen from the side to an adult with spread elbows
-OPEN = 0.7  # fraction of the outline of head and chest, left and right, with farther depth behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,14 +62,15 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
         )
         small |= (scaled >= least) & (scores < head_score) & (size < 1)
         np.maximum(scores, np.where(scaled >= least, scaled, 0), out=scores)
-    rows = np.flatnonzero(scores.ravel() >= head_score - PLATEAU)
+    plateau_share = 0.05  # fraction of the best score above which pixels define the head's centre
+    rows = np.flatnonzero(scores.ravel() >= head_score - plateau_share)
     values, points = scores.ravel()[rows].astype(np.float64), view.points.reshape(-1, 3)[rows].astype(np.float64)
     child = small.ravel()[rows]
     heads: list[Head] = []
     while len(rows) and (best := values.max()) >= head_score:
         distance = np.sqrt(((points - points[int(values.argmax())]) ** 2).sum(axis=1))
         near = distance < HEAD_DISTANCE
-        plateau = near & (values >= best - PLATEAU)
+        plateau = near & (values >= best - plateau_share)
         heads.append(Head(points[plateau].mean(axis=0), float(best), bool(child[plateau].all())))
         values, points, rows, child = values[~near], points[~near], rows[~near], child[~near]
     heads.sort(key=lambda h: -h.place[1])
@@ -123,7 +121,8 @@ def share_out(
     if len(heads) == 0:
         return labels
     distances = np.empty(seeds.shape, dtype=np.int32)
-    reach = np.where(view.still, REACH_STILL, REACH).astype(np.float32)
+    head_reach = 1.1  # m horizontally from the head to the fingertip of a leaning tall adult
+    reach = np.where(view.still, REACH_STILL, head_reach).astype(np.float32)
     reach_up = 0.85  # m from the head's centre to the fingertip of a raised arm
     reach_down = 2.0  # m from the head's centre to the sole of a person of 2.1 m
     limits = np.array([reach_up, reach_down])
@@ -141,7 +140,8 @@ def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np
     """Return True if a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
     planar = 0.8  # fraction of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
-    return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < planar
+    open_share = 0.7  # fraction of the outline of head and chest, left and right, with farther depth behind it
+    return shaped and _open_outline(view, mask, head) >= open_share and planar_share(view, lens, mask) < planar
 
 
 def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:

@@ -21,8 +21,6 @@ logger = logging.getLogger(__name__)
 
 PATIENCE = 1.0
 """Seconds for which an unseen person is expected at the last place."""
-RESTED = 0.15
-"""Metres around a head's last place within which it counts as motionless."""
 TALLER, SHORTER = 0.08, 0.12  # m by which a returning person may differ: shoes and noise; a bent neck as well
 WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
 
@@ -175,9 +173,10 @@ def match_heads(
         return {}
     expected = np.array([p.expected(timestamp) for p in people])
     costs = np.sqrt(((expected[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
+    rested = 0.15  # metres around a head's last place within which it counts as motionless
     if any(resting):
         away = np.sqrt(((np.array([p.head for p in people])[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
-        costs[np.array(resting) & (away > RESTED)] = np.inf
+        costs[np.array(resting) & (away > rested)] = np.inf
     return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
 
 

@@ -48,20 +48,8 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.sensing_settings import SensingSettings
 
-NEVER_MOVED = 0.3
-"""Fraction of still pixels above which a head candidate beside a person is furniture."""
-LOOK_AGAIN = 0.3
-"""Seconds between two evaluations of a track's evidence."""
-SAME_SURFACE = 0.15
-"""Metres of depth by which a surface moves between frames: 5 m/s at 30 Hz."""
-MIN_MASK_OVERLAP = 0.5
-"""Minimum fraction of a surface that was a person's in the previous frame to keep it."""
-LEAST_PART = 0.02
-"""Smallest visible part of a present person, square metres: a shoulder beside another person."""
 MOST_PEOPLE = 16
 """Default maximum number of tracked people."""
-MIDDLE_SAMPLES = 300
-"""Points of a person that are sampled for the median position."""
 
 
 class MultiPersonFinder:
@@ -297,7 +285,8 @@ class MultiPersonFinder:
 
     def _lasting(self, view: View) -> np.ndarray:
         """Return the pixels that show the surface of the previous frame: bool (h, w)."""
-        return np.asarray(np.abs(view.depth - self._depth) < SAME_SURFACE)
+        same_surface = 0.15  # metres of depth by which a surface moves between frames: 5 m/s at 30 Hz
+        return np.asarray(np.abs(view.depth - self._depth) < same_surface)
 
     def _shared(
         self,
@@ -358,7 +347,8 @@ class MultiPersonFinder:
         """
         labels, _ = self._shared(view, surroundings, seeds, places, [])
         share = labels == len(places)
-        fresh = share_of((self._labels > 0) & self._lasting(view), share) < MIN_MASK_OVERLAP
+        min_mask_overlap = 0.5  # minimum fraction of a surface that was a person's in the previous frame to keep it
+        fresh = share_of((self._labels > 0) & self._lasting(view), share) < min_mask_overlap
         return fresh and a_person(view, self.lens, share, places[-1])
 
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
@@ -383,8 +373,9 @@ class MultiPersonFinder:
         surroundings = self._surroundings
         if surroundings is None or surroundings.cut_out:
             return
+        look_again = 0.3  # seconds between two evaluations of a track's evidence
         for person in self.people:
-            if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
+            if person.id in heads and timestamp - person.looked >= look_again:
                 head = heads[person.id]
                 judged = judged_head(view, self.lens, head, self._judge) or 0.0
                 shaped, rests = shaped_alone(view, self.lens, head), _rests(view, head, surroundings)
@@ -404,15 +395,17 @@ class MultiPersonFinder:
         """Update the people and return the id of every label, int32 (n + 1,), 0 for background."""
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         back: list[KnownPerson] | None = None
+        least_part = 0.02  # smallest visible part of a present person, square metres: a shoulder beside another person
+        middle_samples = 300  # points of a person that are sampled for the median position
         for k, place in enumerate(places):
             mask = labels == k + 1
             points, area = view.points[mask], self.lens.area(view.depth[mask])
             middle = place
             if len(points):
-                middle = np.median(points[:: max(1, len(points) // MIDDLE_SAMPLES)], axis=0).astype(np.float64)
+                middle = np.median(points[:: max(1, len(points) // middle_samples)], axis=0).astype(np.float64)
             if k < len(present):
                 self._known.keep(present[k])
-                if area >= LEAST_PART:
+                if area >= least_part:
                     head = place if k in matched else None
                     ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
             elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
@@ -442,4 +435,5 @@ class MultiPersonFinder:
 def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
     """Return True if nothing ever moved at a head's place (3,)."""
     here = near_head(view, head) & view.foreground
-    return bool(np.count_nonzero(surroundings.resting & here) > NEVER_MOVED * np.count_nonzero(here))
+    never_moved = 0.3  # fraction of still pixels above which a head candidate beside a person is furniture
+    return bool(np.count_nonzero(surroundings.resting & here) > never_moved * np.count_nonzero(here))

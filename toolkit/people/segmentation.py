@@ -20,14 +20,7 @@ HOW_TO_SEGMENT = (
     "give --segment person, seed:U,V (a pixel of the person), range:NEAR,FAR (metres) or empty-frames:N, "
     "or --background with the empty scene"
 )
-EMPTY_SHARE = 0.1  # of each frame is 0 where it is already segmented (recording format)
-SURFACE_GAP = 0.04  # m: neighbouring pixels of one surface differ by less, on top of the quantisation
-PART_GAP = 0.5  # m: what lies farther from the person is not a part of it (Baak 2013, 5.4.2)
-SMALLEST_AREA = 0.02  # m^2: less is noise and no part of a person worth tracking
 PERSON_AREA = (0.12, 2.0)  # m^2 seen head on: a child cut off at the waist to a wide adult with loose clothes
-PERSON_HEIGHT = 0.5  # m: the least extent along x or y of something taken for a person
-PERSON_EXTENT = 2.6  # m: the largest in any direction
-OCCLUDED_GAP = 0.3  # m: the parts of one person on both sides of an arm are closer, two people are not
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +34,14 @@ class Components:
     def large(self) -> np.ndarray:
         """Return the indices of the components that are large enough for a person."""
         size = self.extents[:, :, 1] - self.extents[:, :, 0]
-        return np.flatnonzero((self.areas >= PERSON_AREA[0]) & (size[:, :2].max(axis=1, initial=0) >= PERSON_HEIGHT))
+        person_height = 0.5  # m: the least extent along x or y of something taken for a person
+        return np.flatnonzero((self.areas >= PERSON_AREA[0]) & (size[:, :2].max(axis=1, initial=0) >= person_height))
 
     def too_large(self) -> bool:
         """Return True if a component is larger than any person."""
         size = self.extents[:, :, 1] - self.extents[:, :, 0]
-        return bool((self.areas > PERSON_AREA[1]).any() or (size > PERSON_EXTENT).any())
+        person_extent = 2.6  # m: the largest in any direction
+        return bool((self.areas > PERSON_AREA[1]).any() or (size > person_extent).any())
 
     def gaps(self, members: list[int]) -> np.ndarray:
         """Return the distance of each component's box from the nearest box of `members`: float64 (n,), metres."""
@@ -119,7 +114,8 @@ class Segmenter:
             depth, self._background, 1000 * self._settings.background_margin, 1000 * self._settings.quantisation,
             near, far, self._padded, self._box,
         )  # fmt: skip
-        if self._mode.name == "auto" and count > (1 - EMPTY_SHARE) * depth.size:
+        empty_share = 0.1  # of each frame is 0 where it is already segmented (recording format)
+        if self._mode.name == "auto" and count > (1 - empty_share) * depth.size:
             raise SegmentationError(
                 f"{count / depth.size:.0%} of the image is measured: no person is cut out of it yet; {HOW_TO_SEGMENT}"
             )
@@ -181,16 +177,18 @@ class Segmenter:
     def _choose_person(self) -> bool:
         """Remove everything but the person from the foreground; return True if a person is left."""
         parts = self._components()
-        if parts.areas.sum() < SMALLEST_AREA:
+        smallest_area = 0.02  # m^2: less is noise and no part of a person worth tracking
+        if parts.areas.sum() < smallest_area:
             return False
         if self._mode.name == "auto" and not self._seen and parts.too_large():
             raise SegmentationError(f"what is measured is larger than a person; {HOW_TO_SEGMENT}")
         groups = self._people(parts)
         kept = np.ones(len(parts.areas), dtype=bool)
+        part_gap = 0.5  # m: what lies farther from the person is not a part of it (Baak 2013, 5.4.2)
         if groups:
             person = groups[0] if len(groups) == 1 else self._one_of(groups, parts)
             gaps = parts.gaps(person)
-            kept &= gaps <= PART_GAP
+            kept &= gaps <= part_gap
             for other in groups:
                 if other is not person:
                     kept &= gaps <= parts.gaps(other)
@@ -202,8 +200,9 @@ class Segmenter:
         return True
 
     def _components(self) -> Components:
+        surface_gap = 0.04  # m: neighbouring pixels of one surface differ by less, on top of the quantisation
         count = components.label_components(
-            self._padded, self._box, 1000 * SURFACE_GAP, 1000 * self._settings.quantisation, self._labels, self._parents
+            self._padded, self._box, 1000 * surface_gap, 1000 * self._settings.quantisation, self._labels, self._parents
         )
         sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
         components.component_extents(
@@ -214,8 +213,9 @@ class Segmenter:
     def _people(self, parts: Components) -> list[list[int]]:
         """Return large components; those that one person's arm separates are joined."""
         groups: list[list[int]] = []
+        occluded_gap = 0.3  # m: the parts of one person on both sides of an arm are closer, two people are not
         for k in parts.large():
-            near = [g for g in groups if self._distance(g, int(k)) <= OCCLUDED_GAP]
+            near = [g for g in groups if self._distance(g, int(k)) <= occluded_gap]
             groups = [g for g in groups if g not in near]
             groups.append([int(k), *(member for g in near for member in g)])
         return groups

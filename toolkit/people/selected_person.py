@@ -19,8 +19,6 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 ID = 1
-TOGETHER = 0.5
-"""Maximum fraction of frames in common with a rival for a person to be the only one."""
 FIRST_SECONDS = 10.0
 """Seconds after which two people in view together are refused, so that a long recording is not followed to its end."""
 
@@ -150,7 +148,8 @@ def _check_alone(people: Mapping[int, Presence]) -> None:
     if not people:
         return
     first = _largest(people)
-    rivals = [n for n, p in people.items() if n != first and _together(people[first], p) > TOGETHER]
+    together = 0.5  # maximum fraction of frames in common with a rival for a person to be the only one
+    rivals = [n for n, p in people.items() if n != first and _together(people[first], p) > together]
     if rivals:
         raise SeveralPeopleError.of(1 + len(rivals))
 

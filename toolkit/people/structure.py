@@ -10,9 +10,6 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import best_plane
 
-TRIPLES = 400  # half of them from one neighbourhood: a plane of a fifth of the points is hit with probability 0.9999
-CORE = 2  # coarse pixels: surfaces on a plane that are thinner than twice this stand out of it
-
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -84,21 +81,24 @@ def on_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray, planes
     import cv2
 
     mask = np.zeros(depth.shape, dtype=bool)
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * CORE + 1, 2 * CORE + 1))
+    core_size = 2  # coarse pixels: surfaces on a plane that are thinner than twice this stand out of it
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * core_size + 1, 2 * core_size + 1))
     for plane in planes:
         slopes = rays[..., 0] * plane.normal[0] + rays[..., 1] * plane.normal[1] + plane.normal[2]
         on = (depth > 0) & (np.abs(depth * slopes + plane.offset) <= tolerance)
         # A plane is infinite and also cuts people: it is a wall only where it is wide.
         core = cv2.erode(on.astype(np.uint8), disc, borderType=cv2.BORDER_CONSTANT, borderValue=1)
-        mask |= on & (cv2.dilate(core, np.ones((4 * CORE + 1, 4 * CORE + 1), np.uint8)) > 0)
+        mask |= on & (cv2.dilate(core, np.ones((4 * core_size + 1, 4 * core_size + 1), np.uint8)) > 0)
     return mask
 
 
 def _triples(v: np.ndarray, u: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndarray:
     """Draw rows of three points each, half of them from anywhere, half close to the first."""
     n = len(v)
-    triples = rng.integers(0, n, size=(TRIPLES, 3))
-    for k in range(TRIPLES // 2):
+    # half of them from one neighbourhood: a plane of a fifth of the points is hit with probability 0.9999
+    triple_count = 400
+    triples = rng.integers(0, n, size=(triple_count, 3))
+    for k in range(triple_count // 2):
         first = triples[k, 0]
         near = np.flatnonzero((np.abs(v - v[first]) <= radius) & (np.abs(u - u[first]) <= radius))
         triples[k, 1:] = near[rng.integers(0, len(near), size=2)]

@@ -26,7 +26,6 @@ from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 logger = logging.getLogger(__name__)
 
 SAMPLES = 40  # frames over a recording: a walking person leaves each pixel free in most of them
-FIRST = 3  # frames that decide whether people are segmented already
 
 
 def find_people(
@@ -96,8 +95,9 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifi
         count = min(int(mode.numbers[0]), len(recording))
         stack = np.stack([lens.coarse(polisher.checked(recording.depth(i))) for i in range(count)])
         return empty_scene(np.median(stack, axis=0).astype(np.float32), lens, sensing.background_margin)
+    first_frames = 3  # frames that decide whether people are segmented already
     if mode.name == "auto":
-        first = list(_coarse(recording, polisher, lens, np.arange(min(FIRST, len(recording)))))
+        first = list(_coarse(recording, polisher, lens, np.arange(min(first_frames, len(recording)))))
         if all(is_cut_out(depth, lens) for depth in first):
             return nothing_but_people(lens)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))

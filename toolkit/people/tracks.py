@@ -9,7 +9,6 @@ import numpy as np
 from toolkit.people.evidence import Evidence
 
 GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as it turns
-WHOLE = 0.7  # of a person's area: less, and they are half hidden
 
 
 LEVEL = np.array([1.0, 0.0, 1.0])
@@ -108,7 +107,8 @@ class KnownPerson:
         middle, area : of what was measured of them
         """
         elapsed = max(timestamp - self.last, 0.0)
-        whole = area > WHOLE * self.area
+        whole_share = 0.7  # of a person's area: less, and they are half hidden
+        whole = area > whole_share * self.area
         place, before = head, self.head
         if place is None:  # the visible part of a half hidden person says little of their velocity
             before = self._start

@@ -6,9 +6,6 @@ import math
 
 import numpy as np
 
-FARTHEST = 0.95
-"""Quantile of a person's depth that counts as the farthest."""
-
 
 def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
     """Return the size, in pixels, of the hole that each pixel lies in: int32 (H, W), 0 where there is a measurement.
@@ -49,7 +46,8 @@ def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, holes: np.ndarray
     samples = 500  # pixels of a person that are sampled for that quantile
     spread = np.sort(measured[:: max(1, len(measured) // samples)])
     # As `np.quantile` has it, which takes ten times as long.
-    farthest = np.interp(FARTHEST * (len(spread) - 1), np.arange(len(spread)), spread)
+    farthest_quantile = 0.95  # quantile of a person's depth that counts as the farthest
+    farthest = np.interp(farthest_quantile * (len(spread) - 1), np.arange(len(spread)), spread)
     thickness = 0.1  # metres behind the farthest measured point of a person that the rest of the body may reach
     mask = (whole_mm > 0) & (whole_mm < math.ceil(1000 * (farthest + thickness)))
     if holes is not None:

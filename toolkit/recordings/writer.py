@@ -18,8 +18,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import check_rows
 from toolkit.sensing.recording import check_joints, check_timestamps
 
-BLOCK = 1 << 20
-
 
 class RecordingWriter:
     """Writer that collects frames on disk and puts the NPZ file in place on success.
@@ -191,10 +189,11 @@ class RecordingWriter:
         if stream.tell() != int(np.prod(shape, dtype=np.int64)) * np.dtype(dtype).itemsize:
             raise RecordingError(f"{key} was given for some frames of {self._path} only; give it for all or for none")
         stream.seek(0)
+        block_bytes = 1 << 20
         with archive.open(f"{key}.npy", "w", force_zip64=True) as member:
             header = {"descr": npy.dtype_to_descr(np.dtype(dtype)), "fortran_order": False, "shape": shape}
             npy.write_array_header_1_0(member, header)
-            while block := stream.read(BLOCK):
+            while block := stream.read(block_bytes):
                 member.write(block)
 
     def _checked(self, image: np.ndarray, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:

@@ -17,8 +17,6 @@ from toolkit.kernels import linear
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.tracks import TRACKED
 
-LONGEST = 1.2
-"""Maximum time to the nearest frame on either side, seconds."""
 AROUND = 0.75
 """Time constant of the weight of a vote for a facing, seconds."""
 HEADING_UNCERTAINTY = 0.5
@@ -56,10 +54,11 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
     # does not move far in twice that time.
     window = 0.75
     stands, walks = 0.4, 0.8  # m/s: no weight below the first value, full weight above the second
+    longest = 1.2  # maximum time to the nearest frame on either side, seconds
     for k, moment in enumerate(times):
         first, last = np.searchsorted(times, [moment - window, moment + window])
         first, last = min(first, max(k - 1, 0)), max(last - 1, min(k + 1, len(times) - 1))
-        if max(moment - times[first], times[last] - moment) > LONGEST or first == last:
+        if max(moment - times[first], times[last] - moment) > longest or first == last:
             continue
         velocity = (places[last] - places[first]) / (times[last] - times[first])
         speed = float(np.hypot(*velocity))

@@ -18,8 +18,6 @@ from toolkit.tracks import FrameResult
 PREDICTED = "predicted"
 """Source of a pose without a hypothesis: the last found pose."""
 HEAD = skeleton.REPORTED.index("head")
-UNSEEN = (0.0, 0.0, -3.0)
-"""Reported root position before the first sighting, metres, level frame."""
 
 
 class FollowedPerson:
@@ -110,5 +108,6 @@ def last_pose(state: PersonState) -> np.ndarray:
     if state.pose is not None:
         return state.pose
     pose = np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_POSITION] = UNSEEN
+    unseen = (0.0, 0.0, -3.0)  # reported root position before the first sighting, metres, level frame
+    pose[skeleton.ROOT_POSITION] = unseen
     return pose

@@ -35,8 +35,6 @@ less: one frame may mislead."""
 CHECKED = 5.0
 """Seconds of each stretch; its frame with most visible joints is a keyframe."""
 
-CANDIDATES, FEW = 3, 16
-"""Bodies of different sizes that are followed, and through how many frames, before one is chosen."""
 
 _PLAN = {
     "stretches": Column("iu", ("stretches", 2), 0), "keyframes": Column("iu", ("keyframes",), 0),
@@ -240,9 +238,11 @@ class Planner:
         around = frames_around(start, usable, self._timestamps, self._learner.settings)
         if not len(around):
             return likeliest  # only the size is chosen
+        # Bodies of different sizes that are followed, and through how many frames, before one is chosen.
+        most_candidates, trial_frames = 3, 16
         if len(belief.likely) > 1:
-            few, learnt, distances = around[:: -(-len(around) // FEW)], [], []
-            for k in belief.likely[:CANDIDATES]:
+            few, learnt, distances = around[:: -(-len(around) // trial_frames)], [], []
+            for k in belief.likely[:most_candidates]:
                 body, distance = yield from self._learnt(belief.bodies[k], start, few, stood)
                 learnt.append(body)
                 distances.append(distance)

@@ -23,11 +23,6 @@ at the waist differ by as much by chance.
 """
 SIZE_COST_SPREAD = 0.03
 """Metres by which a frame may fit a body of another size better than the person's."""
-HEAD_REACH, HIGHEST = 0.2, 5
-"""Horizontal distance from the middle of a head to its top, metres; and the rank of the highest points that is taken
-as
-the top: higher ones are noise.
-"""
 
 
 def stature_prior_cost(stature: float) -> float:
@@ -68,11 +63,14 @@ def head_top(cloud: Cloud, head: np.ndarray) -> float:
     border truncates the head.
     """
     away = cloud.points[:, [0, 2]] - head[[0, 2]]
-    near = np.flatnonzero((away**2).sum(axis=1) < HEAD_REACH**2)
-    highest = near[np.argsort(cloud.points[near, 1], kind="stable")[-HIGHEST:]]
+    # Horizontal distance from the middle of a head to its top, metres; and the rank of the highest points that is
+    # taken as the top: higher ones are noise.
+    top_reach, top_rank = 0.2, 5
+    near = np.flatnonzero((away**2).sum(axis=1) < top_reach**2)
+    highest = near[np.argsort(cloud.points[near, 1], kind="stable")[-top_rank:]]
     (height, width), (rows, columns) = cloud.camera.shape, np.divmod(cloud.pixels[highest], cloud.camera.width)
     to_border = np.minimum(np.minimum(rows, height - 1 - rows), np.minimum(columns, width - 1 - columns))
-    if len(highest) < HIGHEST or to_border.min() < CUT_PIXELS:
+    if len(highest) < top_rank or to_border.min() < CUT_PIXELS:
         return math.nan
     return float(cloud.points[highest[0], 1])
 

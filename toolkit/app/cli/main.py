@@ -93,17 +93,15 @@ app.command()(bench.reproduce)
 add_examples(app)
 
 
-COLLECTED = 100_000
-"""Allocations between two garbage collections; Python's default of 700 costs 7 % of a short track."""
-
-
 def main(arguments: list[str] | None = None) -> None:
     """Run the command; an error is one sentence.
 
     Exit codes: 0 success, 1 failure, 2 wrong use, 3 success without a tracked person. A closed terminal or pipe does
     not stop the work and does not change the exit code.
     """
-    gc.set_threshold(COLLECTED)
+    # Allocations between two garbage collections; Python's default of 700 costs 7 % of a short track.
+    collected = 100_000
+    gc.set_threshold(collected)
     with standard_streams(), endings_as_exits(), warnings.catch_warnings():
         warnings.simplefilter("always", PlausibilityWarning)
         warnings.showwarning = _show_warning

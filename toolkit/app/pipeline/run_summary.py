@@ -16,8 +16,6 @@ LOW_ADVICE = (
     "check the film of `depthmocap render`; --intrinsics, --depth-unit, --up or --segment may be wrong; a --database "
     "of such motions, or the person's own --body, may help"
 )
-STATURES = (0.95, 2.1)
-"""Metres: a child of two years, and the tallest man in 2,000; fitted bodies beyond are mostly wrong units or lenses."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +83,10 @@ def track_warnings(summary: RunSummary, statures: Sequence[float]) -> list[Plaus
         )
     elif summary.confidence < low_confidence:
         texts.append(f"the mean confidence is {summary.confidence:.2f}; {LOW_ADVICE}")
-    low, high = STATURES
+    # Metres: a child of two years, and the tallest man in 2,000; fitted bodies beyond are mostly wrong units or
+    # lenses.
+    stature_range = (0.95, 2.1)
+    low, high = stature_range
     odd = [f"{stature:.2f}" for stature in statures if not low <= stature <= high] if not texts else []
     if odd:
         texts.append(f"a fitted body is {' and '.join(odd)} m tall; check --intrinsics and --depth-unit")

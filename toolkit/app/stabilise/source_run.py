@@ -21,9 +21,6 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracks import TRACKED, RunInfo, Track
 from toolkit.tracks.runs import PEOPLE_FILE
 
-FLOOR_QUANTILE = 0.05
-"""Quantile of the heights of the tracked soles that replaces an unobserved floor."""
-
 
 class FloorHeight(NamedTuple):
     """Height of the floor (y in the level frame, metres) and its source."""
@@ -68,7 +65,8 @@ class SourceRun:
             return FloorHeight(-seen, "recording")
         soles = [Sole.of(self.body, leg) for leg in FEET]
         heights = [sole.at(self.body, pose)[:, 1].min() for pose in self.track.pose[self.present] for sole in soles]
-        return FloorHeight(float(np.quantile(heights, FLOOR_QUANTILE)) if heights else 0.0, "soles")
+        floor_quantile = 0.05  # quantile of the heights of the tracked soles that replaces an unobserved floor
+        return FloorHeight(float(np.quantile(heights, floor_quantile)) if heights else 0.0, "soles")
 
 
 def open_source(

@@ -21,8 +21,6 @@ from toolkit.tracks.runs import Person
 
 BACKGROUND = 255
 """Value of background pixels (K4ABT_BODY_INDEX_MAP_BACKGROUND of the Azure Kinect SDK)."""
-REACH = 0.35
-"""Maximum median distance from the points of a sighting to the joints of its person, metres."""
 CONTOUR, ROUNDS = 60, 2
 """Maximum depth step between neighbouring pixels of one person, millimetres, and width of a contour, pixels."""
 HEAD = skeleton.REPORTED.index("head")
@@ -107,8 +105,9 @@ def _matched(sightings: Sequence[Sighting], people: Sequence[Person], frame: int
         return []
     far = np.array([[_distance(sighting, person, frame) for person in here] for sighting in seen])
     same = np.array([[sighting.id == person.id for person in here] for sighting in seen])
-    rows, columns = linear_sum_assignment(far - 0.5 * REACH * same)
-    return [(here[c], seen[r]) for r, c in zip(rows, columns, strict=True) if far[r, c] < REACH]
+    reach = 0.35  # maximum median distance from the points of a sighting to the joints of its person, metres
+    rows, columns = linear_sum_assignment(far - 0.5 * reach * same)
+    return [(here[c], seen[r]) for r, c in zip(rows, columns, strict=True) if far[r, c] < reach]
 
 
 def _distance(sighting: Sighting, person: Person, frame: int) -> float:

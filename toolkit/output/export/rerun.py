@@ -20,7 +20,6 @@ from toolkit.tracks.runs import Person
 
 POINTS = 6000
 """Number of measured pixels of the first frame above which depth images are subsampled."""
-GREY = (150, 156, 166)
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
@@ -111,11 +110,12 @@ def _write_person(rr: Any, stream: Any, person: Person, times: np.ndarray, color
 
     every = np.arange(len(times))
     write(f"{plots}/state", every, rr.TextLog.columns(text=[STATE_NAMES[state] for state in track.state]))
+    grey = (150, 156, 166)
     if len(there):
         joints = person.joints_level[there]
         vertices = np.concatenate([person.body.vertex_positions(track.pose[frame]) for frame in there])
         write(f"{place}/body", there, rr.Mesh3D.columns(vertex_positions=vertices), len(person.body.vertices))
-        observed = np.where(track.observed[there][..., None], np.array(color), np.array(GREY)).astype(np.uint8)
+        observed = np.where(track.observed[there][..., None], np.array(color), np.array(grey)).astype(np.uint8)
         dots = rr.Points3D.columns(positions=joints.reshape(-1, 3), colors=observed.reshape(-1, 3))
         write(f"{place}/joints", there, dots, len(skeleton.REPORTED))
         strips = joints[:, skeleton.BONE_ROWS].reshape(-1, 2, 3)

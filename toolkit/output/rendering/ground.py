@@ -14,8 +14,6 @@ from toolkit.tracks.runs import Person
 
 Project = Callable[[np.ndarray], np.ndarray]
 """Map from points (..., 3) of the level frame, metres, to pixels (..., 2), NaN for points out of view."""
-AROUND = 0.75
-"""Minimum margin of the grid around the people, metres."""
 
 
 class Ground:
@@ -64,8 +62,9 @@ def grid(places: np.ndarray, height: float) -> np.ndarray:
     low, high = np.percentile(places, (1.0, 99.0), axis=0)
     cell = 0.5  # spacing of the grid, metres
     farthest = 6.0  # maximum distance of the grid from the centre of the people, metres
-    low = cell * np.floor(np.maximum(low - AROUND, middle - farthest) / cell)
-    high = cell * np.ceil(np.minimum(high + AROUND, middle + farthest) / cell)
+    around = 0.75  # minimum margin of the grid around the people, metres
+    low = cell * np.floor(np.maximum(low - around, middle - farthest) / cell)
+    high = cell * np.ceil(np.minimum(high + around, middle + farthest) / cell)
     piece = 0.25  # length of the drawn line segments, metres; a segment partly behind the camera is left out
     xs, zs = (np.arange(a, b + 0.5 * piece, piece) for a, b in zip(low, high, strict=True))
     step = round(cell / piece)

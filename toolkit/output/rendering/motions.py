@@ -16,9 +16,6 @@ RATE = 30.0
 """Frames per second of the film."""
 PANEL = (300, 340)
 """Width and height of a panel, pixels."""
-COLUMNS = 3
-YAW = np.radians(35.0)
-"""Azimuth of the view relative to the initial facing; shows arms and legs side by side."""
 
 _SPINE = ("root", "belly", "chest", "neck", "head", "headtop")
 _LIMBS = tuple(
@@ -59,19 +56,21 @@ def film_of_motions(path: str | Path, titled: Sequence[tuple[str, Motion]]) -> P
 def _pictures(titled: Sequence[tuple[str, Motion]]) -> Iterator[np.ndarray]:
     pixels = [_projected(motion) for _, motion in titled]
     hold = 15  # number of repetitions of the last pose of the longest motion
+    columns = 3
     for frame in range(max(map(len, pixels)) + hold):
         panels = [
             _panel(title, places[min(frame, len(places) - 1)])
             for (title, _), places in zip(titled, pixels, strict=True)
         ]
-        yield contact_sheet(panels, COLUMNS)
+        yield contact_sheet(panels, columns)
 
 
 def _projected(motion: Motion) -> np.ndarray:
     """Return pixels (T, 24, 2) of the joints at `RATE`: view relative to the initial facing, person centred."""
     joints = motion.at_rate(RATE).joints
     across = joints[0, _LEFT] - joints[0, _RIGHT]
-    turn = np.arctan2(-across[2], across[0]) + YAW
+    yaw = np.radians(35.0)  # azimuth of the view relative to the initial facing; shows arms and legs side by side
+    turn = np.arctan2(-across[2], across[0]) + yaw
     ground = joints - joints[:, [_ROOT]] * [1.0, 0.0, 1.0]
     x = np.cos(turn) * ground[..., 0] - np.sin(turn) * ground[..., 2]
     y = ground[..., 1] - joints[..., 1].min()

@@ -18,8 +18,6 @@ from toolkit.sensing.camera import Camera
 
 WHITE_PAPER = (255, 255, 255)
 """Background of the pictures, RGB."""
-START = 1e-3
-"""Distance from a surface at which a ray to the light starts, metres: below the resolution of the mesh."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +124,9 @@ class PicturePainter:
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         towards = -rays[body] / np.linalg.norm(rays[body], axis=1, keepdims=True)
         points = self._view.centre + rays[body] * distance[body, None]
-        lit = self._lit(scene, points + START * normals, lights)
+        # Distance from a surface at which a ray to the light starts, metres: below the resolution of the mesh.
+        start = 1e-3
+        lit = self._lit(scene, points + start * normals, lights)
         ambient, key, head = LIGHTS
         shade = ambient + key * lit * np.maximum(normals @ self._to_light, 0.0)
         shade += head * np.maximum((normals * towards).sum(axis=1), 0.0)

@@ -37,8 +37,6 @@ SIZE = (1280, 800)
 """Width and height of the window, pixels."""
 MOST_POINTS = 20_000
 """Number of measured points that are shown: with more, they cover the skeletons within the bodies."""
-TURN, RAISE = np.radians(25.0), np.radians(10.0)
-"""By which the first view is turned about the people, and raised, against that of the depth camera."""
 
 
 def view_run(run: str | Path, recording: str | Path | None = None) -> None:
@@ -285,8 +283,10 @@ class RunWindow:
         ahead = centre - (centre @ up) * up
         ahead /= max(float(np.linalg.norm(ahead)), 1e-6)
         beside = np.cross(ahead, up)
-        away = -np.cos(TURN) * ahead + np.sin(TURN) * beside
-        eye = centre + distance * (np.cos(RAISE) * away + np.sin(RAISE) * up)
+        # By which the first view is turned about the people, and raised, against that of the depth camera.
+        first_turn, first_raise = np.radians(25.0), np.radians(10.0)
+        away = -np.cos(first_turn) * ahead + np.sin(first_turn) * beside
+        eye = centre + distance * (np.cos(first_raise) * away + np.sin(first_raise) * up)
         box = o3d.geometry.AxisAlignedBoundingBox(low - 3.0, high + 3.0)
         self.scene.setup_camera(view_angle, box, centre)
         self.scene.look_at(centre, eye, up)

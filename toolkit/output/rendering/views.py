@@ -9,7 +9,6 @@ import numpy as np
 from toolkit.sensing.camera import Camera
 
 MARGIN = 0.18  # margin relative to the extent of the person
-DISTANCE = 8.0  # m: far enough for a weak perspective
 
 R_LEVEL_VIEW = {
     "side": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
@@ -99,6 +98,7 @@ def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) 
     extent = (high - low) * (1 + 2 * MARGIN)
     least_span = 2.0  # m of height in these views
     span = max(extent[1], extent[0] * size[1] / size[0], least_span)
-    focal = size[1] * DISTANCE / span
+    distance = 8.0  # m: far enough for a weak perspective
+    focal = size[1] * distance / span
     camera = Camera(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2, *size)
-    return OutsideView(camera, rotation @ ((low + high) / 2 - (0.0, 0.0, DISTANCE)), rotation)
+    return OutsideView(camera, rotation @ ((low + high) / 2 - (0.0, 0.0, distance)), rotation)

@@ -12,8 +12,6 @@ from toolkit.sensing.recording import Recording
 REACH = 0.45
 """Maximum distance of a point from a joint, metres: the length of a forearm, so that a limb missed by the body is
 shown."""
-POINTS, ROOM_POINTS = 900, 12_000
-"""Maximum number of points near the people per frame, and of the room, for a page of some megabytes."""
 MILLIMETRES = 1000.0
 UNIT = 0.004
 """Metres per unit of a stored point, below the resolution of depth cameras."""
@@ -48,7 +46,9 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
     """
     # Maximum number of points near the people in all frames; long recordings have fewer points per frame.
     total = 500_000
-    limit = min(POINTS, max(50, total // len(frames)))
+    # Maximum number of points near the people per frame, and of the room, for a page of some megabytes.
+    near_points, most_room_points = 900, 12_000
+    limit = min(near_points, max(50, total // len(frames)))
     room_frames = 7  # number of frames in the median of the room
     for_room = set(np.linspace(0, len(frames) - 1, min(room_frames, len(frames))).astype(int).tolist())
     rays = np.dstack([recording.camera.rays(), np.ones(recording.camera.shape)])
@@ -65,7 +65,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
         if i == last:
             break
     scene = median_point(np.stack([recording.background] if recording.background is not None else still))
-    there = thinned(scene > 0, ROOM_POINTS)
+    there = thinned(scene > 0, most_room_points)
     together = np.concatenate(points) if points else np.zeros((0, 3), dtype=np.int16)
     return SceneClouds(together, np.array(counts, dtype=np.int64), _seen(recording.camera, there, scene[there]))
 

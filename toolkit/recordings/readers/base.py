@@ -25,8 +25,6 @@ from toolkit.sensing.recording import FrameSource, Recording
 
 LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
 """Maximum number of pixels of a picture, and of bytes of its file."""
-GRAVITY, GRAVITY_TOLERANCE = 9.81, 1.0
-"""Gravity, and tolerance for a cheap accelerometer, m/s^2."""
 
 
 def natural_key(path: Path) -> list[tuple[int, int | str]]:
@@ -193,7 +191,8 @@ def upright(accelerations: np.ndarray) -> np.ndarray | None:
     """
     median = np.median(accelerations, axis=0)
     length = math.hypot(*median)
-    return median / length if abs(length - GRAVITY) < GRAVITY_TOLERANCE else None
+    gravity, gravity_tolerance = 9.81, 1.0  # gravity, and tolerance for a cheap accelerometer, m/s^2
+    return median / length if abs(length - gravity) < gravity_tolerance else None
 
 
 def decoded(content: bytes | memoryview, flag: int) -> np.ndarray | None:

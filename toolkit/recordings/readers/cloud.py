@@ -24,10 +24,6 @@ from toolkit.sensing.recording import FrameSource, Recording
 
 SUFFIXES = (".pcd", ".ply")
 GRID_POINTS = 100  # minimum number of points for a fit of four intrinsics
-NEAREST, FARTHEST = (
-    1e-4,
-    1e5,
-)  # range of valid coordinates in millimetres and metres, file units
 FIELD = np.array(
     [0.56, 0.42]
 )  # minimum field of view of a virtual camera (slopes of a Kinect), because people move after the first frame
@@ -114,9 +110,10 @@ def usable_cloud(
     """
     if axes == "graphics":
         points[:, 1:] *= -1.0
-    points[(np.abs(points) > FARTHEST).any(axis=1)] = np.nan
+    nearest, farthest = 0.0001, 100000.0  # range of valid coordinates in millimetres and metres, file units
+    points[(np.abs(points) > farthest).any(axis=1)] = np.nan
     finite = np.isfinite(points).all(axis=1)
-    usable = finite & (points[:, 2] > NEAREST)
+    usable = finite & (points[:, 2] > nearest)
     if not finite.any():
         raise RecordingError(f"no point of {name} is finite; it holds no measurement")
     if not usable.any() and (np.nan_to_num(points[:, 2]) < 0).any():

@@ -90,9 +90,6 @@ METADATA = {
     "joints_2d": Column("iuf", gaps=True),
 }
 """Members that are read immediately; the others are read frame by frame or ignored."""
-NUMBER, SMALL, MOST_NUMBERS = 16, 1 << 16, 64 * 20 * 10
-"""Maximum number of bytes per value, of values beside frames and background, and of values per frame (joints of 64
-people)."""
 
 
 def matches(path: Path) -> bool:
@@ -142,7 +139,10 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(names) or 'nothing'}")
     source = _NpzFrames(path, names)
     count, (height, width) = len(source), source.shape
-    most = NUMBER * (2 * height * width + count * MOST_NUMBERS + SMALL)
+    # Maximum number of bytes per value, of values beside frames and background, and of values per frame (joints of 64
+    # people).
+    max_item_bytes, max_small_values, max_numbers = 16, 1 << 16, 64 * 20 * 10
+    most = max_item_bytes * (2 * height * width + count * max_numbers + max_small_values)
     small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA, most=most)
     check_columns(small, METADATA, RecordingError, str(path), "see docs/recordings.md for the format")
     camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))

@@ -10,10 +10,6 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.search.find import HitRanges, find, pieces
 
-EXTENSION = 1.5
-"""Factor by which hits are extended: this many times the query's frames before its first and after its last keyframe.
-The thesis's factor 2 leaves a sixth more frames to search and finds the same motions."""
-
 
 def preselect(
     index: KeyframeIndex, queries: Sequence[KeyframeQuery], labels: Sequence[str]
@@ -41,8 +37,11 @@ def preselect(
     lengths = [int(stop - start) for start, stop in zip(index.document_starts, index.document_starts[1:], strict=False)]
     without = [label for label in labels if label not in {query.label for query in queries}]
     intervals: list[dict[str, list[tuple[int, int]]]] = [{label: [(0, n)] for label in without} for n in lengths]
+    # Factor by which hits are extended: this many times the query's frames before its first and after its last
+    # keyframe. The thesis's factor 2 leaves a sixth more frames to search and finds the same motions.
+    extension = 1.5
     for label in {query.label: None for query in queries}:
-        searched = [pieces(index, query, find(index, query), EXTENSION) for query in queries if query.label == label]
+        searched = [pieces(index, query, find(index, query), extension) for query in queries if query.label == label]
         found = HitRanges.union(searched)
         ranges = (array.tolist() for array in (found.documents, found.starts, found.stops))
         for document, start, stop in zip(*ranges, strict=True):

@@ -23,9 +23,6 @@ from toolkit.retrieval.search.example import SearchExample, search_example
 from toolkit.retrieval.search.find import HitRanges, Match, find
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
-DOUBT = 0.8
-"""Largest doubt (1 minus probability) of a search result."""
-
 
 def cut_example(clip: str | Path, start: float = 0.0, end: float | None = None) -> FeatureMatrix:
     """Return the features of a segment of a clip, `start` to `end` in seconds; None is the clip's end.
@@ -106,7 +103,7 @@ def by_example(
 
 
 def by_class(
-    index: KeyframeIndex, model: MotionModel, labels: Sequence[str] | None = None, doubt: float = DOUBT
+    index: KeyframeIndex, model: MotionModel, labels: Sequence[str] | None = None, doubt: float = 0.8
 ) -> list[SearchReport]:
     """Return the places of a motion model's classes, the most probable first: one report per class, with doubts as
     costs.

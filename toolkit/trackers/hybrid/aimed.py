@@ -18,9 +18,6 @@ from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
 
 SOURCE = "head_hands"
 """Name of the hypothesis of a pose with replaced arms."""
-CANDIDATES = 8
-"""Number of geodesic extrema, in the order found; head and both hands are among them in 96 % of frames from the waist
-up."""
 AIM = aiming.Aim(0.05, 0.0, -8.0)
 """Maximum distance of a hand from its candidate, metres; the fit corrects the rest."""
 
@@ -43,7 +40,10 @@ class AimedArms:
     def of(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """Return the hypothesis with arms that leave less depth unexplained, or the same one."""
         pose, compared, scene = scored.hypothesis.pose, scored.comparison, observation.scene
-        candidates = sides_of(observation.free_extrema[:CANDIDATES], pose)
+        # Number of geodesic extrema, in the order found; head and both hands are among them in 96 % of frames from
+        # the waist up.
+        most_candidates = 8
+        candidates = sides_of(observation.free_extrema[:most_candidates], pose)
         for side, own in zip(SIDES, candidates, strict=True):
             proposed = self._proposed(side, scored.body, pose, compared, own, scene)
             pose, compared = self._exchange.best(scored.body, pose, compared, proposed, scene)

@@ -16,10 +16,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import marked
 from toolkit.trackers.lopez2011.upper import UpperBody
 
-CAP = 0.10
-"""Cap of a depth difference (`d_max`), metres: the width of a limb."""
-OVERLAP = 10.0
-"""Weight of squared overlaps in units of the ball radii (`lambda_3`)."""
 ARM_MARGIN = 0.15
 """Margin around an arm's joints and its candidates, metres: contains the proposed hands."""
 TRUNK_JOINTS: np.ndarray = np.array(
@@ -80,7 +76,8 @@ class ParticleImage(NamedTuple):
         # Weights of the mean squared depth difference in units of the cap (`lambda_1`), and of the silhouette
         # mismatch (`lambda_2`), which is half of the former.
         depth, silhouette = 40.0, 20.0
-        return kernel.Tile(self.seen, self.intrinsics, window, pixels, CAP, depth, silhouette)
+        cap = 0.10  # cap of a depth difference (`d_max`), metres: the width of a limb
+        return kernel.Tile(self.seen, self.intrinsics, window, pixels, cap, depth, silhouette)
 
 
 class ParticleFrame(NamedTuple):
@@ -188,7 +185,8 @@ def _overlaid(
     arms = np.ascontiguousarray(balls[:, rows])
     kernel.overlay_costs(arms, upper.trunk.radii[rows], base_of, pictures, tile, costs)
     kernel.overlap_costs(balls, upper.trunk.radii, upper.apart, SOFT, overlap)
-    return costs + OVERLAP * overlap
+    overlap_weight = 10.0  # weight of squared overlaps in units of the ball radii (`lambda_3`)
+    return costs + overlap_weight * overlap
 
 
 def _joints(upper: UpperBody, pose: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -17,9 +17,6 @@ from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
-COLUMN = 0.15
-"""Half width of the column above the source that contains the head, metres."""
-
 SMALLEST_AREA = 0.004
 """Minimum area of a summit, square metres: half a fist."""
 GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8)
@@ -127,7 +124,8 @@ def find_effectors(
 
 def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
     """Return the highest of `points` (N, 3) in a column around the source (3,)."""
-    column = np.flatnonzero(np.abs(points[:, 0] - source[0]) < COLUMN)
+    column_width = 0.15  # half width of the column above the source that contains the head, metres
+    column = np.flatnonzero(np.abs(points[:, 0] - source[0]) < column_width)
     return points[column[np.argmax(points[column, 1])]].astype(np.float64)
 
 

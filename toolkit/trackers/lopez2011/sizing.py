@@ -14,12 +14,8 @@ from toolkit.kernels import linear
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011.upper import arm_of
 
-SMOOTH = 5
-"""Number of averaged rows."""
 HEAD = 0.16
 """Minimum distance of the shoulders below the crown, metres; the head itself widens faster."""
-BEND = (0.25, 0.50)
-"""Range of the shoulder bend as fractions of the path length."""
 
 
 def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
@@ -86,7 +82,10 @@ def shoulder_breadth(cloud: Cloud) -> float | None:
     if known.sum() < count // 2:
         return None
     widths = np.interp(np.arange(count), np.flatnonzero(known), (right - left)[known])
-    smooth = np.convolve(np.pad(widths, SMOOTH // 2, mode="edge"), np.full(SMOOTH, 1.0 / SMOOTH), mode="valid")
+    smooth_rows = 5  # number of averaged rows
+    smooth = np.convolve(
+        np.pad(widths, smooth_rows // 2, mode="edge"), np.full(smooth_rows, 1.0 / smooth_rows), mode="valid"
+    )
     growth = np.gradient(smooth, bin)
     steepest = 1.0  # minimum width gain per height of a prominent maximum
     shoulder_rows = 0.06  # distance below the maximum in which the outermost points are taken, metres
@@ -115,7 +114,8 @@ def arm_length(path: np.ndarray) -> float | None:
     back, ahead = plane[span:-span] - plane[: -2 * span], plane[2 * span :] - plane[span:-span]
     turns = np.abs(np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1)))
     shares = places[span:-span] / along[-1]
-    allowed = (shares >= BEND[0]) & (shares <= BEND[1])
+    bend_range = (0.25, 0.50)  # range of the shoulder bend as fractions of the path length
+    allowed = (shares >= bend_range[0]) & (shares <= bend_range[1])
     if not allowed.any():
         return None
     bend = int(np.argmax(np.where(allowed, turns, -1.0)))

@@ -22,12 +22,6 @@ from toolkit.tracking.state import PersonState
 
 ANGLES = np.arange(6, skeleton.POSE_SIZE)
 """Pose entries that perturbations change."""
-REST = 0.3
-"""Minimum time between two unsuccessful global searches, seconds; their cause usually lasts longer."""
-
-COPIES, SPREAD = 7, 0.05
-"""Number of best results of the joint-only swarm that start the next swarm, and their minimum distance in radians and
-metres."""
 
 
 @dataclass(frozen=True)
@@ -137,12 +131,14 @@ class SwarmSearch:
         rivals = [] if best is None else [_Found(best.hypothesis.pose, best.comparison)]
         found = self._follow(frame, state.body, poses, rivals, rng)
         nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
+        # Minimum time between two unsuccessful global searches, seconds; their cause usually lasts longer.
+        least_rest = 0.3
         if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
             restart, judged = self.global_search(frame, state.body, rng)
             if judged < self._judged(frame, state.body, nearest):
                 hypothesis = Hypothesis("joints", restart.pose, restart.comparison, improves=best)
                 return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
-            rest = REST
+            rest = least_rest
         memory = _memory(kept, 0.0 if asked else doubts, rest)
         return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), memory)
 
@@ -222,9 +218,12 @@ class SwarmSearch:
     ) -> np.ndarray:
         """Return the best position (P,) of a swarm with the initial positions `starts` (K, P)."""
         s = self._settings
+        # Number of best results of the joint-only swarm that start the next swarm, and their minimum distance in
+        # radians and metres.
+        copy_count, copy_spread = 7, 0.05
         if s.joints_first and costs.guided:
             alone = minimise(costs.joints_alone(), starts, limits, self._swarm, rng, perturbed=ANGLES).position
-            copies = alone + SPREAD * rng.standard_normal((COPIES, len(alone)))
+            copies = alone + copy_spread * rng.standard_normal((copy_count, len(alone)))
             starts = np.concatenate([starts, alone[None], copies])
         return minimise(costs, starts, limits, self._swarm, rng, perturbed=ANGLES).position
 
