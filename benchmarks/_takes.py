@@ -12,7 +12,7 @@ from tests.support.scenes import record_scene
 from tests.support.sequences import DISTANCE, record_sequence, sequence_body
 from tests.support.suite import digest_of
 from toolkit.app.pipeline.joint_choice import JointChoice
-from toolkit.app.pipeline.scan import FRAMES, scan_recordings
+from toolkit.app.pipeline.scan import VIEW_FRAMES, scan_recordings
 from toolkit.app.pipeline.store_joints import store_joints
 from toolkit.body import skeleton
 from toolkit.body.body import Body
@@ -74,7 +74,7 @@ def sequence(name: str, source: str, work: Path, frames: int) -> Recording:
 def view_of(name: str, degrees: float, work: Path) -> Path:
     """Return the subject of a sequence in a T-pose, rotated."""
     path = work / "scans" / f"{name}_{degrees:.0f}.npz"
-    clip = PoseClip("T-pose", np.zeros((FRAMES, skeleton.POSE_SIZE)), 30.0, "scan")
+    clip = PoseClip("T-pose", np.zeros((VIEW_FRAMES, skeleton.POSE_SIZE)), 30.0, "scan")
     simulate_recording(
         clip, path, body=sequence_body(name), yaw=degrees, sensor="kinect", distance=DISTANCE, height=1.2,
         furnished=False, seed=int(degrees),

@@ -26,7 +26,7 @@ from toolkit.app.pipeline import TrackerRecipe, track_recording
 from toolkit.app.stabilise.result_page import write_page
 from toolkit.app.stabilise.source_run import SourceRun, open_source
 from toolkit.app.stabilise.stabiliser import Stabilised, StabiliseSettings, annotate, stabilise
-from toolkit.evaluation.joint_errors import NEAR, joint_errors, visible_joints
+from toolkit.evaluation.joint_errors import CORRECT_WITHIN, joint_errors, visible_joints
 from toolkit.io.files import save_bytes
 from toolkit.io.html import png_of
 from toolkit.recordings.opening import open_recording
@@ -56,7 +56,7 @@ def figures_of(track: Track, truth: np.ndarray, seen: np.ndarray) -> list[float]
     errors = joint_errors(track.joints, truth)
     hidden = errors[~seen] if (~seen).any() else np.zeros(1)
     frames = 1000 * errors.mean(axis=1)
-    near = float((hidden < NEAR).mean())
+    near = float((hidden < CORRECT_WITHIN).mean())
     means = [1000 * errors.mean(), 1000 * errors[seen].mean(), 1000 * hidden.mean(), near]
     return [*means, float(frames.std()), float(frames.max())]
 

@@ -17,7 +17,7 @@ from toolkit.trackers.lopez2011.effectors import Effectors, Fork
 from toolkit.trackers.lopez2011.filter import UpperFilter
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands
-from toolkit.trackers.lopez2011.proposals import NEAR, diffusion
+from toolkit.trackers.lopez2011.proposals import NEAR_SCALE, diffusion
 from toolkit.trackers.lopez2011.sizing import shoulder_breadth, sized_body
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
@@ -114,7 +114,7 @@ def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_flo
     assert weights.sum() == pytest.approx(1.0)
     assert weights[2] / weights[0] == pytest.approx(settings_.floor)
     distance = np.linalg.norm(left - right)
-    expected = max(np.exp(-distance / NEAR), settings_.floor) * settings_.held
+    expected = max(np.exp(-distance / NEAR_SCALE), settings_.floor) * settings_.held
     assert weights[1] / weights[0] == pytest.approx(expected)
 
 

@@ -15,7 +15,7 @@ from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
+from toolkit.fitting.shape import MESH_NOISE, ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import Pairs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, cropped
@@ -153,7 +153,7 @@ def expected(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray], 
         columns = np.stack([((moved - now.vertices) * now.normals).sum(axis=1)[vertex] for moved in unit], axis=1)
         target = placer.place(space.body(shape), pose).vertices
         residual = ((target - now.vertices) * now.normals).sum(axis=1)[vertex]
-        scale = weight / NOISE**2
+        scale = weight / MESH_NOISE**2
         matrix = settings.forgetting * matrix + scale * columns.T @ columns
         vector = settings.forgetting * vector + scale * columns.T @ (residual + columns @ coefficients)
         coefficients = np.linalg.solve(matrix + settings.prior * np.eye(size), vector)

@@ -9,7 +9,7 @@ from tests.landmark_helpers import body_cloud, cloud_of, figure, paint
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE
 from toolkit.io.errors import SegmentationError
-from toolkit.landmarks.centre import HEIGHT, WIDTH, cloud_centre
+from toolkit.landmarks.centre import HALF_HEIGHT, HALF_WIDTH, cloud_centre
 from toolkit.landmarks.facing import FacingEstimate, camera_yaw, estimate_facing, smoothed_facing
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 
@@ -53,7 +53,7 @@ def test_the_mean_shift_is_that_of_plain_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal([0.5, 0.2, -2.0], [0.3, 0.5, 0.1], (2000, 3)).astype(np.float32)
     start = np.array([0.4, 0.0, -2.0])
-    axes = np.array([WIDTH, HEIGHT, WIDTH])
+    axes = np.array([HALF_WIDTH, HALF_HEIGHT, HALF_WIDTH])
     assert cloud_centre(points, start) == pytest.approx(plain_mean_shift(points.astype(float), start, axes), abs=1e-6)
 
 

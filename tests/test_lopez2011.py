@@ -17,7 +17,7 @@ from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, costs
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
 from toolkit.trackers.lopez2011.filter import UpperFilter, resampled
 from toolkit.trackers.lopez2011.initial import initial_pose, place_hands
-from toolkit.trackers.lopez2011.proposals import NEAR, ROOT_DIFFUSION, SPREAD
+from toolkit.trackers.lopez2011.proposals import NEAR_SCALE, ROOT_DIFFUSION, SPREAD
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
@@ -59,7 +59,7 @@ def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -
     found = UpperFilter(PARTICLES).proposals.candidate_weights(upper, poses, 0, candidates)
     for pose, weights in zip(poses, found, strict=True):
         gaps = np.linalg.norm(candidates - place_hands(upper, pose)[0], axis=1)
-        expected = 1.0 / np.exp(gaps**2 / NEAR**2)  # 1 / f of the squared distance
+        expected = 1.0 / np.exp(gaps**2 / NEAR_SCALE**2)  # 1 / f of the squared distance
         np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-12)
 
 

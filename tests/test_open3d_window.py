@@ -34,7 +34,7 @@ from open3d.visualization import gui
 from toolkit.output.rendering import open3d_window
 from toolkit.tracks.runs import load_persons
 
-open3d_window.SIZE = (480, 320)
+open3d_window.WINDOW_SIZE = (480, 320)
 application = gui.Application.instance
 application.initialize()
 window = open3d_window.RunWindow(load_persons(sys.argv[1]), None, title="test", folder=Path(sys.argv[2]))

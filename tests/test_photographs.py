@@ -14,7 +14,7 @@ from toolkit.body.skeleton import POSE_NAMES
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.io.errors import PlausibilityWarning
-from toolkit.people.connection import FASTEST, HELD, SHIFT, connected
+from toolkit.people.connection import FASTEST, HELD, VISIBILITY_SHIFT, connected
 from toolkit.people.plausibility import are_unconnected, plausibility
 from toolkit.people.survey import survey
 from toolkit.recordings.opening import UNCONNECTED, recording_of, upright
@@ -98,7 +98,7 @@ def upright_quietly(depth: np.ndarray, judge: Any) -> Any:
 
 
 def test_a_step_of_a_sprinter_connects_and_a_longer_one_does_not() -> None:
-    reach = SHIFT + FASTEST / 30
+    reach = VISIBILITY_SHIFT + FASTEST / 30
     assert connected(np.zeros(3), np.array([reach - 0.01, 0, 0]), 1 / 30)
     assert not connected(np.zeros(3), np.array([0, 0, reach + 0.01]), 1 / 30)
     assert not connected(np.zeros(3), np.zeros(3), HELD + 0.01)

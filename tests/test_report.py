@@ -21,7 +21,7 @@ from tests.sensing_scenes import KINECT, neutral, standing
 from toolkit.app.cli.main import main
 from toolkit.io.errors import TrackError, UsageError
 from toolkit.io.files import sha256_of
-from toolkit.output.report.clouds import UNIT, gather_clouds
+from toolkit.output.report.clouds import STORED_UNIT, gather_clouds
 from toolkit.output.report.page import write_report
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -124,12 +124,12 @@ def test_points_near_the_person_and_the_room_lie_where_they_were_measured(run: P
         distance = np.linalg.norm(points[:, None] - body.vertex_positions(track.pose[i])[None], axis=2).min(axis=1)
         assert np.median(distance) < 0.02, "most measured points lie on the body that was drawn"
         start += count
-    np.testing.assert_allclose(in_space(clouds.room)[:, 2], WALL, atol=UNIT)
+    np.testing.assert_allclose(in_space(clouds.room)[:, 2], WALL, atol=STORED_UNIT)
 
 
 def in_space(points: np.ndarray) -> np.ndarray:
     """Return columns, rows and depths (N, 3) as points in the camera frame, metres."""
-    z = points[:, 2] * UNIT
+    z = points[:, 2] * STORED_UNIT
     return np.column_stack([(points[:, 0] - KINECT.cx) * z / KINECT.fx, (points[:, 1] - KINECT.cy) * z / KINECT.fy, z])
 
 

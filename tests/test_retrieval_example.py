@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion
 from toolkit.kernels.motion import graded
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
-from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade
+from toolkit.retrieval.features.grades import BLOCK_COLUMNS, FULL, coarse, grade
 from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.example import SearchExample, search_example
@@ -82,8 +82,10 @@ def test_a_grade_has_the_sign_of_its_feature_and_its_mean_is_the_coarse_one() ->
     assert features.grades.dtype == np.int8 and features.grades.shape == features.values.shape
     assert (features.grades[features.values] > -FULL // 2).all(), "hysteresis lies within the two thresholds"
     blocks = coarse(features.grades)
-    assert blocks.shape == (40, -(-len(features) // BLOCK))
-    np.testing.assert_array_equal(blocks[:, 2], np.rint(features.grades[:, 2 * BLOCK : 3 * BLOCK].mean(axis=1)))
+    assert blocks.shape == (40, -(-len(features) // BLOCK_COLUMNS))
+    np.testing.assert_array_equal(
+        blocks[:, 2], np.rint(features.grades[:, 2 * BLOCK_COLUMNS : 3 * BLOCK_COLUMNS].mean(axis=1))
+    )
     np.testing.assert_array_equal(grade(np.zeros((40, 2))), 0)
 
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from toolkit.kernels.cloud.cloud_graph import UNIT
 from toolkit.kernels.cloud.geodesic import UNREACHED
-from toolkit.landmarks.centre import HEIGHT, MAX_STEPS, TOLERANCE, WIDTH
+from toolkit.landmarks.centre import HALF_HEIGHT, HALF_WIDTH, MAX_STEPS, TOLERANCE
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
@@ -91,7 +91,7 @@ def plain_source(
 
 def plain_centre(points: np.ndarray, start: np.ndarray | None, scale: float) -> np.ndarray:
     """Return the mean shift with the upright ellipsoid; see `cloud_centre`."""
-    axes = scale * np.array([WIDTH, HEIGHT, WIDTH])
+    axes = scale * np.array([HALF_WIDTH, HALF_HEIGHT, HALF_WIDTH])
     starts = [np.median(points, axis=0).astype(np.float64)]
     if start is not None:
         starts.insert(0, np.array(start, dtype=np.float64))

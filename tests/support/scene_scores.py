@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.support.calibration import calibration_error
 from tests.support.identities import Identities, identities_of
-from toolkit.evaluation.joint_errors import CAP, NEAR, visible_joints
+from toolkit.evaluation.joint_errors import CORRECT_WITHIN, ERROR_CAP, visible_joints
 from toolkit.io.errors import RecordingError
 from toolkit.people.known_people import assigned
 from toolkit.sensing.recording import Recording
@@ -117,13 +117,13 @@ def _errors(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return errors and confidences (T, N, 20) of the best assignment of each frame."""
     known = np.isfinite(truth).all(axis=-1)
-    errors = np.where(known, CAP, np.nan)
+    errors = np.where(known, ERROR_CAP, np.nan)
     held = np.full(errors.shape, np.nan)
     for t, costs in enumerate(distances):
-        near = np.where(np.isfinite(costs), np.minimum(costs, CAP), np.inf)
-        for person, track in assigned(near, np.full(len(near), CAP)):
+        near = np.where(np.isfinite(costs), np.minimum(costs, ERROR_CAP), np.inf)
+        for person, track in assigned(near, np.full(len(near), ERROR_CAP)):
             apart = np.linalg.norm(truth[t, person] - joints[t, track], axis=-1)
-            errors[t, person] = np.where(known[t, person], np.minimum(apart, CAP), np.nan)
+            errors[t, person] = np.where(known[t, person], np.minimum(apart, ERROR_CAP), np.nan)
             held[t, person] = confidence[t, track]
     return errors, held
 
@@ -157,7 +157,7 @@ def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
         "recordings": len(scores),
         "frames": sum(len(score.tracked) for score in scores),
         "error_mm": _mean([1000 * e.mean() for e in of_seen]),
-        "a100": _mean([(e <= NEAR).mean() for e in of_seen]),
+        "a100": _mean([(e <= CORRECT_WITHIN).mean() for e in of_seen]),
         "switches": sum(score.identities.switches for score in scores),
         "misses": sum(score.identities.misses for score in scores),
         "false": sum(score.identities.false for score in scores),
@@ -167,7 +167,7 @@ def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
         "unobserved_mm": _mean(1000 * errors[hidden]),
         "unobserved_confidence": _mean(confidence[hidden]),
         "unobserved_sure": int(sure.sum()),
-        "unobserved_sure_a100": _mean(errors[sure] <= NEAR),
+        "unobserved_sure_a100": _mean(errors[sure] <= CORRECT_WITHIN),
         "ece": calibration_error(confidence[told], errors[told] <= CONFIDENCE_WITHIN) if told.any() else None,
         "tracked": _mean(np.concatenate([score.tracked for score in scores] or [np.empty(0)])),
         "recordings_tracked": sum(bool(score.tracked.any()) for score in scores),

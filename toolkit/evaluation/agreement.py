@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.evaluation.joint_errors import HANDS_AND_FEET, NEAR
+from toolkit.evaluation.joint_errors import CORRECT_WITHIN, HANDS_AND_FEET
 
 UTD_SUBJECT = re.compile(r"_s(\d+)_")
 """Pattern of the subject in a UTD-MHAD file name: `a27_s1_t1_depth`."""
@@ -85,4 +85,4 @@ def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence
 def _share_near(distances: np.ndarray) -> float:
     """Return the fraction of known distances, metres, within 100 mm; NaN if none is known."""
     known = np.isfinite(distances)
-    return float((distances[known] <= NEAR).mean()) if known.any() else float("nan")
+    return float((distances[known] <= CORRECT_WITHIN).mean()) if known.any() else float("nan")

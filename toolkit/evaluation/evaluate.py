@@ -126,9 +126,9 @@ def match_people(
 def _mean_error(track: Track, person: np.ndarray) -> float:
     """Return the mean error of a track for a person (T, 20, 3), metres; 1 m in frames without a reported person."""
     errors = metrics.joint_errors(track.joints, person[: len(track)])
-    errors[track.state == EMPTY] = metrics.CAP
+    errors[track.state == EMPTY] = metrics.ERROR_CAP
     known = np.isfinite(person).all(axis=2)
-    total = np.where(known[: len(track)], errors, 0.0).sum() + metrics.CAP * known[len(track) :].sum()
+    total = np.where(known[: len(track)], errors, 0.0).sum() + metrics.ERROR_CAP * known[len(track) :].sum()
     return float(total / max(known.sum(), 1))
 
 

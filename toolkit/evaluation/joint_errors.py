@@ -11,9 +11,9 @@ from toolkit.body import skeleton
 from toolkit.io.errors import TrackError
 from toolkit.sensing.camera import Camera
 
-CAP = 1.0
+ERROR_CAP = 1.0
 """Maximum error of a joint, metres; larger errors are capped."""
-NEAR = 0.1
+CORRECT_WITHIN = 0.1
 """Threshold of A(100), metres."""
 LOST_ERROR = 0.2
 """Mean joint error above which a frame counts as lost, metres."""
@@ -43,10 +43,10 @@ def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """
     if joints.shape != truth.shape:
         raise TrackError(f"joints {joints.shape} cannot be compared with {truth.shape}; give one row per frame to both")
-    return np.minimum(np.linalg.norm(np.asarray(joints, np.float64) - truth, axis=-1), CAP)
+    return np.minimum(np.linalg.norm(np.asarray(joints, np.float64) - truth, axis=-1), ERROR_CAP)
 
 
-def accuracy(errors: np.ndarray, threshold: float | np.ndarray = NEAR) -> np.ndarray:
+def accuracy(errors: np.ndarray, threshold: float | np.ndarray = CORRECT_WITHIN) -> np.ndarray:
     """Return A(t), the fraction of known joints within `threshold` metres, one value per threshold."""
     known = errors[np.isfinite(errors)]
     thresholds = np.asarray(threshold, dtype=np.float64)

@@ -23,7 +23,7 @@ class PoseTerm(Protocol):
         """Return the cost of `pose` (P,), at least 0."""
 
 
-SPREAD = 0.1
+PRIOR_SPREAD = 0.1
 """Additional spread of each angle in the pose prior, radians."""
 
 
@@ -41,10 +41,10 @@ class GaussianPrior:
 
     @classmethod
     def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
-        """Return the prior of a sample of poses (N, P); `SPREAD` keeps constant angles from having zero variance."""
+        """Return the prior of a sample of poses (N, P); `PRIOR_SPREAD` prevents zero variances of constant angles."""
         angles = np.asarray(poses, dtype=np.float64)[:, 6:]
         mean, covariance = linear.moments(angles)
-        precision = linear.inverse(covariance + SPREAD**2 * np.eye(angles.shape[1]))
+        precision = linear.inverse(covariance + PRIOR_SPREAD**2 * np.eye(angles.shape[1]))
         return cls(weight, np.concatenate([np.zeros(6), mean]), precision)
 
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:

@@ -41,7 +41,7 @@ class ShapeSettings:
     limit: float = constant(3.0)
 
 
-NOISE = 0.01
+MESH_NOISE = 0.01
 """Residual of one standard deviation, metres."""
 
 
@@ -93,7 +93,7 @@ class ShapeEstimator:
             changed[k] += step
             moved = placer.place(paired.body(changed), pose, normals).vertices
             columns[:, k] = linear.dots(normals, moved - base) / step
-        weight = weight / NOISE**2
+        weight = weight / MESH_NOISE**2
         wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)
         forget = self._settings.forgetting
         self._matrix = forget * self._matrix + linear.gram(columns, weight)

@@ -16,7 +16,7 @@ import numpy as np
 from toolkit.io.errors import DepthMocapError
 from toolkit.io.safe_open import read_file
 
-LARGEST_FILE = 1 << 31
+LARGEST_MATLAB_FILE = 1 << 31
 """Largest size in bytes of a file and of an inflated variable."""
 INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
 NUMBERS = {
@@ -40,7 +40,7 @@ def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Var
         The file is missing, damaged, or of another level (before 5, or 7.3, which is HDF5).
     """
     try:
-        return dict(_variables(read_file(path, LARGEST_FILE)))
+        return dict(_variables(read_file(path, LARGEST_MATLAB_FILE)))
     except (OSError, ValueError, struct.error, zlib.error) as problem:
         reason = problem.strerror if isinstance(problem, OSError) else problem
         raise error(f"{path} is truncated or no MATLAB file ({reason}); copy it again") from problem
@@ -60,7 +60,7 @@ def _variables(content: bytes) -> Iterator[tuple[str, Variable]]:
 
 def _inflated(data: bytes) -> bytes:
     stream = zlib.decompressobj()
-    content = stream.decompress(data, LARGEST_FILE)
+    content = stream.decompress(data, LARGEST_MATLAB_FILE)
     if not stream.eof:
         raise ValueError("a variable is cut short or too large")
     return content

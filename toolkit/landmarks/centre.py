@@ -7,7 +7,7 @@ import numpy as np
 from toolkit.io.errors import SegmentationError
 from toolkit.kernels.cloud import torso
 
-WIDTH, HEIGHT = 0.35, 0.5
+HALF_WIDTH, HALF_HEIGHT = 0.35, 0.5
 """Horizontal and vertical half axes of the ellipsoid for an adult, metres. It reaches from the chest to the thighs; a
 smaller one would slide along the torso."""
 TOLERANCE = 1e-3
@@ -35,7 +35,7 @@ def cloud_centre(points: np.ndarray, start: np.ndarray | None = None, scale: flo
     """
     if len(points) == 0:
         raise SegmentationError("the cloud has no points, so it has no centre; skip frames without a person")
-    width, height = scale * WIDTH, scale * HEIGHT
+    width, height = scale * HALF_WIDTH, scale * HALF_HEIGHT
     inverse_axes = 1.0 / np.array([width, height, width])
     if start is not None:
         centre = np.array(start, dtype=np.float64)

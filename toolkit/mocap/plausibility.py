@@ -11,7 +11,7 @@ from toolkit.io.errors import MocapError, PlausibilityWarning, RigError
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import load_rig
 
-FEWEST = 10
+FEWEST_FRAMES = 10
 """Minimum number of frames for a statement about motion."""
 STILL = 2.0 * np.pi
 """Degrees: range of angles that a full turn has if radians are read as degrees."""
@@ -51,7 +51,7 @@ def check_limits(clip: PoseClip) -> PoseClip:
     """
     mostly = 0.5  # fraction of the frames; 84 of 88 clips of HDM05 and CMU have no such angle
     clipped = [i for i in np.argsort(-clip.clamped, kind="stable").tolist() if clip.clamped[i] > mostly]
-    if clipped and len(clip.poses) >= FEWEST:
+    if clipped and len(clip.poses) >= FEWEST_FRAMES:
         entries = ", ".join(f"{skeleton.POSE_NAMES[i]} {100 * clip.clamped[i]:.0f} %" for i in clipped[:3])
         text = f"angles are beyond the limits of the body in most frames ({entries}); check units, sides and joint map"
         warnings.warn(PlausibilityWarning(f"{clip.name}: {text}; see docs/troubleshooting.md"), stacklevel=3)
@@ -65,7 +65,7 @@ def _doubts(clip: Clip) -> list[str]:
         joints = {}
     found = []
     step = 30.0  # degrees that a knee turns in a step or a squat, which move the root
-    if len(clip) >= FEWEST:
+    if len(clip) >= FEWEST_FRAMES:
         turns = _turns(clip)
         knees = [turns[joints[key]] for key in ("left_knee", "right_knee") if key in joints]
         if turns.max() < STILL:

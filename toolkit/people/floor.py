@@ -10,10 +10,10 @@ from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import largest_plane
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 
-SAMPLES = 6000  # sampled points; a floor of a tenth of the scene still has 600
+FLOOR_SAMPLES = 6000  # sampled points; a floor of a tenth of the scene still has 600
 INLIER_DISTANCE = 0.03  # m; a Kinect's quantisation at 3 m
 LARGEST_TILT = np.deg2rad(50.0)  # maximum tilt of a camera without roll
-SMALLEST_AREA = 0.8  # m^2; no plane of a person is this large
+SMALLEST_FLOOR = 0.8  # m^2; no plane of a person is this large
 LOWEST_CAMERA = 0.1  # m above the floor; nearer points may be on an edge-on plane
 SHARE_ABOVE = 0.97  # fraction of the scene above the plane; a table has the floor below it
 
@@ -40,9 +40,9 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     of a person.
     """
     v, u = np.nonzero(depth_mm)
-    if len(v) * _pixel_area(depth_mm, camera) < SMALLEST_AREA:
+    if len(v) * _pixel_area(depth_mm, camera) < SMALLEST_FLOOR:
         return None
-    picked = np.linspace(0, len(v) - 1, min(SAMPLES, len(v))).astype(np.int64)
+    picked = np.linspace(0, len(v) - 1, min(FLOOR_SAMPLES, len(v))).astype(np.int64)
     v, u = v[picked], u[picked]
     z = depth_mm[v, u] * 1e-3
     points = np.column_stack([camera.rays()[v, u] * z[:, None], z])
@@ -53,7 +53,7 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     iterations = 2000  # find a plane of a tenth of the points with probability 0.86, of a fifth always
     planes = 6  # walls, ceiling and tables may be larger than the floor
     for _ in range(planes):
-        if rest.sum() < SAMPLES // 100:
+        if rest.sum() < FLOOR_SAMPLES // 100:
             return None
         plane, members = largest_plane(points[rest], INLIER_DISTANCE, iterations, rng)
         members = np.flatnonzero(rest)[members]
@@ -62,7 +62,7 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
             rises = linear.times(points, floor.up_camera)
             slant = np.abs(rises[members]) / linear.lengths(points[members])
             area = (areas[members] / np.maximum(slant, 0.05)).sum()
-            if area >= SMALLEST_AREA and (rises + floor.height > -3 * INLIER_DISTANCE).mean() >= SHARE_ABOVE:
+            if area >= SMALLEST_FLOOR and (rises + floor.height > -3 * INLIER_DISTANCE).mean() >= SHARE_ABOVE:
                 return floor
         rest[members] = False
     return None
@@ -77,13 +77,13 @@ def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray
     v, u = np.nonzero(depth_mm)
     if not len(v):
         return None
-    picked = np.linspace(0, len(v) - 1, min(SAMPLES, len(v))).astype(np.int64)
+    picked = np.linspace(0, len(v) - 1, min(FLOOR_SAMPLES, len(v))).astype(np.int64)
     z = depth_mm[v[picked], u[picked]] * 1e-3
     points = np.column_stack([camera.rays()[v[picked], u[picked]] * z[:, None], z])
     rises = linear.times(points, up_camera)
     slant = np.maximum(np.abs(rises) / linear.lengths(points), 0.05)
     areas = z**2 / (camera.fx * camera.fy) * (len(v) / len(points)) / slant
-    found, largest = None, SMALLEST_AREA
+    found, largest = None, SMALLEST_FLOOR
     prominent = 1.5  # ratio to the area 9 cm higher: walls have the same width there
     for level in np.arange(rises.min(), min(rises.max(), -LOWEST_CAMERA), 0.5 * INLIER_DISTANCE):
         members = np.abs(rises - level) < INLIER_DISTANCE

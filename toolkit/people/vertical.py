@@ -22,14 +22,14 @@ from toolkit.sensing.recording import Recording, Vertical
 from toolkit.sensing.sensing_settings import SensingSettings
 
 FLOOR_FRAMES = 4  # in which a floor is looked for; a person may hide it in one
-FIRST_SECONDS = 3.0
+SAMPLED_SECONDS = 3.0
 CAMERA_HEIGHT = (0.3, 4.0)  # m above the floor: from a chair's seat to a ceiling
 TRUST = {"wall": np.deg2rad(2.0), "standing": np.deg2rad(8.0), "torso": np.deg2rad(15.0), "image": np.deg2rad(20.0)}
 
 
 def find_vertical(recording: Recording) -> Vertical:
     """Find the vertical in the background or the first seconds of a recording."""
-    early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
+    early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + SAMPLED_SECONDS))
     if recording.background is not None:
         scenes = [recording.background]
     else:
@@ -48,7 +48,7 @@ def floor_height(recording: Recording) -> float | None:
         return recording.vertical.height
     scenes = [recording.background]
     if recording.background is None:
-        early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
+        early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + SAMPLED_SECONDS))
         scenes = [recording.depth(i) for i in _spread(early, FLOOR_FRAMES)]
     floors = [find_known_floor(scene, recording.camera, recording.up_camera) for scene in scenes if scene is not None]
     heights = [floor.height for floor in floors if floor is not None]

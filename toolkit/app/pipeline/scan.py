@@ -17,7 +17,7 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
-FRAMES = 9
+VIEW_FRAMES = 9
 """Frames of each view; the median over them has a third of the noise of one frame."""
 
 
@@ -53,7 +53,7 @@ def scan_recordings(
 def _standing_still(recording: Recording, sensing: SensingSettings) -> Cloud:
     """Return the cloud of the median of the first frames, level frame."""
     finder = find_person(recording, sensing)
-    stream = islice(recording.stream(), FRAMES)
+    stream = islice(recording.stream(), VIEW_FRAMES)
     frames = np.array([finder.find(frame.depth_mm, frame.timestamp, {})[0].depth for frame in stream])
     known = 2 * np.count_nonzero(frames, axis=0) > len(frames)
     lowered = np.where(frames > 0, frames, np.inf)

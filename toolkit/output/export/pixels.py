@@ -21,7 +21,7 @@ from toolkit.tracks.runs import Person
 
 BACKGROUND = 255
 """Value of background pixels (K4ABT_BODY_INDEX_MAP_BACKGROUND of the Azure Kinect SDK)."""
-CONTOUR, ROUNDS = 60, 2
+CONTOUR, CONTOUR_ROUNDS = 60, 2
 """Maximum depth step between neighbouring pixels of one person, millimetres, and width of a contour, pixels."""
 HEAD = skeleton.REPORTED.index("head")
 
@@ -63,7 +63,7 @@ def labelled_frames(
         labels = np.full(frame.depth_mm.shape, BACKGROUND, dtype=np.uint8)
         for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
-        for _ in range(ROUNDS):
+        for _ in range(CONTOUR_ROUNDS):
             regain_contour(labels, frame.depth_mm)
         yield LabelledFrame(i, frame.depth_mm, labels)
 

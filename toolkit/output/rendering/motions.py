@@ -12,7 +12,7 @@ from toolkit.output.rendering.film import FilmWriter, contact_sheet
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
-RATE = 30.0
+FILM_RATE = 30.0
 """Frames per second of the film."""
 PANEL = (300, 340)
 """Width and height of a panel, pixels."""
@@ -49,7 +49,7 @@ def film_of_motions(path: str | Path, titled: Sequence[tuple[str, Motion]]) -> P
     OutputError
         The file cannot be written.
     """
-    FilmWriter(path, RATE).write(_pictures(titled))
+    FilmWriter(path, FILM_RATE).write(_pictures(titled))
     return Path(path)
 
 
@@ -66,8 +66,8 @@ def _pictures(titled: Sequence[tuple[str, Motion]]) -> Iterator[np.ndarray]:
 
 
 def _projected(motion: Motion) -> np.ndarray:
-    """Return pixels (T, 24, 2) of the joints at `RATE`: view relative to the initial facing, person centred."""
-    joints = motion.at_rate(RATE).joints
+    """Return pixels (T, 24, 2) of the joints at `FILM_RATE`: view relative to the initial facing, person centred."""
+    joints = motion.at_rate(FILM_RATE).joints
     across = joints[0, _LEFT] - joints[0, _RIGHT]
     yaw = np.radians(35.0)  # azimuth of the view relative to the initial facing; shows arms and legs side by side
     turn = np.arctan2(-across[2], across[0]) + yaw

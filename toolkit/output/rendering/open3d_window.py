@@ -33,7 +33,7 @@ from toolkit.tracks.runs import Person, load_persons, person_runs
 
 logger = logging.getLogger(__name__)
 
-SIZE = (1280, 800)
+WINDOW_SIZE = (1280, 800)
 """Width and height of the window, pixels."""
 MOST_POINTS = 20_000
 """Number of measured points that are shown: with more, they cover the skeletons within the bodies."""
@@ -96,7 +96,7 @@ class RunWindow:
             )
         self._people, self._recording, self._folder = tuple(people), recording, folder
         self.playback = Playback(people[0].track.timestamps)
-        self.window = gui.Application.instance.create_window(title, *SIZE)
+        self.window = gui.Application.instance.create_window(title, *WINDOW_SIZE)
         self.scene = gui.SceneWidget()
         self.scene.scene = rendering.Open3DScene(self.window.renderer)
         self.scene.scene.set_background([*(np.array(PAPER) / 255.0), 1.0])

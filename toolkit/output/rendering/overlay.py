@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.body.skeleton import BONE_ROWS
 from toolkit.output.rendering.style import BONE_COLORS, EXTREMUM, JOINT_COLORS, PAPER
 
-SHIFT = 3  # fractional bits of pixel coordinates, for smooth motion of lines
+SUBPIXEL_BITS = 3  # fractional bits of pixel coordinates, for smooth motion of lines
 
 
 @lru_cache(maxsize=1)
@@ -59,15 +59,15 @@ def draw_skeleton(
     for (a, b), side in zip(BONE_ROWS, BONE_COLORS, strict=True):
         start, end = points[a], points[b]
         if start is not None and end is not None:
-            cv2.line(image, start, end, PAPER, thickness + 2, cv2.LINE_AA, SHIFT)
-            cv2.line(image, start, end, color or side, thickness, cv2.LINE_AA, SHIFT)
+            cv2.line(image, start, end, PAPER, thickness + 2, cv2.LINE_AA, SUBPIXEL_BITS)
+            cv2.line(image, start, end, color or side, thickness, cv2.LINE_AA, SUBPIXEL_BITS)
     for k, point in enumerate(points):
         if point is None:
             continue
-        radius = int((thickness + 1.5) * 2**SHIFT)
+        radius = int((thickness + 1.5) * 2**SUBPIXEL_BITS)
         seen = observed is None or observed[k]
-        cv2.circle(image, point, radius + 2**SHIFT, PAPER, -1, cv2.LINE_AA, SHIFT)
-        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if seen else 1, cv2.LINE_AA, SHIFT)
+        cv2.circle(image, point, radius + 2**SUBPIXEL_BITS, PAPER, -1, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if seen else 1, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
@@ -79,9 +79,9 @@ def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
             continue
         size = image.shape[0] / (58 if k < 5 else 95)
         corners = point + size * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
-        outline = np.rint(corners * 2**SHIFT).astype(np.int32)
-        cv2.fillPoly(image, [outline], EXTREMUM, cv2.LINE_AA, SHIFT)
-        cv2.polylines(image, [outline], True, PAPER, 1, cv2.LINE_AA, SHIFT)
+        outline = np.rint(corners * 2**SUBPIXEL_BITS).astype(np.int32)
+        cv2.fillPoly(image, [outline], EXTREMUM, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.polylines(image, [outline], True, PAPER, 1, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def draw_line(
@@ -91,7 +91,7 @@ def draw_line(
     import cv2
 
     if np.isfinite(start).all() and np.isfinite(end).all():
-        cv2.line(image, _fixed(start), _fixed(end), color, thickness, cv2.LINE_AA, SHIFT)
+        cv2.line(image, _fixed(start), _fixed(end), color, thickness, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int]) -> None:
@@ -102,5 +102,5 @@ def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, in
 
 
 def _fixed(point: np.ndarray) -> tuple[int, int]:
-    u, v = np.rint(np.clip(point, -10_000, 10_000) * 2**SHIFT).astype(int)
+    u, v = np.rint(np.clip(point, -10_000, 10_000) * 2**SUBPIXEL_BITS).astype(int)
     return int(u), int(v)

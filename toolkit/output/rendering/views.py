@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.sensing.camera import Camera
 
-MARGIN = 0.18  # margin relative to the extent of the person
+WINDOW_MARGIN = 0.18  # margin relative to the extent of the person
 
 R_LEVEL_VIEW = {
     "side": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
@@ -55,7 +55,7 @@ def window_on(joints: np.ndarray, camera: Camera, size: tuple[int, int]) -> Wind
         pixels = np.array([[0.0, 0.0], [camera.width, camera.height]])
     low, high = np.percentile(pixels, (0.5, 99.5), axis=0)
     low, high = np.clip(low, 0, (camera.width, camera.height)), np.clip(high, 0, (camera.width, camera.height))
-    extent = (high - low) * (1 + 2 * MARGIN)
+    extent = (high - low) * (1 + 2 * WINDOW_MARGIN)
     least_window = 0.35  # relative to the image height
     height = max(extent[1], extent[0] * size[1] / size[0], least_window * camera.height)
     scale = size[1] / height
@@ -95,7 +95,7 @@ def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) 
     metres."""
     rotation = R_LEVEL_VIEW[view]
     low, high = np.percentile(joints_level.reshape(-1, 3) @ rotation, (0.5, 99.5), axis=0)
-    extent = (high - low) * (1 + 2 * MARGIN)
+    extent = (high - low) * (1 + 2 * WINDOW_MARGIN)
     least_span = 2.0  # m of height in these views
     span = max(extent[1], extent[0] * size[1] / size[0], least_span)
     distance = 8.0  # m: far enough for a weak perspective

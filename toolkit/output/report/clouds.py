@@ -9,17 +9,17 @@ import numpy as np
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 
-REACH = 0.45
+POINT_REACH = 0.45
 """Maximum distance of a point from a joint, metres: the length of a forearm, so that a limb missed by the body is
 shown."""
 MILLIMETRES = 1000.0
-UNIT = 0.004
+STORED_UNIT = 0.004
 """Metres per unit of a stored point, below the resolution of depth cameras."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneClouds:
-    """Return points in image coordinates, int16: column and row in pixels, and depth in units of `UNIT`.
+    """Return points in image coordinates, int16: column and row in pixels, and depth in units of `STORED_UNIT`.
 
     Neighbours then differ mainly in depth, and the page needs half the bytes of 3-D points.
 
@@ -71,19 +71,19 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
 
 
 def near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Return the mask (H, W) of measured pixels within `REACH` of a joint (J, 3)."""
+    """Return the mask (H, W) of measured pixels within `POINT_REACH` of a joint (J, 3)."""
     near = np.zeros(depth_mm.shape, dtype=bool)
     known = joints[np.isfinite(joints).all(axis=1)]
     if not len(known):
         return near
     z = depth_mm / MILLIMETRES
-    low, high = known[:, 2].min() - REACH, known[:, 2].max() + REACH
+    low, high = known[:, 2].min() - POINT_REACH, known[:, 2].max() + POINT_REACH
     rows, columns = np.nonzero((z > max(low, 0.0)) & (z < high))
     points = rays[rows, columns] * z[rows, columns, None]
     distance = np.full(len(points), np.inf)
     for joint in known:
         distance = np.minimum(distance, ((points - joint) ** 2).sum(axis=1))
-    near[rows, columns] = distance < REACH**2
+    near[rows, columns] = distance < POINT_REACH**2
     return near
 
 
@@ -120,5 +120,5 @@ def _seen(camera: Camera, pixels: tuple[np.ndarray, np.ndarray], depth_mm: np.nd
     """Return points (N, 3) at rows and columns; lens distortion is corrected to half a pixel."""
     slopes = camera.rays()[pixels]
     column, row = slopes[:, 0] * camera.fx + camera.cx, slopes[:, 1] * camera.fy + camera.cy
-    points = np.rint(np.column_stack([column, row, depth_mm / (MILLIMETRES * UNIT)]))
+    points = np.rint(np.column_stack([column, row, depth_mm / (MILLIMETRES * STORED_UNIT)]))
     return np.clip(points, -32768, 32767).astype(np.int16)

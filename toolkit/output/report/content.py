@@ -23,7 +23,7 @@ from toolkit.output.rendering import style
 from toolkit.output.rendering.film import render_run
 from toolkit.output.rendering.mesh import mesh_colors
 from toolkit.output.rendering.painter import RenderSettings
-from toolkit.output.report.clouds import UNIT, gather_clouds, pack
+from toolkit.output.report.clouds import STORED_UNIT, gather_clouds, pack
 from toolkit.output.report.gait import gait_section
 from toolkit.sensing.recording import Recording
 from toolkit.tracks import EMPTY, STATE_NAMES, RunInfo, Track
@@ -127,7 +127,7 @@ def _numbers(run: str | Path, info: RunInfo, people: list[Person], frames: range
         "film": None,
         "poster": None,
         "rate": 1.0,
-        "unit": UNIT,
+        "unit": STORED_UNIT,
         "points": None,
         "point_counts": [],
         "room": None,

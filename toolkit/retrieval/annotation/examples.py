@@ -11,15 +11,15 @@ import numpy as np
 
 from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.graded import differences, distinct_hits, nearest_example
-from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
+from toolkit.retrieval.features.grades import BLOCK_COLUMNS, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FeatureMatrix
 
-SHORTEST_CLIP = BLOCK + 1
+SHORTEST_CLIP = BLOCK_COLUMNS + 1
 """Frames of the shortest example, two coarse columns."""
 
 
 class Proposals(NamedTuple):
-    """Possible places of a class in some documents, H places; columns are coarse (`features.grades.BLOCK` frames).
+    """Possible places of a class in some documents, H places; columns are coarse (`grades.BLOCK_COLUMNS` frames).
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class ExampleSet:
     @property
     def shortest(self) -> int:
         """Smallest number of frames at 30 Hz of a document; every step may skip one column."""
-        return int(BLOCK * (np.diff(self.starts).min() // 2) + 1)
+        return int(BLOCK_COLUMNS * (np.diff(self.starts).min() // 2) + 1)
 
     @cached_property
     def _floats(self) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.place_classifier import MEASURES, PlaceClassifier
-from toolkit.retrieval.features.grades import BLOCK
+from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
 from toolkit.retrieval.stored_arrays import StoredKind
 
@@ -97,7 +97,10 @@ class MotionModel:
             places = self.examples.propose(label, [features])
             doubt = 1.0 - classifier.probability(places.described)
             for k in np.argsort(doubt, kind="stable"):
-                first, stop = BLOCK * int(places.firsts[k]), min(BLOCK * (int(places.lasts[k]) + 1), length)
+                first, stop = (
+                    BLOCK_COLUMNS * int(places.firsts[k]),
+                    min(BLOCK_COLUMNS * (int(places.lasts[k]) + 1), length),
+                )
                 np.minimum(doubts[row, first:stop], doubt[k], out=doubts[row, first:stop])
                 if doubt[k] <= 1.0 - least:
                     found.append((float(doubt[k]), row, first, stop))

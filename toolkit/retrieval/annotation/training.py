@@ -21,7 +21,7 @@ from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.place_classifier import Fold, joined, learn_classifiers
-from toolkit.retrieval.features.grades import BLOCK
+from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 
@@ -212,7 +212,7 @@ def correctness(places: Proposals, label: str, documents: Sequence[Document]) ->
     for k, (owner, first, last) in enumerate(zip(places.documents, places.firsts, places.lasts, strict=True)):
         document = documents[owner]
         rate = document.features.frame_rate
-        start, stop = BLOCK * first / rate, BLOCK * (last + 1) / rate
+        start, stop = BLOCK_COLUMNS * first / rate, BLOCK_COLUMNS * (last + 1) / rate
         right[k] = any(
             2 * (min(stop, s.end) - max(start, s.start)) >= max(stop - start, s.end - s.start)
             for s in document.segments

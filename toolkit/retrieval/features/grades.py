@@ -11,7 +11,7 @@ import numpy as np
 
 FULL = 127
 """Largest grade; `-FULL` is the smallest."""
-BLOCK = 4
+BLOCK_COLUMNS = 4
 """Number of columns of graded features (30 Hz) whose mean is one coarse column (7.5 Hz)."""
 
 SCALES: np.ndarray = np.array(
@@ -54,12 +54,12 @@ def importance(grades: np.ndarray) -> np.ndarray:
 
 
 def coarse(grades: np.ndarray) -> np.ndarray:
-    """Means of `BLOCK` columns each of grades (40, T), the last block possibly shorter: int8 (40, ceil(T / BLOCK))."""
+    """Return means of blocks of `BLOCK_COLUMNS` columns of grades (40, T): int8 (40, B); the last may be shorter."""
     return np.ascontiguousarray(coarse_rows(grades.T, np.array([0, grades.shape[1]]))[0].T)
 
 
 def coarse_rows(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means of `BLOCK` columns of many consecutive documents.
+    """Means of `BLOCK_COLUMNS` columns of many consecutive documents.
 
     Parameters
     ----------
@@ -71,10 +71,10 @@ def coarse_rows(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.nd
     means : int8 (M, 40); no block contains columns of two documents
     coarse_starts : int64 (D + 1,), first block of each document, ending with M
     """
-    counts = -(-np.diff(starts) // BLOCK)
+    counts = -(-np.diff(starts) // BLOCK_COLUMNS)
     coarse_starts = np.concatenate([[0], np.cumsum(counts)])
     within = np.arange(coarse_starts[-1]) - np.repeat(coarse_starts[:-1], counts)
-    firsts = np.repeat(starts[:-1], counts) + BLOCK * within
+    firsts = np.repeat(starts[:-1], counts) + BLOCK_COLUMNS * within
     sums = np.add.reduceat(rows, firsts, axis=0, dtype=np.float32)
     means = np.rint(sums / np.diff(np.append(firsts, len(rows)))[:, None].astype(np.float32))
     return means.astype(np.int8), coarse_starts

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from toolkit.fitting.priors import SPREAD, GaussianPrior
+from toolkit.fitting.priors import PRIOR_SPREAD, GaussianPrior
 from toolkit.kernels import linear
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge
@@ -54,7 +54,7 @@ def whole_priors(context: GapContext, bad: np.ndarray) -> dict[int, GaussianPrio
         if motion is None:
             continue
         if row not in precisions:
-            covariance = motion.covariance + SPREAD**2 * np.eye(len(motion.covariance))
+            covariance = motion.covariance + PRIOR_SPREAD**2 * np.eye(len(motion.covariance))
             precisions[row] = linear.inverse(covariance)
         mean = np.concatenate([np.zeros(ROOT), motion.mean[context.allocation.column[frame]]])
         found[int(frame)] = GaussianPrior(context.settings.prior_weight, mean, precisions[row])

@@ -14,7 +14,7 @@ import numpy as np
 from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.features import places
-from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
+from toolkit.retrieval.features.grades import BLOCK_COLUMNS, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.find import Match
@@ -36,7 +36,7 @@ class ExampleSettings:
     longest : frames of the longest example, 100 seconds; it takes a minute for an hour of documents
     """
 
-    refined_frames: float = 2 * BLOCK
+    refined_frames: float = 2 * BLOCK_COLUMNS
     spare_hits: int = 10
     shortest: int = 4
     places_weight: float = 0.5
@@ -73,10 +73,10 @@ class SearchExample:
         RetrievalError
             The example is too short or too long.
         """
-        if not (SETTINGS.shortest - 1) * BLOCK < len(features) <= SETTINGS.longest:
+        if not (SETTINGS.shortest - 1) * BLOCK_COLUMNS < len(features) <= SETTINGS.longest:
             raise RetrievalError(
                 f"the example {features.name!r} lasts {features.duration:.2f} s; give between "
-                f"{SETTINGS.shortest * BLOCK / FEATURE_RATE:.2f} and {SETTINGS.longest / FEATURE_RATE:.0f} s"
+                f"{SETTINGS.shortest * BLOCK_COLUMNS / FEATURE_RATE:.2f} and {SETTINGS.longest / FEATURE_RATE:.0f} s"
             )
         return cls(features.name, features.grades, features.places, importance(features.grades))
 
@@ -143,8 +143,8 @@ class _Template:
 def _refined(index: KeyframeIndex, template: _Template, document: int, first: int, last: int) -> Match:
     """Return the best alignment around a hit of coarse columns `first` to `last` of a document."""
     offset, end = (int(frame) for frame in index.document_starts[document : document + 2])
-    stop = min(BLOCK * (last + 1) + SETTINGS.refined_frames, end - offset)
-    begin = max(min(BLOCK * first - SETTINGS.refined_frames, stop - len(template.columns)), 0)
+    stop = min(BLOCK_COLUMNS * (last + 1) + SETTINGS.refined_frames, end - offset)
+    begin = max(min(BLOCK_COLUMNS * first - SETTINGS.refined_frames, stop - len(template.columns)), 0)
     rows = slice(offset + begin, offset + stop)
     piece = np.concatenate([index.grades[rows], index.places[rows]], axis=1)
     costs, starts = graded_distances(template.columns, template.weights, piece, np.array([0, len(piece)]))

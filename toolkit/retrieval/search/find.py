@@ -142,6 +142,6 @@ def _keyframe_lists(
 def pieces(index: KeyframeIndex, query: KeyframeQuery, ranges: HitRanges, factor: float = 3.0) -> HitRanges:
     """Return the ranges of the refined search: hits extended by `factor` times the query's lead and tail.
 
-    The thesis has 3 for retrieval; annotation has another factor (`preselection.EXTENSION`).
+    The thesis has 3 for retrieval; annotation has another factor (`preselection.preselect`).
     """
     return ranges.extended(index, round(factor * query.lead), round(factor * query.tail))

@@ -14,7 +14,7 @@ from toolkit.io.display_names import shown
 from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.io.files import save_json, save_text
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.features.grades import BLOCK
+from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -131,10 +131,10 @@ def by_class(
         places = model.examples.propose_in(label, *index.coarse)
         doubts = 1.0 - classifier.probability(places.described)
         lengths = np.diff(index.document_starts)
-        stops = np.minimum(BLOCK * (places.lasts + 1), lengths[places.documents])
+        stops = np.minimum(BLOCK_COLUMNS * (places.lasts + 1), lengths[places.documents])
         matches = [
             Match(
-                index.names[places.documents[k]], BLOCK * int(places.firsts[k]) / FEATURE_RATE,
+                index.names[places.documents[k]], BLOCK_COLUMNS * int(places.firsts[k]) / FEATURE_RATE,
                 int(stops[k]) / FEATURE_RATE, float(doubts[k]),
             )
             for k in np.argsort(doubts, kind="stable")

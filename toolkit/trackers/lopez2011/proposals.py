@@ -17,8 +17,8 @@ SPREAD = 0.03
 AIM = aiming.Aim(SPREAD, 0.1, -8.0)
 """Spread of arm angles (`lambda` of Eq. 4), and log-probability of Eq. 4 below which an arm diffuses instead: four
 spreads from the candidate."""
-NEAR = 0.25
-"""Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR)^power)."""
+NEAR_SCALE = 0.25
+"""Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR_SCALE)^power)."""
 DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
     f"{side}_{name}": spread
     for side in SIDES
@@ -122,7 +122,7 @@ class UpperProposals:
         s = self.settings
         own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
         holding = 0.15  # distance at which the other hand occupies a candidate, metres
-        weights = np.maximum(np.exp(-((own / NEAR) ** s.power)), s.floor) * np.where(other < holding, s.held, 1.0)
+        weights = np.maximum(np.exp(-((own / NEAR_SCALE) ** s.power)), s.floor) * np.where(other < holding, s.held, 1.0)
         return weights / weights.sum(axis=1, keepdims=True)
 
     def _far(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
