@@ -18,7 +18,7 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import STATE_NAMES
 from toolkit.tracks.runs import Person
 
-MOST_POINTS = 6000
+STREAMED_POINTS = 6000
 """Number of measured pixels of the first frame above which depth images are subsampled."""
 
 
@@ -68,9 +68,9 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
 def _write_depth(
     rr: Any, stream: Any, recording: Recording, times: np.ndarray, R_level_camera: np.ndarray, offset: np.ndarray
 ) -> None:
-    """Write the camera, and undistorted depth images as PNG with about `MOST_POINTS` measured pixels."""
+    """Write the camera, and undistorted depth images as PNG with about `STREAMED_POINTS` measured pixels."""
     polisher = DepthFilter(recording.camera, SensingSettings())
-    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(recording.depth(0)) / MOST_POINTS))))
+    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(recording.depth(0)) / STREAMED_POINTS))))
     camera = polisher.flat_camera.subsampled(step)
     place = rr.Transform3D(translation=-offset, mat3x3=R_level_camera)
     lens = rr.Pinhole(
