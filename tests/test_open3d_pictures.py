@@ -14,7 +14,7 @@ from tests.sensing_scenes import KINECT, neutral, standing
 from toolkit.io.errors import SettingsError
 from toolkit.io.files import sha256_of
 from toolkit.output.rendering.mesh import draw_mesh
-from toolkit.output.rendering.open3d_pictures import PicturePainter, PictureView, Surface
+from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter, PictureView
 from toolkit.output.rendering.painter import RenderSettings
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import DEFAULT_UP, level_rotation
@@ -34,7 +34,7 @@ def person() -> tuple[np.ndarray, np.ndarray]:
 def painted(ground: float) -> np.ndarray:
     vertices, faces = person()
     view = PictureView(KINECT, np.zeros(3), ROTATION)
-    return PicturePainter(view, ground).paint([Surface(vertices, faces, np.full(vertices.shape, 90.0))])
+    return PicturePainter(view, ground).paint([ColoredMesh(vertices, faces, np.full(vertices.shape, 90.0))])
 
 
 def test_silhouettes_are_those_of_the_present_renderer() -> None:

@@ -38,7 +38,7 @@ class PictureSettings:
     shadow: float = 0.5
 
 
-class Surface(NamedTuple):
+class ColoredMesh(NamedTuple):
     """Mesh of one body: vertices (V, 3), metres, level frame; faces int (F, 3); colours (V, 3), RGB 0 to 255."""
 
     vertices: np.ndarray
@@ -80,7 +80,7 @@ class PicturePainter:
             self._to_light + settings.light_size * ring
         )  # two opposite points of the light for each ray of a pixel
 
-    def paint(self, surfaces: Sequence[Surface]) -> np.ndarray:
+    def paint(self, surfaces: Sequence[ColoredMesh]) -> np.ndarray:
         """Return the picture of surfaces: RGB, uint8 (H, W, 3)."""
         import open3d as o3d
 
@@ -96,7 +96,7 @@ class PicturePainter:
         corners = np.concatenate([[0], np.cumsum([len(surface.vertices) for surface in surfaces])])
         faces = [surface.faces + first for surface, first in zip(surfaces, corners, strict=False)]
         normals = np.concatenate([vertex_normals(surface.vertices, surface.faces) for surface in surfaces])
-        whole = Surface(normals, np.concatenate(faces), np.concatenate([surface.colors for surface in surfaces]))
+        whole = ColoredMesh(normals, np.concatenate(faces), np.concatenate([surface.colors for surface in surfaces]))
         first_faces = np.concatenate([[0], np.cumsum([len(surface.faces) for surface in surfaces])])
         count = self._settings.samples
         offsets = (np.arange(count) + 0.5) / count - 0.5
@@ -110,7 +110,7 @@ class PicturePainter:
         return picture
 
     def _traced(
-        self, scene: Any, whole: Surface, first_faces: np.ndarray, rays: np.ndarray, lights: np.ndarray
+        self, scene: Any, whole: ColoredMesh, first_faces: np.ndarray, rays: np.ndarray, lights: np.ndarray
     ) -> np.ndarray:
         """Return the colours (h, w, 3) that rays (h, w, 3) of the level frame meet."""
         hit = _cast(scene, np.broadcast_to(self._view.centre, rays.shape), rays)
@@ -142,7 +142,7 @@ class PicturePainter:
         hits = [_cast(scene, points, np.broadcast_to(light, points.shape))["t_hit"] for light in lights]
         return np.asarray(np.isinf(hits).mean(axis=0), dtype=np.float64)
 
-    def _window(self, surfaces: Sequence[Surface]) -> tuple[int, int, int, int]:
+    def _window(self, surfaces: Sequence[ColoredMesh]) -> tuple[int, int, int, int]:
         """Return the first and last rows and columns, ends excluded, that bodies and shadows reach."""
         camera, points = self._view.camera, [surface.vertices for surface in surfaces]
         if np.isfinite(self._ground):

@@ -14,7 +14,7 @@ from toolkit.output.rendering import style
 from toolkit.output.rendering.axes import LimbAxes
 from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.mesh import draw_mesh, mesh_colors
-from toolkit.output.rendering.open3d_pictures import PicturePainter, PictureView, Surface
+from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter, PictureView
 from toolkit.output.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.output.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
 from toolkit.sensing.cloud import Cloud
@@ -219,7 +219,7 @@ class FramePainter:
 
     def _draw_picture(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
         surfaces = [
-            Surface(person.body.vertex_positions(person.track.pose[i]), person.body.faces, self._colors[k])
+            ColoredMesh(person.body.vertex_positions(person.track.pose[i]), person.body.faces, self._colors[k])
             for k, person in self._there(i)
         ]
         image[:] = self._pictures[panel].paint(surfaces)
