@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks._plain_gait import planned_walk, walk_on_ground
 from benchmarks.feet import sliding_mm
-from tests.plain_gait import plain_strides
 from tests.run_helpers import write_run
 from tests.support.walking import Rising, Walk, rising, walking
 from toolkit.body import skeleton
@@ -19,7 +18,7 @@ from toolkit.body.shape import load_body
 from toolkit.body.sole import soles
 from toolkit.motion.angles import joint_angles, sequence_angles
 from toolkit.motion.contact import contacts_of_soles, ground_height
-from toolkit.motion.gait import SIDES, walk_of
+from toolkit.motion.gait import walk_of
 from toolkit.motion.resting import at_rest
 from toolkit.motion.rising import rises_of
 from toolkit.tracks.runs import load_persons
@@ -95,19 +94,6 @@ def test_the_strides_of_a_made_walk_are_found(walk: Walk) -> None:
     assert found.speed == pytest.approx(walk.speed, abs=0.03)
     assert found.mean("width") == pytest.approx(walk.width, abs=0.015)
     assert found.mean("stance") == pytest.approx(walk.stance, abs=0.05)
-
-
-@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
-@pytest.mark.parametrize("walk", [Walk(), Walk(0.8, 90.0, 0.2, 0.66)])
-def test_strides_are_those_of_plain_loops_over_frames(walk: Walk, noise: float) -> None:
-    poses = walking(BODY, walk, 4.0, RATE)[0]
-    poses[:, 3:] += np.random.default_rng(0).normal(scale=noise, size=poses[:, 3:].shape)
-    found = walk_of(BODY, poses, np.arange(len(poses)) / RATE, np.ones(len(poses), dtype=bool))
-    ankles = [skeleton.REPORTED.index(f"{side}_ankle") for side in SIDES]
-    plain = plain_strides(soles(BODY, poses), BODY.joint_positions(poses)[:, ankles], poses[:, :3], RATE)
-    own = [(SIDES.index(s.side), s.start, s.lift, s.end, s.length, s.width, s.step) for s in found.strides]
-    assert len(own) >= 3
-    np.testing.assert_allclose(own, sorted(plain, key=lambda stride: stride.start), rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("walk", [Walk(), Walk(0.8, 90.0, 0.2, 0.66), Walk(1.4, 120.0, 0.08, 0.6)])
