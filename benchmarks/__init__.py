@@ -1,1 +1,1 @@
-"""One script per figure; each prints it and stores it as JSON with machine, commit and settings."""
+"""Benchmarks: each script measures figures, prints them and stores them as JSON with machine, commit and settings."""

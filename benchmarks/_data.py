@@ -35,7 +35,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "upper track": MOCAP,
     "upper track --real": ("skeltrack", "realsense"),
 }
-"""Benchmarks: each script measures figures, prints them and stores them as JSON with machine, commit and settings."""
+"""Script, script and part, or these and `--real` -> data sets; benchmarks that are not listed read bundled motions."""
 
 
 def needed(words: Sequence[str]) -> tuple[str, ...]:

@@ -289,7 +289,7 @@ def tracker_of(database: str | Path | None, config: str | Path | None, settings:
 def evaluate(
     tracks: Track | Sequence[Track] | str | Path, truth: np.ndarray | str | Path | None = None
 ) -> EvaluationTable:
-    """Scores of tracks, or of run folders: a table with `mean()`, `to_csv()` and `to_json()`.
+    """Return scores of tracks or run folders: a table with `mean()`, `to_csv()` and `to_json()`.
 
     Parameters
     ----------

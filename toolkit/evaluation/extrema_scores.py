@@ -40,7 +40,7 @@ BONES, OWNERS = _bones()
 
 
 def all_found(extrema: np.ndarray, ends: np.ndarray) -> bool:
-    """Return whether each of five end effectors (5, 3) has an own extremum (n, 3) within 0.2 m."""
+    """Return True if each of five end effectors (5, 3) has its own extremum (n, 3) within 0.2 m."""
     from scipy.optimize import linear_sum_assignment
 
     if len(extrema) < len(ends):
