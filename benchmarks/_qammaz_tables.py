@@ -31,13 +31,13 @@ PAPER: dict[str, dict[str, float]] = {
     "table2": published("qammaz", "Table 2"),
     "models": published("qammaz", "Table 4"),
 }
-"""Delta in mm; sequences and people by the names that ours have."""
+"""Mean joint distance of the paper in mm, by our names of sequences and people."""
 TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints")
 PRIMITIVES = {"discrepancy.figure": "balls"}
 
 
 class Bench:
-    """Sequences that are followed, and what comes of it.
+    """Sequences to track, and their figures.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ class Bench:
         self.runs: dict[str, list[Tracked]] = {}
 
     def body(self, name: str) -> Body:
-        """The scanned one of a subject."""
+        """Return the scanned body of a subject."""
         return scanned(name, self.work)
 
     def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> list[Tracked]:
-        """Follow sequences with the settings of a row once for each seed; keep and print the figures as `label`.
+        """Track sequences with the settings of a row once per seed; store and print the figures as `label`.
 
         `body` is the same for all; None takes the person's own.
         """
@@ -85,7 +85,7 @@ class Bench:
         return tracked
 
     def compare(self, first: str, others: Sequence[str]) -> None:
-        """By how much rows are worse than the first, over sequences and seeds."""
+        """Compare rows with the first one, over sequences and seeds."""
         for other in others:
             mine, its = ([1000.0 * t.errors.mean() for t in self.runs[name]] for name in (first, other))
             worse = paired_bootstrap(np.array(its), np.array(mine), np.random.default_rng(0))
@@ -94,7 +94,7 @@ class Bench:
 
 
 def sequences(bench: Bench) -> None:
-    """Both trackers on every sequence, with the right body."""
+    """Measure both trackers on each sequence, with the subject's body."""
     for row in ("swarm", "qammaz"):
         for name in bench.names:
             bench.row(f"{row}, {name}", row, [name])
@@ -137,7 +137,7 @@ def models(bench: Bench) -> None:
 
 
 def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
-    """Errors (N,), metres, of the rows that the plot of a part shows."""
+    """Return errors (N,), metres, of the rows in the plot of a part."""
     drawn = {
         "table2": TABLE_2,
         "models": ("all with their own", "all with neutral", "all with balls"),
@@ -147,7 +147,7 @@ def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
 
 
 def plot_curves(errors: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write A(t) of several sets of distances (N,), metres, in one picture, each under its name."""
+    """Plot A(t) of several sets of distances (N,), metres, in one picture."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")

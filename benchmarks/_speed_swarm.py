@@ -33,17 +33,17 @@ from toolkit.trackers.qammaz.tracker import SwarmTracker
 IMAGES = ((30, 40), (45, 60), (60, 80), (90, 120))
 """Width and height of the small image, pixels."""
 HYPOTHESES = 1024
-"""Hypotheses that are timed at once."""
+"""Hypotheses timed together."""
 SPREAD = 0.2
-"""Radians and metres by which they are apart."""
+"""Spread of these hypotheses, radians and metres."""
 TAKE = "fast_bk_kick_009_athletic_male_kinect"
-"""Of the tuning split."""
+"""Recording of the tuning split."""
 UNLEARNT = {"shape.seconds": 0.0, "sizes": [0.0]}
-"""The body is neither learnt nor looked for among several, which takes the first seconds twice."""
+"""Settings without body learning and without several sizes, which process the first seconds twice."""
 
 
 def stages(row: str, recording: Recording, frames: int) -> dict[str, Any]:
-    """Milliseconds per frame and per stage, without the first frame, which compiles and looks everywhere."""
+    """Return milliseconds per frame and stage, without the first frame, which compiles and searches globally."""
     tracker = SwarmTracker(swarm_settings(row, UNLEARNT))
     solo, spent = Solo(tracker, recording), []
     for i in range(min(frames, len(recording))):
@@ -55,7 +55,7 @@ def stages(row: str, recording: Recording, frames: int) -> dict[str, Any]:
 
 
 def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Recording) -> float:
-    """Microseconds for one pose: placed, skinned, drawn and compared."""
+    """Return microseconds per pose: placed, skinned, drawn and compared."""
     finder = SinglePersonSegmenter.of(recording)
     (sighting,) = finder.find(recording.depth(0), 0.0, {})
     cloud = Cloud.from_depth(sighting.depth, sighting.camera, np.diag((1.0, -1.0, -1.0)))
@@ -70,7 +70,7 @@ def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Rec
 
 
 def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]:
-    """Milliseconds of shading a frame, and of finding the points in it."""
+    """Return milliseconds of shading a frame, and of finding its keypoints."""
     finder = SinglePersonSegmenter.of(recording)
     model, spent = PoseModel.load(), []
     for i in range(min(frames, len(recording))):
@@ -85,7 +85,7 @@ def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]
 
 
 def _shortest(call: Callable[[], Any], times: int = 5) -> float:
-    """Seconds of the fastest of some calls, after one that is not counted."""
+    """Return the shortest duration of some calls in seconds, after an uncounted one."""
     spent = []
     for _ in range(times + 1):
         begun = time.perf_counter()

@@ -19,7 +19,8 @@ EVERY = 6
 
 class Tracked(NamedTuple):
     """One recording: errors (T, 20), metres, and confidences (T, 20) of the joints; milliseconds (T,) per frame, and
-    which frames are right, bool (T,).
+    correct
+    frames, bool (T,).
     """
 
     errors: np.ndarray
@@ -36,7 +37,7 @@ def follow(
     body: Body | None = None,
     frames: int | None = None,
 ) -> Tracked:
-    """The first `frames` of a recording; with `cold` every sixth of them on its own, with the body that was learnt.
+    """Track the first `frames` of a recording; with `cold` each sixth frame alone, with the learnt body.
 
     A `body` that is known is not learnt.
     """
@@ -56,7 +57,7 @@ def follow(
 
 
 def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
-    """Means over recordings; times over frames, without the first of each."""
+    """Return means over recordings; times over frames, without the first of each."""
     errors = [t.errors for t in tracked]
     times = np.concatenate([t.milliseconds[1:] for t in tracked])
     figures = {"delta_mm": 1000.0 * float(np.mean([e.mean() for e in errors]))}
@@ -81,7 +82,7 @@ def calibration(tracked: Sequence[Tracked]) -> list[dict[str, float]]:
 
 
 def print_row(name: str, figures: dict[str, float]) -> None:
-    """One line: Delta in mm, A(50), A(80), A(100) and right frames in per cent, times in ms."""
+    """Print one line: Delta in mm, A(50), A(80), A(100) and correct frames in per cent, times in ms."""
     shares = " ".join(f"{100 * figures[key]:6.1f}" for key in ("a50", "a80", "a100", "right"))
     print(
         f"{name:<28}{figures['delta_mm']:8.1f} {shares} {figures['median_ms']:7.1f} {figures['p99_ms']:7.1f}",

@@ -20,11 +20,11 @@ HANDS = slice(5, 7)
 COLUMNS = 640
 """Width of the image in which pixels are counted."""
 THRESHOLDS = tuple(range(0, 61, 10))
-"""Pixels at which the success rate is taken (Fig. 10)."""
+"""Thresholds of the success rate in pixels (Fig. 10)."""
 BAD = 60.0
 """Mean error of a wrong frame, pixels."""
 FAR = 100.0
-"""Pixels from which on a hand is lost; an unseen person's joints count as much."""
+"""Error of a lost hand, and of each joint of an undetected person, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,13 +46,13 @@ class UpperScore:
 
 
 def pixel_errors(found: np.ndarray, truth_pixels: np.ndarray, camera: Camera) -> np.ndarray:
-    """Distances (T, 7) of joints (T, 7, 3), camera frame, from places in the image (T, 7, 2), in pixels of 640x480."""
+    """Return distances (T, 7) of joints (T, 7, 3), camera frame, from image points (T, 7, 2), in pixels of 640x480."""
     pixels = camera.project(found.reshape(-1, 3)).reshape(truth_pixels.shape)
     return np.linalg.norm(np.nan_to_num(pixels, nan=1e4) - truth_pixels, axis=-1) * COLUMNS / camera.width
 
 
 def score_upper(name: str, joints: np.ndarray, states: np.ndarray, truth: np.ndarray, camera: Camera) -> UpperScore:
-    """A track against the true joints, both (T, 20, 3), camera frame, metres; all seven joints count, seen or not.
+    """Compare a track with the true joints, both (T, 20, 3), camera frame, metres; all seven joints count.
 
     A joint is off by `BAD` pixels at most twice over, so that a person not yet found does not decide alone.
     """
@@ -64,7 +64,7 @@ def score_upper(name: str, joints: np.ndarray, states: np.ndarray, truth: np.nda
 
 
 def upper_figures(scores: Sequence[UpperScore]) -> dict[str, Any]:
-    """Figures over recordings, by name: means over the recordings, `first_px` of their first tracked frames."""
+    """Return figures over recordings, by name: means over the recordings, `first_px` of their first tracked frames."""
     if not scores:
         return {}
     pixels = np.concatenate([score.pixels for score in scores])

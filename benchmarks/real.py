@@ -53,7 +53,7 @@ from toolkit.tracks import TRACKED, RunInfo, Track
 
 RECORDINGS = data_folder() / "depth" / "utd_mhad"
 LIMB_BONES = BONES[(OWNERS >= 0) & (OWNERS < END_EFFECTORS.index("head"))]
-"""Of arms and legs: the reported neck lies between the shoulders, so that neck and head have no bone between them."""
+"""Bones of arms and legs; neck and head have no bone between them, because the neck is derived from the shoulders."""
 
 COLUMNS = (
     ("overlap", "IoU %", 100.0),
@@ -69,7 +69,7 @@ WORST = 10
 MOVING = {"moving", "approaching", "fast", "rotates"}
 """Words in the names of velocity features."""
 SWARMS = ("swarm", "qammaz")
-"""Rows without a database: the joints are found in the shaded depth images."""
+"""Rows without a database; their joints are detected in the shaded depth images."""
 
 
 def bone_variation(joints: np.ndarray) -> float:
@@ -93,8 +93,7 @@ def anatomy(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, dict[str, 
 
 
 def fast_share(runs: Sequence[Path]) -> float:
-    """Share of ones among the features that are velocities, of all recordings: they take the frames' times at their
-    word."""
+    """Return the fraction of ones among the velocity features of all recordings, which depend on the frames' times."""
     fast = [row for row, feature in enumerate(FEATURES) if set(feature.meaning.split()) & MOVING]
     values = []
     for run in runs:

@@ -38,17 +38,17 @@ from toolkit.tracks import Track
 ROOMS = data_folder() / "rooms"
 ANNOTATIONS = ROOT / "benchmarks" / "annotations" / "rooms"
 RATES = {"filinha": 5.0, "um": 3.5, "lab1_cam1": 1.7, "lab1_cam2": 1.7, "lab2_cam1": 1.7, "lab2_cam2": 1.7}
-"""Frames a second of the sequences, good to a quarter."""
+"""Frame rates of the sequences, within a quarter."""
 OFFSETS = {"filinha": (9.0, 2.5), "um": (9.0, 2.5), "lab1_cam1": (10.4, -4.8), "lab1_cam2": (5.4, 1.4)}
 OFFSETS |= {f"lab2_{view}": OFFSETS[f"lab1_{view}"] for view in ("cam1", "cam2")}
-"""Pixels of colour by which depth edges lie off the calibration."""
+"""Offset of the colour's edges from the depth's after calibration, pixels."""
 COLOR_CAMERA = (534.286, 534.745, 309.567, 243.072)
 COLOR_SHIFT = (-0.0263, 0.0003, -0.0008)
-"""Intrinsics of the colour camera, and metres from depth to colour; the two look the same way."""
+"""Intrinsics of the colour camera, and metres from depth to colour; both cameras have the same orientation."""
 FILLED = 41
-"""Pixels around one that was not measured whose depth is taken for its own: the network sees no black holes."""
+"""Side of the window from which an unmeasured pixel takes its depth, so that the network sees no black holes."""
 ALL = "all"
-"""The name of all sequences together."""
+"""Name of all sequences together."""
 
 
 def annotations_of(name: str) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def annotations_of(name: str) -> dict[str, Any]:
 
 
 def in_colour(name: str, rooms: Path, work: Path) -> Path:
-    """A sequence with its colour registered to the depth, as a recording in `work`; made if it is not there yet."""
+    """Return a sequence with its colour registered to the depth, as a recording in `work`, made if missing."""
     import cv2
 
     path = work / "rooms" / f"{name}_colour.npz"
@@ -81,7 +81,7 @@ def in_colour(name: str, rooms: Path, work: Path) -> Path:
 def track_rooms(
     names: Sequence[str], rooms: Path, work: Path, tracker: Tracker, joints: str = "none"
 ) -> tuple[dict[str, Path], dict[str, str]]:
-    """Run folders in `work` of the sequences in `rooms` by name, and why those failed that did."""
+    """Track the sequences in `rooms` by name; return run folders in `work`, and the reasons of failures."""
     runs: dict[Path, tuple[Path, dict[str, Any]]] = {}
     for name in names:
         run = work / "runs" / "rooms" / name
@@ -107,7 +107,7 @@ def scored(truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any
 
 
 def write_sheet(name: str, run: Path, truth: dict[str, Any], reader: dict[str, Any], options: Any) -> Path:
-    """The annotated frames of a sequence with tracks and annotated joints; their path in the work folder."""
+    """Draw the annotated frames of a sequence with tracks and annotated joints; return the path in the work folder."""
     recording = open_recording(options.rooms / name, **reader)
     tracks, pictures = tracks_of(run), []
     for key in sorted(truth["frames"], key=int):
@@ -121,7 +121,7 @@ def write_sheet(name: str, run: Path, truth: dict[str, Any], reader: dict[str, A
 
 
 def print_times(runs: dict[str, Path]) -> dict[int, float]:
-    """Milliseconds per frame by the number of people tracked."""
+    """Print milliseconds per frame by the number of tracked people."""
     tracks: list[list[Track]] = [tracks_of(run) for run in runs.values()]
     times = frame_times(tracks)
     print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))
@@ -129,7 +129,7 @@ def print_times(runs: dict[str, Path]) -> dict[int, float]:
 
 
 def parse() -> argparse.Namespace:
-    """The command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of the sequences")
     parser.add_argument("--names", help="comma-separated, out of: " + ", ".join(RATES))

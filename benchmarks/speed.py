@@ -71,7 +71,7 @@ WARM_UP = 50
 
 
 def filled_up(database: PoseDatabase, count: int) -> tuple[PoseDatabase, int]:
-    """The first `count` poses of a database, filled up with jittered ones if there are fewer; and how many of those."""
+    """Return the first `count` poses of a database, filled up with jittered ones, and the number of these."""
     missing = count - len(database)
     if missing <= 0:
         return database.limited(count), 0
@@ -92,7 +92,7 @@ def filled_up(database: PoseDatabase, count: int) -> tuple[PoseDatabase, int]:
 
 
 def timed(path: Path, database: PoseDatabase, settings: HybridSettings) -> dict[str, Any]:
-    """Times of every stage and of the whole frame, and the error, of one recording."""
+    """Return times of each stage and of the whole frame, and the error, of one recording."""
     recording = open_recording(path)
     tracker = HybridTracker(database, settings)
     solo = Solo(tracker, recording)
@@ -116,7 +116,7 @@ def timed(path: Path, database: PoseDatabase, settings: HybridSettings) -> dict[
 
 
 def compare(recording: Recording, database: PoseDatabase, settings: HybridSettings, frames: int) -> dict[str, Any]:
-    """Figures of one recording: times of both trackers and how far apart their joints are."""
+    """Return figures of one recording: times of both trackers and the distance of their joints."""
     trackers = (HybridTracker(database, settings), PlainTracker(database, settings))
     people = [Solo(tracker, recording) for tracker in trackers]
     pixels, results = [], []
@@ -156,14 +156,16 @@ used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_maxrss, used.ru_utime + used.ru_stime)
 sys.exit(ended)
 """
-"""Runs a command and tells its peak memory in kilobytes (Linux) and its processor time in seconds. A process of its
-own, for Linux counts the memory of the process that starts a command as the command's.
+"""Script that runs a command and prints its peak memory in kilobytes (Linux) and processor time in seconds. It has
+its own
+process, because Linux counts the memory of the parent process too.
 """
 
 
 def tracked(recording: Path, database: Path, output: Path, *options: str) -> tuple[float, float]:
-    """Peak resident memory of `depthmocap track` over a recording, megabytes, and its processor time, seconds; its run
-    folder goes to `output`.
+    """Return the peak resident memory of `depthmocap track` over a recording, megabytes, and its processor time,
+    seconds; the
+    run folder goes to `output`.
     """
     command = [
         sys.executable,
@@ -185,7 +187,7 @@ def tracked(recording: Path, database: Path, output: Path, *options: str) -> tup
 
 
 def print_times(rows: list[dict[str, Any]]) -> None:
-    """One line per recording and resolution, its stages below."""
+    """Print one line per recording and resolution, its stages below."""
     print(f"{'pixels':>7} {'':<10} {'median':>8} {'p99':>8} {'p99.9':>8} ms {'error':>7} mm {'A(100)':>7} %")
     for row in rows:
         label = "half" if row["half_resolution"] else ""
@@ -239,22 +241,22 @@ def hybrid(parser: argparse.ArgumentParser) -> None:
 
 PIXELS = 6000
 APART = 1.25
-"""Metres between two people: with arms stretched out they nearly touch."""
+"""Distance of two people, metres: with stretched arms they nearly touch."""
 UP = np.array([0.0, -1.0, 0.0])
 RATE = 30.0
 SETTLED = 15
-"""Frames that are left out: half a second after all people were found."""
+"""Frames left out: half a second after all people were found."""
 
 
 def wide_camera(people: int) -> Camera:
-    """A camera that sees so many people side by side with `PIXELS` pixels each."""
+    """Return a camera that sees a number of people side by side with `PIXELS` pixels each."""
     one = camera_for(PIXELS)
     width = round((people * APART + 0.6) / DISTANCE * one.fx)
     return Camera(one.fx, one.fy, (width - 1) / 2, one.cy, width, one.height)
 
 
 def row_of_people(people: int, most: int, frames: int) -> np.ndarray:
-    """Depth uint16 (T, H, W), millimetres, of the first `people` of a row of `most`."""
+    """Return depth uint16 (T, H, W), millimetres, of the first `people` of a row of `most`."""
     camera, rng = wide_camera(most), np.random.default_rng(0)
     depth = np.zeros((frames, *camera.shape), dtype=np.uint16)
     for k in range(most):
@@ -272,7 +274,7 @@ def row_of_people(people: int, most: int, frames: int) -> np.ndarray:
 def frame_times(
     crowds: Sequence[MultiPersonTracker], recordings: Sequence[Recording], counts: Sequence[int]
 ) -> np.ndarray:
-    """Milliseconds (C, T) of the frames in which all crowds follow as many people as they should, taken in turn."""
+    """Return milliseconds (C, T) of the frames in which all groups track all their people, in turn."""
     times = []
     for frames in zip(*(recording.stream() for recording in recordings), strict=True):
         taken = []
@@ -290,7 +292,9 @@ def frame_times(
 def by_number(
     database: PoseDatabase, counts: Sequence[int], options: argparse.Namespace, folder: Path
 ) -> dict[str, Any]:
-    """Median milliseconds of a frame by the number of people, and the excess over so many times one person."""
+    """Return the median milliseconds of a frame by the number of people, and the excess over the multiple of one
+    person.
+    """
     camera, recordings = wide_camera(max(counts)), []
     for n in counts:
         path = folder / f"people_{n}.npz"
@@ -311,7 +315,7 @@ def by_number(
 
 
 def save(path: Path, depth: np.ndarray, camera: Camera) -> None:
-    """Frames as a recording of a camera that looks horizontally."""
+    """Save frames as a recording of a horizontal camera."""
     stamps = np.arange(len(depth)) / RATE
     save_recording(path, depth=iter(depth), camera=camera, timestamps=stamps, up_camera=UP)
 
@@ -338,13 +342,13 @@ SIX = ((-1.5, 0.0), (-0.9, -0.8), (-0.3, 0.2), (0.4, -0.6), (0.9, 0.3), (1.6, -0
 
 @dataclass(frozen=True)
 class LargeKinect(KinectV1):
-    """A Kinect of 640x480 pixels."""
+    """Kinect of 640x480 pixels."""
 
     camera: ClassVar = Camera(571.26, 571.26, 319.5, 239.5, 640, 480)
 
 
 def six_in_a_room(path: Path, frames: int) -> None:
-    """Six people who move in an office, before a camera 1.9 m above the floor that looks down."""
+    """Return six people who move in an office, seen by a camera 1.9 m above the floor that looks down."""
     people = []
     for k, (place, motion) in enumerate(zip(SIX, cycle(SUBJECT_MOTIONS), strict=False)):
         body = subject_body("neutral", seed=k)
@@ -360,7 +364,7 @@ MADE: dict[str, Callable[[Path, int], None]] = {
     "one": lambda path, frames: write_recording(path, PIXELS, frames),
     "six": six_in_a_room,
 }
-"""Recordings by the number of people in them, which is written with their length in frames."""
+"""Recordings by the number of people, with their length in frames."""
 PASSES = {"two": (), "one": ("--online",)}
 
 
@@ -393,7 +397,7 @@ def passes(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "passes": passes, "swarm": swarm})
 
 

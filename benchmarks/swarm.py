@@ -95,14 +95,14 @@ def suite(parser: argparse.ArgumentParser) -> None:
 
 
 def skin_mm(body: Body, truth: Body) -> np.ndarray:
-    """Distances along the normal from each vertex of a body to the nearest vertex of the truth, millimetres."""
+    """Return distances along the normal from each vertex of a body to the nearest true vertex, millimetres."""
     nearest = cKDTree(truth.vertices).query(body.vertices)[1]
     off = (body.vertices - truth.vertices[nearest]) * truth.normals[nearest]
     return 1000.0 * np.abs(off.sum(axis=1))
 
 
 def body_errors(body: Body, truth: Body) -> dict[str, float]:
-    """Errors of a body."""
+    """Return the errors of a body."""
     skin = skin_mm(body, truth)
     joints = 1000.0 * np.linalg.norm(body.joints - truth.joints, axis=1)
     return {
@@ -136,7 +136,7 @@ def scan(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"suite": suite, **dict.fromkeys(TABLES, paper), "scan": scan})
 
 

@@ -59,9 +59,9 @@ DEPTH = data_folder() / "depth"
 ANNOTATIONS = Path(__file__).parent / "annotations"
 STILL_CAMERA = (575.0, 575.0, 320.0, 240.0)
 SEATED = "seed:263,271"
-"""The chest of the seated man in the first frame: another man stands beside him."""
+"""Chest of the seated man in the first frame; another man stands beside him."""
 DISTURBED, WITHIN, LASTING, WAITED = 30, 60.0, 5, 30
-"""Frame at which arms are set wrong; millimetres, frames in a row and frames at most of a recovery."""
+"""Frame at which arms are set wrong; millimetres, consecutive frames and maximum frames of a recovery."""
 DEFAULT_ROWS = "hybrid,lopez2011,particles"
 COLUMNS = (
     ("upper_px", "px", 1.0),
@@ -79,14 +79,14 @@ COLUMNS = (
 
 
 def tracker_of(row: str, options: argparse.Namespace, **sensing: str) -> Tracker:
-    """The tracker of a row; `sensing` are settings of the cut-out."""
+    """Return the tracker of a row; `sensing` are settings of the segmentation."""
     config, own = ROWS[row]
     overrides = parse_overrides(options.set) | own | {f"sensing.{name}": value for name, value in sensing.items()}
     return TrackerRecipe(config, overrides, poses_of(options) if config == "hybrid" else None).build()
 
 
 def score_take(solo: Solo, recording: Recording, frames: int) -> tuple[upper.UpperScore, float]:
-    """Score of a take, and seconds of processor time a frame without reading and learning."""
+    """Return the score of a take, and seconds of processor time per frame without reading and learning."""
     joints, states, spent = [], [], 0.0
     for i in range(min(frames, len(recording))):
         depth, begun = recording.depth(i), time.process_time()
@@ -100,7 +100,7 @@ def score_take(solo: Solo, recording: Recording, frames: int) -> tuple[upper.Upp
 
 
 def wrong_arms(pose: np.ndarray, *, raised: bool) -> np.ndarray:
-    """The pose (P,) with both arms hanging or raised."""
+    """Return the pose (P,) with both arms hanging or raised."""
     wrong = pose.copy()
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         wrong[entries_of(side)] = 0.0
@@ -109,7 +109,7 @@ def wrong_arms(pose: np.ndarray, *, raised: bool) -> np.ndarray:
 
 
 def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | None:
-    """Frames until the arms are right again; None for more than `WAITED`, or where the person was not tracked."""
+    """Return frames until the arms are correct again; None for more than `WAITED`, or if the person was not tracked."""
     solo, right = Solo(tracker, recording), 0
     for i in range(min(DISTURBED + WAITED + LASTING, len(recording))):
         if i == DISTURBED:
@@ -132,7 +132,7 @@ def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | N
 
 
 def annotated(file: str) -> dict[str, np.ndarray]:
-    """Places in the image (7, 2) by name: the mean of both readings."""
+    """Return image points (7, 2) by name: the mean of both readings."""
     content = json.loads((ANNOTATIONS / file).read_text(encoding="utf-8"))
     found = {name: np.array(places, dtype=np.float64) for name, places in content["first"].items()}
     for name, others in content["second"].items():
@@ -143,7 +143,7 @@ def annotated(file: str) -> dict[str, np.ndarray]:
 
 
 def picture_of(recording: Recording, frame: int, joints: np.ndarray, observed: np.ndarray, truth: np.ndarray) -> Any:
-    """A frame with a skeleton (20, 3) and the annotated places (7, 2)."""
+    """Return a frame with a skeleton (20, 3) and the annotated points (7, 2)."""
     depth = recording.depth(frame)
     near, far = np.percentile(depth[depth > 0] / 1000.0, [1, 90])
     picture = np.ascontiguousarray(color_depth(depth, np.ones(depth.shape, dtype=bool), float(near), float(far)))
@@ -154,7 +154,7 @@ def picture_of(recording: Recording, frame: int, joints: np.ndarray, observed: n
 
 
 def stills(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[Any]]:
-    """Figures of the 8 stills, each tracked on its own, and pictures."""
+    """Return figures of the 8 stills, each tracked alone, and pictures."""
     scores, pictures = [], []
     for name, places in annotated("stills.json").items():
         recording = open_recording(DEPTH / "skeltrack" / f"depth-data-{name}", intrinsics=STILL_CAMERA)
@@ -166,7 +166,7 @@ def stills(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[
 
 
 def seated(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[Any]]:
-    """Figures of the seated man in 8 annotated frames of 40, and pictures."""
+    """Return figures of the seated man in 8 annotated frames of 40, and pictures."""
     recording = open_recording(DEPTH / "realsense" / "images_n40")
     solo = Solo(tracker_of(row, options, segment=SEATED), recording)
     places, pictures, errors, tracked = annotated("seated.json"), [], [], []
@@ -183,13 +183,13 @@ def seated(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[
 
 
 def _real_figures(scores: Sequence[upper.UpperScore]) -> dict[str, Any]:
-    """Those of the figures that need no metres, and the mean of each recording."""
+    """Return the figures that need no metres, and the mean of each recording."""
     figures = {name: value for name, value in upper.upper_figures(scores).items() if name != "upper_mm"}
     return figures | {"each": {score.name: [round(float(v), 1) for v in score.pixels.mean(axis=1)] for score in scores}}
 
 
 def print_table(figures: dict[str, dict[str, Any]]) -> None:
-    """One line for each row."""
+    """Print one line per row."""
     print(f"{'':<16}", *(f"{heading:>{max(len(heading), 7)}}" for _, heading, _ in COLUMNS))
     for row, values in figures.items():
         cells = []
@@ -200,7 +200,7 @@ def print_table(figures: dict[str, dict[str, Any]]) -> None:
 
 
 def run_row(row: str, recordings: Sequence[Recording], options: argparse.Namespace) -> dict[str, Any]:
-    """Figures of one tracker over all takes."""
+    """Return figures of one tracker over all takes."""
     tracker = tracker_of(row, options)
     scores, seconds, frames = [], [], []
     for recording in recordings:
@@ -225,7 +225,7 @@ def run_row(row: str, recordings: Sequence[Recording], options: argparse.Namespa
 
 
 def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
-    """The command line."""
+    """Parse the command line."""
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--rows", default=DEFAULT_ROWS, help="out of: " + ", ".join(ROWS))
     parser.add_argument("--groups", default=",".join(GROUPS), help="out of: " + ", ".join((*GROUPS, *MORE)))
@@ -238,7 +238,7 @@ def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
 
 
 def track(parser: argparse.ArgumentParser) -> None:
-    """Make what is missing, track, print, write JSON and contact sheets."""
+    """Track missing runs, print, write JSON and contact sheets."""
     options = parse(parser)
     rows = options.rows.split(",")
     figures: dict[str, Any] = {}
@@ -263,7 +263,7 @@ def track(parser: argparse.ArgumentParser) -> None:
 
 
 def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
-    """The share of joints within so many pixels of a 640x480 image, as in the paper's Fig. 10."""
+    """Plot the fraction of joints within a number of pixels of a 640x480 image, as in the paper's Fig. 10."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6, 4), layout="constrained")
@@ -277,7 +277,7 @@ def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"track": track})
 
 
