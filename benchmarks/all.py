@@ -36,6 +36,7 @@ COMMANDS: dict[str, str] = {
     "speed_swarm": "speed swarm --frames 30 --network",
     "extrema": "lookup extrema",
     "lookup": "lookup queries {database}",
+    "correspondences": "lookup correspondences",
     "qammaz_models": "swarm models",
     "accuracy_report": "accuracy --split report --rows hybrid,local --database {database}",
     "baak2013_report": f"accuracy --split report --rows '{PUBLISHED}' --database {{database}}",
