@@ -14,6 +14,7 @@ from toolkit.io.errors import SegmentationError, SeveralPeopleError, TrackError
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.kd_tree import KdTree
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 HOW_TO_SEGMENT = (
@@ -222,10 +223,8 @@ class Segmenter:
 
     def _distance(self, group: list[int], k: int) -> float:
         """Return the smallest distance between the surfaces of `group` and component `k`, metres."""
-        from scipy.spatial import cKDTree
-
         one, other = self._points([k]), self._points(group)
-        return float(cKDTree(one).query(other)[0].min())
+        return float(np.sqrt(KdTree(one).query(other, 1)[1].min()))
 
     def _points(self, members: list[int]) -> np.ndarray:
         v0, v1, u0, u1 = self._box

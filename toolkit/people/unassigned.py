@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from toolkit.people.detection import REACH_STILL, SURFACE_GAP
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
 from toolkit.people.view import CoarseCamera, View
+from toolkit.sensing.kd_tree import KdTree
 
 LEAST_BODY = 0.12  # m^2 of a person whose head is not seen
 LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
@@ -94,18 +94,16 @@ def attach_limbs(
     return attached
 
 
-def _trees(view: View, labels: np.ndarray) -> dict[int, Any]:
+def _trees(view: View, labels: np.ndarray) -> dict[int, KdTree]:
     """Return the points of each person in a search tree."""
-    from scipy.spatial import cKDTree
-
     points = {int(k): view.points[labels == k] for k in np.unique(labels[labels > 0])}
-    return {k: cKDTree(own[:: max(1, len(own) // SAMPLES)]) for k, own in points.items()}
+    return {k: KdTree(own[:: max(1, len(own) // SAMPLES)].astype(np.float64)) for k, own in points.items()}
 
 
-def _owner(trees: Mapping[int, Any], points: np.ndarray) -> int:
+def _owner(trees: Mapping[int, KdTree], points: np.ndarray) -> int:
     """Return the person nearest to a component (N, 3), 0 if none is near."""
     sampled = points[:: max(1, len(points) // SAMPLES)]
-    gaps = {k: float(tree.query(sampled)[0].min()) for k, tree in trees.items()}
+    gaps = {k: float(np.sqrt(tree.query(sampled, 1)[1].min())) for k, tree in trees.items()}
     nearest = min(gaps, key=lambda k: gaps[k], default=0)
     return nearest if nearest and gaps[nearest] <= ISLAND_GAP else 0
 

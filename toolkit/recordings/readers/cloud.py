@@ -20,6 +20,7 @@ from toolkit.kernels.image import depth as kernels
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, natural_key, recording_of_source
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.kd_tree import KdTree
 from toolkit.sensing.recording import FrameSource, Recording
 
 SUFFIXES = (".pcd", ".ply")
@@ -184,14 +185,12 @@ def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
 
 def _virtual_camera(points: np.ndarray) -> Camera:
     """Return a camera at the origin, along z, with pixels just wide enough for the density of `points` (N, 3)."""
-    from scipy.spatial import cKDTree
-
     seen = points[points[:, 2] > 0]
     slopes = seen[:, :2] / seen[:, 2:]
     slopes = slopes[np.lexsort(slopes.T)]  # Open3D returns the points of an image in varying order
     spacing_samples = 2000
     picked = slopes[np.linspace(0, len(slopes) - 1, min(spacing_samples, len(slopes))).astype(np.int64)]
-    gaps = cKDTree(slopes).query(picked, k=2)[0][:, 1] if len(slopes) > 1 else np.array([0.01])
+    gaps = np.sqrt(KdTree(slopes).query(picked, 2)[1][:, 1]) if len(slopes) > 1 else np.array([0.01])
     usual, wide = np.quantile(gaps, (0.5, 0.9))
     # On a grid all gaps are equal, and pixels slightly wider than one gap suffice; at random, twice the mean leaves 2 %
     # holes.
