@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from tests.sensing_scenes import TOF
 from tests.support.misled import wrong_pose
-from toolkit.app.pipeline import second, track_recording
+from toolkit.app.pipeline import TrackerRecipe, person_pass, second, track_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
@@ -32,7 +32,8 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.simulation.simulate import simulate_recording
+from toolkit.simulation.person import SimulatedPerson
+from toolkit.simulation.simulate import CaptureSettings, simulate_recording, simulate_scene
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import STILL_RESTARTS, HybridTracker
 from toolkit.tracking import clock
@@ -394,7 +395,7 @@ def test_more_poses_are_refined_of_a_still_than_of_a_frame_among_others(
 def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     killed_after: int, take: Path, tracker: HybridTracker, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(second, "MEMORY_SECONDS", 0.0)
+    monkeypatch.setattr(person_pass, "MEMORY_SECONDS", 0.0)
     run, follow = tmp_path / "run", FrameDetector.follow
 
     def dies(self: FrameDetector, frame: int, state: PersonState, direction: Direction) -> Detection:
@@ -415,6 +416,40 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     for name in ("pose", "joints", "confidence", "state", "source", "observed"):
         np.testing.assert_array_equal(getattr(resumed, name), getattr(expected, name))
     assert RunInfo.load(run).shape == RunInfo.load(whole).shape
+
+
+def test_two_processes_track_as_one_does(
+    bundled_database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clips = procedural_clips(["archery", "conduct"], rate=RATE, body=load_body("slim_male"), variations=1)
+    pair = [
+        SimulatedPerson(replace(clip, poses=clip.poses[:16]), body=load_body("slim_male"), at=(x, 0.0))
+        for clip, x in zip(clips, (-0.7, 0.7), strict=True)
+    ]
+    room = simulate_scene(pair, tmp_path / "room.npz", CaptureSettings(sensor="tof", background=False))
+    overrides = {"hypotheses": ["local", "extrema", "arms"], "sizes": [-0.6, 0.4]}
+    recipe = TrackerRecipe(overrides=overrides, database=bundled_database)
+    follow = second.SecondPass._follow_together
+    shared = list[int]()
+
+    def together(self: second.SecondPass, tasks: Any, *rest: Any) -> None:
+        shared.append(len(tasks))
+        follow(self, tasks, *rest)
+        assert len(self._finished) == len(tasks)
+
+    monkeypatch.setattr(second, "SHARED_FRAMES", 0)
+    monkeypatch.setattr(second.SecondPass, "_follow_together", together)
+    for workers in (1, 2):
+        track_recording(
+            open_recording(room.path), recipe.build(), tmp_path / str(workers), people=None, warm_up=False,
+            made_of=recipe, workers=workers,
+        )  # fmt: skip
+    assert shared == [2]
+    for person in ("person_01", "person_02"):
+        one, two = (Track.load(tmp_path / workers / person) for workers in "12")
+        for name in ("pose", "joints", "confidence", "state", "source", "observed"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+    assert load_people(tmp_path / "1").text() == load_people(tmp_path / "2").text()
 
 
 @pytest.mark.parametrize(("likely", "told"), [(True, 0.0), (False, 0.4), (False, 0.5)])

@@ -87,7 +87,11 @@ class Folders:
     ] = False
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="Number of parallel processes for several recordings.", show_default="one"),
+        typer.Option(
+            min=1,
+            help="Number of processes that share recordings, or the people of one.",
+            show_default="one; processors for people",
+        ),
     ] = None
 
     def keep_finished(self, run: Path) -> None:
@@ -141,6 +145,7 @@ def _track_one(
     """Track one recording into `run`. Exit code 1 if it is not finished, 3 without a tracked person."""
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recording
+    from toolkit.io.workers import usable_processors
     from toolkit.recordings.opening import open_upright
     from toolkit.tracking.tracker_protocol import judge_of
 
@@ -160,6 +165,7 @@ def _track_one(
             progress=lambda name, doing, done, total: bars(f"{name}: {doing_words(doing)}", done, total),
             watcher=watcher,
             made_of=recipe,
+            workers=usable_processors(),
             **how,
         )
     _say_done(summary.text(), run, sys.stderr if guiding.events == "-" else None)

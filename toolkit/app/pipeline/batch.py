@@ -74,7 +74,9 @@ def track_recordings(
     tracker, manifest = recipe.build(), Manifest(output)  # report wrong settings before work starts
     status, reason = FAILED, "its process died, perhaps from lack of memory"
     try:
-        for row in _one_by_one(jobs, tracker, progress) if workers == 1 else _in_processes(jobs, workers):
+        alone = len(jobs) == 1 and workers is not None
+        rows = _one_by_one(jobs, tracker, progress, workers or 1) if workers == 1 or alone else None
+        for row in rows or _in_processes(jobs, workers):
             manifest.append(row)
             progress("recordings", "tracked", len(manifest.rows), len(jobs))
     except KeyboardInterrupt:
@@ -109,7 +111,9 @@ class _Job:
     joints: JointChoice | None
     resume: bool
 
-    def done(self, tracker: Tracker, warm_up: bool, progress: RecordingProgress = silent) -> ManifestRow:
+    def done(
+        self, tracker: Tracker, warm_up: bool, progress: RecordingProgress = silent, workers: int = 1
+    ) -> ManifestRow:
         """Track the recording and return its row, also after a failure."""
         start = time.perf_counter()
         try:
@@ -117,7 +121,7 @@ class _Job:
                 summary = track_recording(
                     open_upright(self.recording, judge_of(tracker), **self.options), tracker, self.run,
                     people=self.people, resume=self.resume, warm_up=warm_up, progress=progress, joints=self.joints,
-                    made_of=self.recipe,
+                    made_of=self.recipe, workers=workers,
                 )  # fmt: skip
         except Exception as error:  # a job that raised would end the whole batch
             reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
@@ -130,10 +134,12 @@ class _Job:
         )
 
 
-def _one_by_one(jobs: Sequence[_Job], tracker: Tracker, progress: RecordingProgress) -> Iterator[ManifestRow]:
+def _one_by_one(
+    jobs: Sequence[_Job], tracker: Tracker, progress: RecordingProgress, workers: int
+) -> Iterator[ManifestRow]:
     """Yield the rows of jobs in this process; Ctrl-C ends the remaining jobs."""
     for i, job in enumerate(jobs):
-        row = job.done(tracker, warm_up=i == 0, progress=progress)
+        row = job.done(tracker, warm_up=i == 0, progress=progress, workers=workers)
         yield row
         if row.status == INTERRUPTED:
             raise KeyboardInterrupt

@@ -102,6 +102,7 @@ def track_recording(
     watcher: EventStream | None = None,
     joints: JointChoice | None = None,
     made_of: TrackerRecipe | None = None,
+    workers: int = 1,
 ) -> RunSummary:
     """Track the person, or the people, in a recording and write the run folder.
 
@@ -119,7 +120,8 @@ def track_recording(
     progress : told what is going on
     watcher : told every row of the one person who is followed, as it is written
     joints : where joints in the image are to come from
-    made_of : input files of the tracker that no run may replace; default: its database
+    made_of : recipe of the tracker: its files, which no run may replace; default: its database
+    workers : number of processes that share the people in the second pass; needs `made_of`
 
     Raises
     ------
@@ -153,7 +155,8 @@ def track_recording(
             joints_2d=name_of(job.joints, recording),
             **recipe.digests(),
         )
-        return _track(job, info, Path(run), resume, warm_up, progress, watcher)
+        shared = made_of if workers > 1 and made_of is not None and made_of.sensors is None else None
+        return _track(job, info, Path(run), resume, warm_up, progress, watcher, workers, shared)
 
 
 def _track(
@@ -164,6 +167,8 @@ def _track(
     warm_up: bool,
     report: RecordingProgress,
     watcher: EventStream | None,
+    workers: int,
+    shared: TrackerRecipe | None,
 ) -> RunSummary:
     """Track as `track_recording`, in a folder that this process has locked."""
     recording, tracker, several = job.recording, job.tracker, job.people != 1
@@ -176,7 +181,7 @@ def _track(
     try:
         with log_file(folder), stop_request() as stop:
             _warn_of(recording, tracker)
-            second = _second_pass(job, folder, sink) if watcher is None else None
+            second = _second_pass(job, folder, sink, workers, shared) if watcher is None else None
             frames = len(recording)
             if second is not None and resume and second.restore():
                 bodies = second.bodies
@@ -245,14 +250,16 @@ def _first_pass(
     return bodies, crowd.frames
 
 
-def _second_pass(job: Job, folder: Path, sink: RunSink) -> SecondPass | None:
+def _second_pass(
+    job: Job, folder: Path, sink: RunSink, workers: int, shared: TrackerRecipe | None
+) -> SecondPass | None:
     """Return the second pass, or None for a tracker with one pass."""
     tracker, recording = job.tracker, job.recording
     if not isinstance(tracker, LooksBack) or tracker.passes < 2:
         return None
     camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
     rotation, floor = level_rotation(recording.up_camera), floor_of(recording)
-    return SecondPass(folder, tracker, camera, rotation, recording.timestamps, floor, sink)
+    return SecondPass(folder, tracker, camera, rotation, recording.timestamps, floor, sink, workers, shared)
 
 
 def floor_of(recording: Recording) -> float | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shutil
 import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -13,26 +13,34 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, PersonTask, follow_in_worker
 from toolkit.app.pipeline.run_writer import RunSink
+from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body.body import Body
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
 from toolkit.io.files import is_folder
+from toolkit.io.workers import Task
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.planning import Plan
-from toolkit.tracking.sightings import SightingFile, StoredSighting
+from toolkit.tracking.sightings import PersonSightings, SightingFile, StoredSighting
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.tracker_protocol import LooksBack
 from toolkit.tracking.trajectory_choice import TrajectoryStore
-from toolkit.tracks import EMPTY, FrameResult
+from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
-FOLDER, BEFORE_FOUND = "second", "before"
-"""Folder of the second pass within an unfinished run, and within it that of sightings before the first detection."""
+FOLDER = "second"
+"""Folder of the second pass within an unfinished run."""
 STATE_FILE = "state.npz"
-MEMORY_SECONDS = 2.0
-"""Interval of stored states, seconds; a killed run loses at most this much work."""
+SHARED_FRAMES = 2000
+"""Frames in which people are in sight, summed over them, from which on worker processes share them: 20 to 40 s of
+processor time; a process takes 3.5 s to start."""
+POLL_SECONDS = 0.2
+"""Interval between two looks at the worker processes, seconds."""
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")
+"""Environment variables that keep a worker process to one thread."""
 
 
 class SecondPass:
@@ -46,6 +54,8 @@ class SecondPass:
     timestamps : float64 (T,), seconds, of all frames
     floor : y of the floor, metres, level frame, None where it is not known
     sink : holds the rows of the first pass
+    workers : number of processes that share the people
+    recipe : how a process builds the tracker; None = this process only
 
     Attributes
     ----------
@@ -62,13 +72,15 @@ class SecondPass:
         timestamps: np.ndarray,
         floor: float | None,
         sink: RunSink,
+        workers: int = 1,
+        recipe: TrackerRecipe | None = None,
     ) -> None:
         self._folder, self._tracker, self._camera, self._rotation = run / FOLDER, tracker, camera, level_rotation
         self._timestamps, self._floor, self._sink = timestamps, floor, sink
         self.bodies: dict[int, Body] = {}
         self.evidence: dict[int, Evidence] = {}
-        self._finished = 0
-        self._resumed: Mapping[str, Any] = {}
+        self._workers, self._recipe = workers, recipe
+        self._finished: set[int] = set()
 
     def sightings(self, frames: int) -> SightingFile:
         """Return the store of the first pass's sightings; a resumed run keeps those of its first `frames`."""
@@ -86,8 +98,10 @@ class SecondPass:
         with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
             for frame, kept in sorted(before, key=lambda seen: seen[0]):
                 file.append(frame, [kept.sighting()])
-        self.bodies, self.evidence, self._finished, self._resumed = dict(bodies), dict(evidence), 0, {}
-        self._keep({})
+        for path in self._folder.glob("person_*.npz"):
+            path.unlink()
+        self.bodies, self.evidence, self._finished = dict(bodies), dict(evidence), set()
+        self._keep()
 
     def restore(self) -> bool:
         """Restore an unfinished run; return True if its first pass was finished.
@@ -100,73 +114,96 @@ class SecondPass:
         if not (self._folder / STATE_FILE).exists():
             return False
         state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
-        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "evidence", "person"), "second pass")
+        check_state(state, {"finished": Column("iu", ("people",), 0)}, ("bodies", "evidence"), "second pass")
         self.bodies = {person: body_of(own) for person, own in numbered(state["bodies"], "second pass").items()}
         self.evidence = restore_evidence(state["evidence"])
-        self._finished, self._resumed = state["finished"], state["person"]
-        if self._resumed:
-            check_state(self._resumed, {}, ("plan", "steps"), "person")
+        self._finished = set(state["finished"].tolist())
         return self._sink.rows(self.bodies.keys() - furniture(self.evidence)) == len(self._timestamps)
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
-        """Track all people until a stop is requested; return True if all are done."""
-        people = sorted(self.bodies)
-        frames = len(self._timestamps)
-        total = len(people) * frames
-        with ExitStack() as opened:
-            folders = self._folder, self._folder / BEFORE_FOUND
-            files = [opened.enter_context(closing(SightingFile(folder, self._camera, frames))) for folder in folders]
-            for number in range(self._finished, len(people)):
-                for done in self._person(people[number], *files):
-                    report(number * frames + done, total)
-                    if stop.is_set():
-                        return False
-                self._finished, self._resumed = number + 1, {}
-                self._keep({})
+        """Follow all people, until a stop is requested; return whether all are done."""
+        people, frames = sorted(self.bodies), len(self._timestamps)
+        tasks = [self._task(person) for person in people if person not in self._finished]
+        if self._shared(tasks):
+            self._follow_together(tasks, stop, lambda: report(frames * len(self._finished), frames * len(people)))
+        for task in tasks:
+            if task.person in self._finished:
+                continue
+            plan = None
+            for step in task.run(self._tracker):
+                done, plan = step
+                report(frames * len(self._finished) + done, frames * len(people))
+                if stop.is_set():
+                    return False
+            self._put_in_place(task, plan)
+        if stop.is_set():
+            return False
         shutil.rmtree(self._folder)
         self._sink.judge(self.evidence)
         return True
 
-    def _person(self, person: int, sightings: SightingFile, before_found: SightingFile) -> Iterator[int]:
-        """Track one person and replace the rows; `stop` may end it between two steps."""
-        seen, stages = sightings.of(person, before_found.of(person)), self._tracker.stage_names
-        first_pass, frames = self._sink.past(person), len(self._timestamps)
-        if "plan" in self._resumed:
-            plan: Plan | None = Plan.restore(self._resumed["plan"], frames)
-        else:
-            planner = self._tracker.planner(
-                self._camera, self._rotation, seen, self._timestamps, self.bodies[person], first_pass, self._floor
-            )
-            for _ in planner.run():
-                yield 0
-            plan = planner.plan
-        if plan is None:
-            return  # too little was seen: the rows of the first pass are kept
-        trajectory = TrajectoryStore(
-            self._folder / f"trajectory_{person}", len(stages), len(self._tracker.source_names)
-        )
-        both = self._tracker.bidirectional(
-            self._camera, self._rotation, seen, self._timestamps, trajectory, plan, first_pass
-        )
-        if "plan" in self._resumed:
-            both.restore_state(self._resumed["steps"])
-        kept = time.monotonic()
-        for done, must in enumerate(both.run()):
-            if must or time.monotonic() - kept > MEMORY_SECONDS:
-                self._keep({"plan": plan.export(), "steps": both.export_state()})
-                kept = time.monotonic()
-            yield min(done, len(self._timestamps) - 1)
-        self._sink.replace(person, self._rows(person, trajectory))
-        self.bodies[person] = plan.body
-        trajectory.close()
+    def _task(self, person: int) -> PersonTask:
+        return PersonTask(
+            self._folder, person, self._camera, self._rotation, self._timestamps, self._floor, self.bodies[person],
+            self._sink.past(person),
+        )  # fmt: skip
+
+    def _shared(self, tasks: Sequence[PersonTask]) -> bool:
+        """Return whether worker processes save time: each takes some seconds to start."""
+        if self._recipe is None or self._workers < 2 or len(tasks) < 2:
+            return False
+        with ExitStack() as stack:
+            return sum(len(task.sightings(stack).frames) for task in tasks) >= SHARED_FRAMES
+
+    def _follow_together(self, tasks: Sequence[PersonTask], stop: threading.Event, report: Callable[[], None]) -> None:
+        """Follow people in worker processes; those of a process that dies are left."""
+        from joblib.externals.loky import get_reusable_executor
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+        (self._folder / STOP_FILE).unlink(missing_ok=True)
+        count = min(self._workers, len(tasks))
+        pool = get_reusable_executor(count, env=dict.fromkeys(THREADS, "1"))
+        longest = sorted(tasks, key=lambda task: -np.count_nonzero(task.first_pass["state"] == TRACKED))
+        running = {pool.submit(Task.of(follow_in_worker), task, self._recipe): task for task in longest}
+        try:
+            while running:
+                report()
+                if stop.is_set():
+                    (self._folder / STOP_FILE).touch()
+                for future in wait(running, POLL_SECONDS, FIRST_COMPLETED).done:
+                    task = running.pop(future)
+                    try:
+                        plan, done = future.result()
+                    except TerminatedWorkerError:
+                        continue
+                    if done:
+                        self._put_in_place(task, plan)
+        except BaseException:
+            (self._folder / STOP_FILE).touch()  # the others end, too
+            raise
+
+    def _put_in_place(self, task: PersonTask, plan: Plan | None) -> None:
+        """Replace the rows, the body and the evidence of a person who is done."""
+        person = task.person
+        if plan is not None:  # otherwise too little was seen: the rows of the first pass stay
+            with closing(task.trajectory(self._tracker)) as trajectory:
+                self._sink.replace(person, self._rows(person, trajectory))
+            self.bodies[person] = plan.body
+            if person in self.evidence:
+                with ExitStack() as stack:
+                    self.evidence[person] = self._own_evidence(person, task.sightings(stack))
+        self._finished.add(person)
+        self._keep()
+
+    def _own_evidence(self, person: int, seen: PersonSightings) -> Evidence:
+        """Return the evidence of a person with the likelihood of the second pass's poses."""
         # Minimum fraction of frames with detected joints for a motionless track to count as a person (coats: 0.14).
         min_detected_fraction = 0.5
-        if person in self.evidence:
-            poses = self._sink.past(person)["pose"][seen.frames]
-            energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
-            own = replace(self.evidence[person], unlikely=float(np.median(energies)))
-            is_person = own.lifeless and seen.detected_fraction() >= min_detected_fraction
-            self.evidence[person] = replace(own, unlikely=0.0) if is_person else own
+        poses = self._sink.past(person)["pose"][seen.frames]
+        energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
+        own = replace(self.evidence[person], unlikely=float(np.median(energies)))
+        is_person = own.lifeless and seen.detected_fraction() >= min_detected_fraction
+        return replace(own, unlikely=0.0) if is_person else own
 
     def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
         """Return all rows of a person; frames out of view repeat the last pose, earlier ones the first."""
@@ -182,12 +219,11 @@ class SecondPass:
                 yield replace(step.result, stage_ms=step.result.stage_ms + spent[frame]), moment
                 last = replace(step.result, source=predicted, **_nothing(step.result))
 
-    def _keep(self, person: Mapping[str, Any]) -> None:
+    def _keep(self) -> None:
         state = {
             "bodies": {str(person): body_state(body) for person, body in self.bodies.items()},
             "evidence": export_evidence(self.evidence),
-            "finished": self._finished,
-            "person": person,
+            "finished": np.array(sorted(self._finished), dtype=np.int64),
         }
         save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, state)
 
