@@ -29,9 +29,14 @@ from toolkit.io.html import png_of
 PAPER: dict[str, dict[str, float]] = {
     "sequences": {name: published("qammaz", "Table 4")[f"{name} with {name}"] for name in SEQUENCES},
     "table2": published("qammaz", "Table 2"),
+    "table3": published("qammaz", "Table 3"),
     "models": published("qammaz", "Table 4"),
 }
 """Mean joint distance of the paper in mm, by our names of sequences and people."""
+WEIGHTS = (0.5, 1.5, 3.0, 6.0, 18.0)
+"""Weights of the depth term (Table 3); 3 is the paper's, which is 1 here, where all terms are in metres."""
+BUDGETS = (16, 32, 64, 128)
+"""Numbers of particles, and of generations (Fig. 3)."""
 TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints")
 PRIMITIVES = {"discrepancy.figure": "balls"}
 
@@ -136,6 +141,28 @@ def models(bench: Bench) -> None:
     print(f"middle seeds: own body {np.mean(own):.1f} mm, another's scaled to size {np.mean(other):.1f} mm")
 
 
+def table3(bench: Bench) -> None:
+    """Measure a plain and a perturbed swarm by the weight of the depth term (Table 3, Fig. 4)."""
+    kinds: dict[str, dict[str, Any]] = {"baseline": {"swarm.perturbed_every": 0}, "perturbed": {}}
+    for kind, settings in kinds.items():
+        for weight in WEIGHTS:
+            bench.row(f"{kind} {weight}", "qammaz", bench.names, **settings, **{"discrepancy.depth": weight / 3.0})
+    deltas = {kind: [bench.figures[f"{kind} {weight}"]["delta_mm"] for weight in WEIGHTS] for kind in kinds}
+    bench.figures["over weights"] = {"weight of the depth term": list(WEIGHTS), **deltas}
+
+
+def budget(bench: Bench) -> None:
+    """Measure numbers of particles and generations (Fig. 3)."""
+    for particles in BUDGETS:
+        for generations in BUDGETS:
+            sizes = {"swarm.particles": particles, "swarm.generations": generations}
+            bench.row(f"{particles} in {generations}", "qammaz", bench.names, **sizes)
+    deltas = {
+        f"{n} particles": [bench.figures[f"{n} in {m}"]["delta_mm"] for m in BUDGETS] for n in BUDGETS
+    }  # fmt: skip
+    bench.figures["over generations"] = {"generations": list(BUDGETS), **deltas}
+
+
 def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
     """Return errors (N,), metres, of the rows in the plot of a part."""
     drawn = {
@@ -181,4 +208,4 @@ def paper(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures(name, {"ours": bench.figures, "paper_mm": paper}, settings))
 
 
-TABLES = {"sequences": sequences, "table2": table2, "models": models}
+TABLES = {"sequences": sequences, "table2": table2, "table3": table3, "budget": budget, "models": models}

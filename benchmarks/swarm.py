@@ -5,9 +5,10 @@
   --fetch`), or which are the true ones with the errors of such a network (`truth`, `tests/support/image_joints.py`).
   `--rows` chooses settings of `benchmarks/_rows.py`, compared with the first one by a paired bootstrap over the
   recordings. With `--cold` every sixth frame is a first frame: right is one of which 18 of 20 joints are within 150 mm.
-- `sequences`, `table2`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
+- `sequences`, `table2`, `table3`, `budget`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
   `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (its curves are the paper's figure 5),
-  and a second phase on the depth alone, which gained the paper less than 5 mm; Table 4, every sequence with the bodies
+  and a second phase on the depth alone, which gained the paper less than 5 mm; a plain and a perturbed swarm over the
+  weight of the depth term (Table 3, figure 4); particles and generations (figure 3); Table 4, every sequence with the bodies
   scanned from all four subjects, with balls and with the neutral body (figure 6).
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 

@@ -7,6 +7,7 @@
   raises them, at frame 30 of each take, and counts frames until the mean error of the seven joints is below 60 mm for 5
   frames. `--real` tracks the 8 stills of Skeltrack, each on its own, and the seated man of `realsense`, against the
   annotations in `benchmarks/annotations/`.
+- `speed`: frames a second of `lopez2011` by particles and image width (Table 1 of the paper), on a repeated still.
 """
 
 from __future__ import annotations
@@ -262,6 +263,30 @@ def track(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures(name, figures, settings))
 
 
+def speed(parser: argparse.ArgumentParser) -> None:
+    """Measure frames a second; a tile of the paper is a quarter of an image 2.5 times as wide."""
+    parser.add_argument("--frames", type=int, default=4, help="after the first, which is not counted")
+    options = parser.parse_args()
+    name = next(iter(annotated("stills.json")))
+    recording = open_recording(DEPTH / "skeltrack" / f"depth-data-{name}", intrinsics=STILL_CAMERA)
+    figures: dict[str, float] = {}
+    for tile in (64, 128, 256):
+        for particles in (64, 256, 1024):
+            columns = {f"particles.{kind}_columns": tile * 5 // 2 for kind in ("trunk", "arm")}
+            settings = {"particles.count": particles, "sensing.subject": "nearest", **columns}
+            solo, spent = Solo(TrackerRecipe("lopez2011", settings).build(), recording), []
+            for i in range(options.frames + 1):
+                begun = time.process_time()
+                solo.step(recording.depth(0), i / 30.0)
+                spent.append(time.process_time() - begun)
+            figures[f"{tile}x{tile} {particles}x3"] = 1.0 / float(np.median(spent[1:]))
+            print(
+                f"{tile}x{tile}, {particles} particles: {figures[f'{tile}x{tile} {particles}x3']:.2f} frames/s",
+                flush=True,
+            )
+    print("written:", save_figures("upper_speed", figures, {"frames": options.frames}))
+
+
 def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
     """Plot the fraction of joints within a number of pixels of a 640x480 image, as in the paper's Fig. 10."""
     from matplotlib.figure import Figure
@@ -278,7 +303,7 @@ def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
 
 def main() -> None:
     """Run the named part."""
-    run_part(__doc__, {"track": track})
+    run_part(__doc__, {"track": track, "speed": speed})
 
 
 if __name__ == "__main__":
