@@ -8,8 +8,8 @@
 - `sequences`, `table2`, `table3`, `budget`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
   `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (its curves are the paper's figure 5),
   and a second phase on the depth alone, which gained the paper less than 5 mm; a plain and a perturbed swarm over the
-  weight of the depth term (Table 3, figure 4); particles and generations (figure 3); Table 4, every sequence with the bodies
-  scanned from all four subjects, with balls and with the neutral body (figure 6).
+  weight of the depth term (Table 3, figure 4); particles and generations (figure 3); Table 4, every sequence with the
+  bodies scanned from all four subjects, with balls and with the neutral body (figure 6).
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 
 Delta is the mean distance of the joints, not capped; A(t) the share of them within t millimetres. In the sequences the
