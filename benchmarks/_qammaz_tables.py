@@ -146,7 +146,8 @@ def table3(bench: Bench) -> None:
     kinds: dict[str, dict[str, Any]] = {"baseline": {"swarm.perturbed_every": 0}, "perturbed": {}}
     for kind, settings in kinds.items():
         for weight in WEIGHTS:
-            bench.row(f"{kind} {weight}", "qammaz", bench.names, **settings, **{"discrepancy.depth": weight / 3.0})
+            weighed = {**settings, "discrepancy.depth": weight / 3.0}
+            bench.row(f"{kind} {weight}", "qammaz", bench.names, **weighed)
     deltas = {kind: [bench.figures[f"{kind} {weight}"]["delta_mm"] for weight in WEIGHTS] for kind in kinds}
     bench.figures["over weights"] = {"weight of the depth term": list(WEIGHTS), **deltas}
 
@@ -155,7 +156,7 @@ def budget(bench: Bench) -> None:
     """Measure numbers of particles and generations (Fig. 3)."""
     for particles in BUDGETS:
         for generations in BUDGETS:
-            sizes = {"swarm.particles": particles, "swarm.generations": generations}
+            sizes: dict[str, Any] = {"swarm.particles": particles, "swarm.generations": generations}
             bench.row(f"{particles} in {generations}", "qammaz", bench.names, **sizes)
     deltas = {
         f"{n} particles": [bench.figures[f"{n} in {m}"]["delta_mm"] for m in BUDGETS] for n in BUDGETS

@@ -86,12 +86,12 @@ class Track:
     @property
     def confidence(self) -> np.ndarray:
         """Confidence, float32 (T, 20): probability that the joint is within 5 cm."""
-        return self.person.track.confidence
+        return _read_only(self.person.track.confidence)
 
     @property
     def observed(self) -> np.ndarray:
         """Observed joints, bool (T, 20): False for a joint inferred without measured depth around it."""
-        return self.person.track.observed
+        return _read_only(self.person.track.observed)
 
     @property
     def state(self) -> np.ndarray:
@@ -101,12 +101,12 @@ class Track:
     @property
     def pose(self) -> np.ndarray:
         """Pose of the body, float64 (T, P), y up; `person.track.pose_names` names its entries."""
-        return self.person.track.pose
+        return _read_only(self.person.track.pose)
 
     @property
     def timestamps(self) -> np.ndarray:
         """Timestamps, float64 (T,): seconds."""
-        return self.person.track.timestamps
+        return _read_only(self.person.track.timestamps)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A table with a row per frame, by `time_s`; the columns are those of the CSV export in the camera's frame.
@@ -176,6 +176,13 @@ class Track:
         from toolkit.output.export.run import export_people
 
         return export_people([self.person], path, rig=rig, origin=origin)[0]
+
+
+def _read_only(values: np.ndarray) -> np.ndarray:
+    """Return a view through which the track cannot be changed."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
 
 
 @overload

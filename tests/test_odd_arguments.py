@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,9 @@ import pytest
 
 import depthmocap
 from tests.file_formats import FORMATS
+from tests.run_helpers import write_run
 from tests.sensing_scenes import KINECT, person_alone
+from toolkit.body import skeleton
 from toolkit.evaluation.evaluate import evaluate_tracks
 from toolkit.io.display_names import shown
 from toolkit.io.errors import DepthMocapError, RecordingError, UsageError
@@ -56,6 +59,17 @@ def test_arguments_of_another_kind_are_named(depth: Any, options: dict[str, Any]
 def test_a_truth_in_millimetres_is_refused() -> None:
     with pytest.raises(UsageError, match="the truth is 2900 m away in the median; give metres"):
         evaluate_tracks([], np.full((3, 20, 3), 2900.0))
+
+
+def test_the_arrays_of_a_track_cannot_change_the_track(tmp_path: Path) -> None:
+    write_run(tmp_path, np.zeros((3, skeleton.POSE_SIZE)))
+    (track,) = depthmocap.Track.load(tmp_path)
+    names = ("joints", "confidence", "observed", "state", "pose", "timestamps")
+    before = {name: getattr(track, name).copy() for name in names}
+    for name in names:
+        with suppress(ValueError):  # read-only, or a copy
+            getattr(track, name)[:] = before[name][::-1][:1]
+        np.testing.assert_array_equal(getattr(track, name), before[name])
 
 
 def test_an_export_without_a_file_is_named() -> None:

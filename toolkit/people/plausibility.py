@@ -15,9 +15,10 @@ from typing import Literal
 import numpy as np
 
 from toolkit.io.errors import PlausibilityWarning
-from toolkit.people.connection import HELD, connected
+from toolkit.people.connection import FASTEST, HELD, connected
 from toolkit.people.detection import find_heads
 from toolkit.people.hypothesis import PersonClassifier, judged_head
+from toolkit.people.learning import share_of
 from toolkit.people.stills import LEAST_CUT_OUT
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.unassigned import surfaces
@@ -41,6 +42,7 @@ class PlausibilitySettings:
     ----------
     seconds, frames : the first seconds of a recording that are sampled, and the number of samples
     pairs : pairs of consecutive frames in which people are compared; one that a film can have is enough for a film
+    another_room : share of the pixels that are so much nearer or farther that two frames show different rooms
     principal_point : largest distance of the principal point from the image centre, as a share of the image's width
         or height; registered and binned images of 14 depth cameras stay below 0.06
     exchanged : the same where cx and cy fit each other's side
@@ -57,6 +59,7 @@ class PlausibilitySettings:
     seconds: float = 10.0
     frames: int = 3
     pairs: int = 6
+    another_room: float = 0.5
     principal_point: float = 0.15
     exchanged: float = 0.03
     oblong: float = 1.1
@@ -195,12 +198,14 @@ def are_unconnected(
     lens = CoarseCamera(recording.camera.undistorted(), recording.up_camera, SensingSettings())
     moved = False
     for i in firsts[times[firsts + 1] - times[firsts] <= HELD].tolist() if len(recording) > 1 else ():
-        (_, sure), (after, _) = (
-            _places(lens.coarse(recording.depth(k)), lens, classifier, settings) for k in (i, i + 1)
-        )
+        seconds, images = float(times[i + 1] - times[i]), [lens.coarse(recording.depth(k)) for k in (i, i + 1)]
+        measured = (images[0] > 0) & (images[1] > 0)
+        if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > settings.another_room:
+            moved = True
+            continue
+        (_, sure), (after, _) = (_places(image, lens, classifier, settings) for image in images)
         if not sure or not after:
             continue
-        seconds = float(times[i + 1] - times[i])
         if any(connected(a, b, seconds) for a in sure for b in after):
             return False
         moved = True
