@@ -20,8 +20,6 @@ from toolkit.database.database import PoseOrigins
 
 PART = 500_000
 """Number of poses that are thinned together (200 MB)."""
-LEFT = 20
-"""Fraction of a part that remains, unless more poses are requested in total; 20 MB for a million poses."""
 
 
 class Rows(NamedTuple):
@@ -103,7 +101,9 @@ class PosePool:
     def _thin(self) -> None:
         """Thin the open part to poses near all others, in their original order."""
         part = self._open.taken(slice(self._filled))
-        most = max(PART // LEFT, self._max_poses or 0)
+        # One of this many poses of a part remains, unless more are requested in total; 20 MB for a million poses.
+        left = 20
+        most = max(PART // left, self._max_poses or 0)
         chosen = farthest_first(part.joints, 0.5 * self._threshold, most)
         if len(chosen) > 1:
             last = pose_distance(part.joints[chosen[:-1]], part.joints[chosen[-1]]).min()

@@ -8,7 +8,7 @@ steady magnetic field the heading refers to north, else it is free.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,31 +19,6 @@ from toolkit.kernels.motion.inertial import integrate
 
 NORTH = "gyroscope, gravity and magnetic north"
 UP: np.ndarray = np.array([0.0, 0.0, 1.0])
-
-
-@dataclass(frozen=True)
-class FusionSettings:
-    """Settings of the orientation filter.
-
-    Attributes
-    ----------
-    gravity_seconds : seconds, standard deviation of the low-pass of gravity: longer than a motion, shorter than the
-        drift
-    still_rate : rad/s, largest standard deviation of the gyroscope at rest
-    still_seconds : seconds, shortest rest; its mean rate is the bias
-    largest_bias : rad/s; a steady rotation that is faster is no rest
-    field_tolerance : largest relative deviation of the magnetic field's strength from its median for a north
-        direction
-    """
-
-    gravity_seconds: float = 1.5
-    still_rate: float = 0.03
-    still_seconds: float = 0.5
-    largest_bias: float = 0.1
-    field_tolerance: float = 0.1
-
-
-SETTINGS = FusionSettings()
 
 
 def oriented(sensors: Sensors) -> Sensors:
@@ -96,19 +71,24 @@ def fused(stream: SensorStream, world_up: np.ndarray = UP, declination: float = 
 
 def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
     """Return the mean rate (3,) of the still windows; zero if the sensor never rests."""
-    width = max(2, round(SETTINGS.still_seconds / float(np.median(np.diff(times)))))
+    still_seconds = 0.5  # seconds, shortest rest; its mean rate is the bias
+    width = max(2, round(still_seconds / float(np.median(np.diff(times)))))
     if len(gyro) < width:
         return np.zeros(3)
     windows = np.lib.stride_tricks.sliding_window_view(gyro, width, axis=0)
     means = windows.mean(axis=2)
-    still = windows.std(axis=2).max(axis=1) < SETTINGS.still_rate
-    still &= np.linalg.norm(means, axis=1) < SETTINGS.largest_bias
+    still_rate = 0.03  # rad/s, largest standard deviation of the gyroscope at rest
+    still = windows.std(axis=2).max(axis=1) < still_rate
+    largest_bias = 0.1  # rad/s; a steady rotation that is faster is no rest
+    still &= np.linalg.norm(means, axis=1) < largest_bias
     return np.median(means[still], axis=0) if still.any() else np.zeros(3)
 
 
 def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     """Return the rotations (N, 4) of the integrated frame that align gravity with z."""
-    up = _smoothed(quat.rotate(free, acceleration), SETTINGS.gravity_seconds / float(np.median(np.diff(times))))
+    # Seconds, standard deviation of the low-pass of gravity: longer than a motion, shorter than the drift.
+    gravity_seconds = 1.5
+    up = _smoothed(quat.rotate(free, acceleration), gravity_seconds / float(np.median(np.diff(times))))
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
     half = np.concatenate([1.0 + up[:, 2:], np.cross(up, UP)], axis=1)
     half[np.linalg.norm(half, axis=1) < 1e-6] = (0.0, 1.0, 0.0, 0.0)
@@ -129,7 +109,9 @@ def _north(q: np.ndarray, magnetic: np.ndarray, declination: float) -> np.ndarra
     """
     strength = np.linalg.norm(magnetic, axis=1)
     typical = float(np.median(strength[strength > 0])) if (strength > 0).any() else 0.0
-    steady = (typical > 0) & (np.abs(strength - typical) <= SETTINGS.field_tolerance * typical)
+    # Largest relative deviation of the magnetic field's strength from its median for a north direction.
+    field_tolerance = 0.1
+    steady = (typical > 0) & (np.abs(strength - typical) <= field_tolerance * typical)
     if steady.sum() < max(10, 0.5 * len(q)):
         return None
     field = quat.rotate(q, magnetic / typical)

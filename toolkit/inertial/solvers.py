@@ -24,21 +24,13 @@ class SolverSettings:
     Attributes
     ----------
     rounds : iterations at each scale
-    last_rounds : iterations at the last scale
     starts : number of initial headings, 30 degrees apart
     finalists : number of starts that are refined to the narrowest scale
-    rough_rows : frames per segment for the comparison of the starts
-    least_turn : radians, smallest rotation between two frames with a usable axis
-    largest_turn : radians, largest such rotation; near a half turn the axis flips
     """
 
     rounds: int = 3
-    last_rounds: int = 12
     starts: int = 12
     finalists: int = 3
-    rough_rows: int = 120
-    least_turn: float = np.radians(20.0)
-    largest_turn: float = np.radians(160.0)
 
 
 SETTINGS = SolverSettings()
@@ -91,7 +83,9 @@ def thesis(inertial: np.ndarray, tracked: np.ndarray, rng: np.random.Generator) 
     """`q_G` and `q_L` (4,) of orientations (N, 4), by pairs of frames (thesis, Eq. 7.7 and 7.15)."""
     s, t = rng.integers(0, len(tracked), size=(2, 4000))
     turn = quat.angle(tracked[s], tracked[t])
-    fine = (turn > SETTINGS.least_turn) & (turn < SETTINGS.largest_turn)
+    least_turn = np.radians(20.0)  # radians, smallest rotation between two frames with a usable axis
+    largest_turn = np.radians(160.0)  # radians, largest such rotation; near a half turn the axis flips
+    fine = (turn > least_turn) & (turn < largest_turn)
     s, t = (s[fine], t[fine]) if fine.any() else (s, t)
 
     def pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -119,7 +113,8 @@ def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) 
     a heading has a closed form. Each start fixes the first heading, and the others follow through shared sensors. One
     more start aligns the vertical of all segments, without a heading. The best starts at the widest scale are refined.
     """
-    rough = [segment.thinned(SETTINGS.rough_rows) for segment in segments]
+    rough_rows = 120  # frames per segment for the comparison of the starts
+    rough = [segment.thinned(rough_rows) for segment in segments]
     headings = np.arange(SETTINGS.starts) * (2.0 * np.pi / SETTINGS.starts)
     starts = [_spread(rough, groups, sensors, psi) for psi in headings]
     starts.append(by_vertical(rough, groups, sensors))
@@ -130,7 +125,8 @@ def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) 
     finalists = tried[: SETTINGS.finalists]
     ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(SETTINGS.rounds)) for found in finalists)
     best = min(ends, key=lambda found: found[2])[:2]
-    return _alternated(segments, sensors, best, SCALES[-1:].repeat(SETTINGS.last_rounds))
+    last_rounds = 12  # iterations at the last scale
+    return _alternated(segments, sensors, best, SCALES[-1:].repeat(last_rounds))
 
 
 def heading_given(segments: Sequence[SynchronisedSegment], mountings: np.ndarray) -> float:

@@ -26,21 +26,8 @@ GRAVITY = 9.80665
 """Standard gravity, m/s2; an accelerometer at rest measures it upwards."""
 
 
-@dataclass(frozen=True)
-class StreamSettings:
-    """Validity of the rows of a sensor.
-
-    Attributes
-    ----------
-    longest_gap : seconds, longest interpolated gap; a limb can rotate by 60 degrees in it
-    norm_error : largest deviation of a quaternion's norm from 1
-    """
-
-    longest_gap: float = 0.1
-    norm_error: float = 0.05
-
-
-SETTINGS = StreamSettings()
+LONGEST_SENSOR_GAP = 0.1
+"""Seconds, longest interpolated gap; a limb can rotate by 60 degrees in it."""
 
 CSV_COLUMNS = ("sensor", "time_s", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 DEVICE, FREE = "device", "gyroscope and gravity, heading free"
@@ -82,8 +69,8 @@ class SensorStream:
 
     @property
     def gaps(self) -> int:
-        """Number of gaps longer than `StreamSettings.longest_gap` between valid rows."""
-        return int((np.diff(self.times[self.valid]) > SETTINGS.longest_gap + 1e-9).sum())
+        """Number of gaps longer than `LONGEST_SENSOR_GAP` between valid rows."""
+        return int((np.diff(self.times[self.valid]) > LONGEST_SENSOR_GAP + 1e-9).sum())
 
     @property
     def longest_gap(self) -> float:
@@ -106,7 +93,7 @@ class SensorStream:
         step = own[np.minimum(low + 1, len(own) - 1)] - own[low]
         share = np.clip((times - own[low]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
         inside = (times >= own[0] - 1e-9) & (times <= own[-1] + 1e-9)
-        return inside & (step <= SETTINGS.longest_gap + 1e-9), low, share
+        return inside & (step <= LONGEST_SENSOR_GAP + 1e-9), low, share
 
 
 def checked_stream(
@@ -149,10 +136,11 @@ def checked_stream(
             fine &= (values != 0.0).any(axis=1)
         if key != "magnetic":
             valid &= fine
+    norm_error = 0.05  # largest deviation of a quaternion's norm from 1
     if "rotations" in present:
         lengths = np.linalg.norm(present["rotations"], axis=1)
         with np.errstate(invalid="ignore"):
-            unit = np.abs(lengths - 1.0) <= SETTINGS.norm_error
+            unit = np.abs(lengths - 1.0) <= norm_error
         if not (unit & valid).any():
             typical = float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else float("nan")
             raise InertialError(

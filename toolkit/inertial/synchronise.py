@@ -25,26 +25,12 @@ class SignalSettings:
 
     Attributes
     ----------
-    still : rad/s; a sensor with a smaller standard deviation of the angular speed rests
     rate_step : relative step between ratios; over 3 s one step moves the ends by 15 ms
     step : seconds of the common time grid
-    smoothing : seconds, smallest standard deviation of the low-pass of both signals
-    smoothing_frames : camera frames, smallest standard deviation of the low-pass, because slow cameras miss fast
-        rotations
-    least_overlap : smallest fraction of the track that a lag covers
-    peak_margin : smallest difference between the highest correlation and any other peak; periodic motion gives
-        equal peaks
-    peak_distance : seconds, smallest distance of a second peak
     """
 
-    still: float = 0.05
     rate_step: float = 0.01
     step: float = 0.01
-    smoothing: float = 0.06
-    smoothing_frames: float = 2.0
-    least_overlap: float = 0.5
-    peak_margin: float = 0.05
-    peak_distance: float = 0.2
 
 
 SETTINGS = SignalSettings()
@@ -142,7 +128,8 @@ def synchronise(
     begin = rates[r] * motion.times[0]
     shift = base - begin if abs(base - begin) > settings.max_offset else 0.0
     # the second peak has the same ratio, because ratio and offset trade off along a ridge
-    elsewhere = np.abs(lags - lags[k]) * SETTINGS.step >= SETTINGS.peak_distance
+    peak_distance = 0.2  # seconds, smallest distance of a second peak
+    elsewhere = np.abs(lags - lags[k]) * SETTINGS.step >= peak_distance
     second = highest_peak(np.where(elsewhere, scores[r], np.nan), scores[r])
     clock = Clock(
         float(shift + SETTINGS.step * (lags[k] + parabola(scores[r], int(k)))),
@@ -158,12 +145,16 @@ def synchronise(
 def smoothing_for(motion: TrackedMotion, rate: float) -> float:
     """Return the standard deviation of the low-pass for a track, in seconds of a clock `rate` times as fast."""
     step = float(np.median(np.diff(motion.times))) if len(motion.times) > 1 else 0.0
-    return max(SETTINGS.smoothing, SETTINGS.smoothing_frames * rate * step)
+    smoothing = 0.06  # seconds, smallest standard deviation of the low-pass of both signals
+    # Camera frames, smallest standard deviation of the low-pass, because slow cameras miss fast rotations.
+    smoothing_frames = 2.0
+    return max(smoothing, smoothing_frames * rate * step)
 
 
 def is_still(stream: SensorStream) -> bool:
     """Return True if a sensor rests all the time."""
-    return float(np.std(_angular_speed(stream)[1])) < SETTINGS.still
+    still = 0.05  # rad/s; a sensor with a smaller standard deviation of the angular speed rests
+    return float(np.std(_angular_speed(stream)[1])) < still
 
 
 def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
@@ -247,10 +238,11 @@ def _summed(
     """Return the mean correlation of all pairs of signals over the lags (L,), from the pairs known at each lag."""
     total, weight = np.zeros(len(lags)), np.zeros(len(lags))
     out = np.empty(len(lags))
+    least_overlap = 0.5  # smallest fraction of the track that a lag covers
     for ours, theirs in zip(tracked, measured, strict=True):
         for a, b in zip(ours, theirs, strict=False):
             shift = round((a.start + offset - b.start) / SETTINGS.step)
-            least = int(SETTINGS.least_overlap * a.known.sum())
+            least = int(least_overlap * a.known.sum())
             correlation_over_lags(a.values, a.known, b.values, b.known, lags + shift, max(least, 10), out)
             known = np.isfinite(out)
             total[known] += out[known]
@@ -282,9 +274,11 @@ def _check(clock: Clock, at_border: bool, motion: TrackedMotion) -> None:
             f"the clocks of {motion.name} agree best at the border of the search, an offset of {clock.offset:.2f} s; "
             "raise --max-offset"
         )
-    if clock.correlation - clock.second < SETTINGS.peak_margin:
+    # Smallest difference between the highest correlation and any other peak; periodic motion gives equal peaks.
+    peak_margin = 0.05
+    if clock.correlation - clock.second < peak_margin:
         raise InertialError(
             f"the clocks of {motion.name} agree nearly as well at two offsets (correlations {clock.correlation:.2f} "
-            f"and {clock.second:.2f}, apart by less than {SETTINGS.peak_margin:g}); record a motion without "
+            f"and {clock.second:.2f}, apart by less than {peak_margin:g}); record a motion without "
             "repetitions, or narrow the search with --max-offset"
         )

@@ -7,7 +7,6 @@ wobble each time. Feet stay on the floor: the supporting foot does not slide and
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,28 +30,8 @@ NAMES = (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_M
 """Names of all motions."""
 
 
-@dataclass(frozen=True)
-class PerformanceSettings:
-    """Settings of performances of a procedural motion.
-
-    Attributes
-    ----------
-    wobble : degrees, standard deviation of the slow wobble of every angle
-    habit : degrees, standard deviation of each control from the held pose of a settled motion, drawn once per
-        performance
-    random_poses : number of poses of a random motion
-    random_step : seconds from one random pose to the next
-    sole : metres above the lowest vertex of the rest pose within which a foot's vertices are its sole
-    """
-
-    wobble: float = 2.5
-    habit: float = 6.0
-    random_poses: int = 20
-    random_step: float = 1.2
-    sole: float = 0.015
-
-
-SETTINGS = PerformanceSettings()
+HABIT = 6.0
+"""Degrees, standard deviation of each control from the held pose of a settled motion, drawn once per performance."""
 
 
 def procedural_clips(
@@ -204,7 +183,8 @@ def _random_controls(rate: float, rng: np.random.Generator) -> np.ndarray:
     """Return a smooth motion (T, C) through random poses within natural ranges, biased to the base pose."""
     from scipy.interpolate import PchipInterpolator
 
-    count, base = SETTINGS.random_poses, np.array([BASE[name] for name in CONTROLS])
+    random_poses = 20  # number of poses of a random motion
+    count, base = random_poses, np.array([BASE[name] for name in CONTROLS])
     low, high = np.array([RANGES.get(name, (BASE[name], BASE[name])) for name in CONTROLS]).T
     poses = rng.uniform(low, high, (count, len(CONTROLS)))
     legs = np.array(["flex" in name or "knee" in name or "open" in name for name in CONTROLS])
@@ -213,8 +193,9 @@ def _random_controls(rate: float, rng: np.random.Generator) -> np.ndarray:
     for side in ("left", "right"):  # a knee bends with its hip, which keeps the shin below the body
         flex, knee = CONTROLS.index(f"{side}_flex"), CONTROLS.index(f"{side}_knee")
         poses[:, knee] = np.clip(poses[:, flex] * rng.uniform(0.9, 1.9, count) + 5.0, 2.0, 130.0)
-    moments = np.arange(int((count - 1) * SETTINGS.random_step * rate) + 1) / rate
-    return PchipInterpolator(np.arange(count) * SETTINGS.random_step, poses)(moments)
+    random_step = 1.2  # seconds from one random pose to the next
+    moments = np.arange(int((count - 1) * random_step * rate) + 1) / rate
+    return PchipInterpolator(np.arange(count) * random_step, poses)(moments)
 
 
 def _other_side(controls: np.ndarray) -> np.ndarray:
@@ -233,18 +214,19 @@ def _habit(rng: np.random.Generator) -> np.ndarray:
     shared = {name.split("_")[-1]: rng.normal() for name in CONTROLS}
     habit = np.array([rng.normal() + shared[name.split("_")[-1]] for name in CONTROLS])
     habit[CONTROLS.index("hop")] = 0.0
-    return SETTINGS.habit * np.sqrt(0.5) * habit
+    return HABIT * np.sqrt(0.5) * habit
 
 
 def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Slow noise (T, C): three sines below 1 Hz per control; none on `hop` and on the legs' sideways angles."""
     noise = np.zeros((len(moments), len(CONTROLS)))
+    wobble = 2.5  # degrees, standard deviation of the slow wobble of every angle
     for column, name in enumerate(CONTROLS):
         if name in ("hop", "pitch") or name.endswith(("_open", "_point", "_spread")):
             continue
         rates, phases = rng.uniform(0.1, 0.9, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
         noise[:, column] = (
-            SETTINGS.wobble * np.sqrt(2.0 / 3.0) * np.sin(2.0 * np.pi * rates * moments[:, None] + phases).sum(axis=1)
+            wobble * np.sqrt(2.0 / 3.0) * np.sin(2.0 * np.pi * rates * moments[:, None] + phases).sum(axis=1)
         )
     return noise
 
@@ -271,4 +253,5 @@ def _sole(body: Body, foot: int) -> np.ndarray:
     own = body.vertices[body.part == foot]
     if len(own) < 3:
         return body.sites[skeleton.SITE_PARENTS == foot]
-    return own[own[:, 1] < own[:, 1].min() + SETTINGS.sole]
+    sole = 0.015  # metres above the lowest vertex of the rest pose within which a foot's vertices are its sole
+    return own[own[:, 1] < own[:, 1].min() + sole]

@@ -7,8 +7,6 @@ limb determines the twist of its shoulder or hip. For a straight limb the source
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from toolkit.body import skeleton
@@ -29,30 +27,6 @@ from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.plausibility import check_limits
 from toolkit.mocap.rig import Rig, load_rig
 from toolkit.mocap.source import KeyedClip
-
-
-@dataclass(frozen=True)
-class RetargetSettings:
-    """Settings of the retargeting.
-
-    Attributes
-    ----------
-    shortest_leg : metres, shortest plausible leg
-    twist_prior : square metres, weight of the source's own twist, and again of a relaxed limb's twist, against the
-        squared levers (m) of a bent limb's far points
-    bend : squared sine of the bend at which a far point has half its weight; a smaller bend may be an overstretched
-        elbow
-    reaims : iterations of aligning a limb's first joint with its bone's direction and clipping it
-    """
-
-    shortest_leg: float = 0.01
-    twist_prior: float = 0.0015
-    bend: float = np.sin(np.radians(12.0)) ** 2
-    reaims: int = 3
-
-
-SETTINGS = RetargetSettings()
-
 
 X, Y = 0, 1
 DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
@@ -132,7 +106,8 @@ class _Chain:
         """
         self.turn(joint, world)
         clamped = self.clamped.copy()
-        for _ in range(SETTINGS.reaims):
+        reaims = 3  # iterations of aligning a limb's first joint with its bone's direction and clipping it
+        for _ in range(reaims):
             reached = self.world[joint]
             self.turn(joint, swing(apply(reached, bone), now) @ reached)
         self.clamped = clamped
@@ -233,7 +208,7 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
     """Return the world rotations (T, 3, 3) of a limb's first joint: bone direction of the source, twist by the limb.
 
     The twist minimises the squared distances of the limb's far points from the source's (a planar Procrustes problem).
-    Priors of weight `RetargetSettings.twist_prior` prevent a straight limb from spinning: the source's own twist,
+    Priors of weight `twist_prior` prevent a straight limb from spinning: the source's own twist,
     corrected by its constant offset from the bend planes of the clip, and a relaxed limb, half as swung straight from
     the T-pose and half as swung from hanging down.
     """
@@ -242,11 +217,16 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
     turned = source.rotations[start] @ swing(bone, rest)
     turned = swing(apply(turned, bone), now) @ turned
     evidence = np.zeros(len(now), dtype=np.complex128)
+    # Squared sine of the bend at which a far point has half its weight; a smaller bend may be an overstretched elbow.
+    bend = np.sin(np.radians(12.0)) ** 2
     for lever, own, wanted in levers:
         seen = _turns_about(now, apply(turned, own), wanted)
         size = np.abs(seen)
-        evidence += seen * lever**2 * size / (size + SETTINGS.bend)
-    offset = evidence.sum() + len(now) * SETTINGS.twist_prior
+        evidence += seen * lever**2 * size / (size + bend)
+    # Square metres, weight of the source's own twist, and again of a relaxed limb's twist, against the squared levers
+    # (m) of a bent limb's far points.
+    twist_prior = 0.0015
+    offset = evidence.sum() + len(now) * twist_prior
     prior = np.full(len(now), offset / abs(offset))
     parent = chain.world[chain.parent(start)]
     probe = np.array([0.0, 0.0, 1.0])
@@ -255,7 +235,7 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
         relaxed = parent @ swing(apply(hanging, bone), local) @ hanging
         untwisted = _turns_about(now, apply(turned, probe), apply(relaxed, probe))
         prior += 0.5 * untwisted / np.abs(untwisted)
-    twist = np.angle(evidence + SETTINGS.twist_prior * prior)
+    twist = np.angle(evidence + twist_prior * prior)
     return matrices(twist[:, None] * now) @ turned
 
 
@@ -269,7 +249,8 @@ def _root_positions(source: KeyedClip, body: Body, poses: np.ndarray) -> np.ndar
     """Return the hip midpoints (T, 3) at the body's scale, with the source's mean height of the feet."""
     rest = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     length = _leg_length(source.rest)
-    if not length > SETTINGS.shortest_leg:
+    shortest_leg = 0.01  # metres, shortest plausible leg
+    if not length > shortest_leg:
         raise MocapError(f"the legs of the skeleton are {length:g} m long; give a motion of a whole body")
     scale = _leg_length(rest) / length
     positions = source.pelvis * scale

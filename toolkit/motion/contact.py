@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,33 +13,8 @@ from toolkit.io.spans import spans
 from toolkit.tracks import TRACKED, Track
 from toolkit.tracks.runs import Person
 
-
-@dataclass(frozen=True)
-class ContactSettings:
-    """Thresholds of foot contact.
-
-    Attributes
-    ----------
-    floor_tolerance : metres between the floor in the camera's view and the height of resting feet; at a larger
-        distance the feet rest on another surface
-    enter_height : metres above the ground below which the lower point of a sole begins a contact
-    leave_height : metres above which it ends the contact
-    enter_speed : metres a second along the ground below which the slower point of a sole begins a contact
-    leave_speed : metres a second above which it ends the contact
-    smoothing : seconds, standard deviation of the Gaussian over the sole before speeds are computed
-    shortest : seconds, shortest contact and shortest gap between two contacts
-    """
-
-    floor_tolerance: float = 0.15
-    enter_height: float = 0.05
-    leave_height: float = 0.09
-    enter_speed: float = 0.30
-    leave_speed: float = 0.55
-    smoothing: float = 0.045
-    shortest: float = 0.10
-
-
-SETTINGS = ContactSettings()
+ENTER_SPEED = 0.30
+"""Metres a second along the ground below which the slower point of a sole begins a contact."""
 
 GAUSSIAN_RADIUS = 4.0
 """Radius of a truncated Gaussian, standard deviations (SciPy's default)."""
@@ -60,7 +34,10 @@ def foot_contacts(body: Body, track: Track, camera_height: float | None = None) 
     """
     placed, tracked = soles(body, track.pose), track.state == TRACKED
     ground = ground_height(placed, track.timestamps, tracked)
-    if camera_height is not None and (ground is None or abs(ground + camera_height) > SETTINGS.floor_tolerance):
+    # Metres between the floor in the camera's view and the height of resting feet; at a larger distance the feet rest
+    # on another surface.
+    floor_tolerance = 0.15
+    if camera_height is not None and (ground is None or abs(ground + camera_height) > floor_tolerance):
         ground = -camera_height
     if ground is None:
         return np.zeros((len(track), 2), dtype=bool)
@@ -73,14 +50,18 @@ def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, know
     `known` is bool (T,).
     """
     found = np.zeros((len(times), 2), dtype=bool)
+    enter_height = 0.05  # metres above the ground below which the lower point of a sole begins a contact
+    leave_height = 0.09  # metres above which it ends the contact
+    leave_speed = 0.55  # metres a second above which it ends the contact
+    shortest_seconds = 0.10  # seconds, shortest contact and shortest gap between two contacts
     for span in spans(known):
         rows, own = placed[span], times[span]
         heights = rows[..., 1].min(axis=2) - ground
         speeds = _sole_speeds(rows, own)
-        shortest = frames_in(SETTINGS.shortest, own)
+        shortest = frames_in(shortest_seconds, own)
         for side in range(2):
-            enter = (heights[:, side] < SETTINGS.enter_height) & (speeds[:, side] < SETTINGS.enter_speed)
-            stay = (heights[:, side] < SETTINGS.leave_height) & (speeds[:, side] < SETTINGS.leave_speed)
+            enter = (heights[:, side] < enter_height) & (speeds[:, side] < ENTER_SPEED)
+            stay = (heights[:, side] < leave_height) & (speeds[:, side] < leave_speed)
             found[span, side] = without_short(hysteresis(enter, stay), shortest)
     return found
 
@@ -89,7 +70,8 @@ def _sole_speeds(placed: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
     if len(times) < 2:
         return np.zeros(placed.shape[:2])
-    flat = smoothed(placed, times, SETTINGS.smoothing)[..., [0, 2]]
+    smoothing = 0.045  # seconds, standard deviation of the Gaussian over the sole before speeds are computed
+    flat = smoothed(placed, times, smoothing)[..., [0, 2]]
     velocities = np.gradient(flat, np.maximum.accumulate(times + 1e-9 * np.arange(len(times))), axis=0)
     return np.asarray(np.linalg.norm(velocities, axis=-1).min(axis=2))
 
@@ -129,7 +111,7 @@ def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> f
     heights = []
     for span in spans(known):
         lower = placed[span][..., 1].min(axis=2)
-        slow = _sole_speeds(placed[span], times[span]) < SETTINGS.enter_speed
+        slow = _sole_speeds(placed[span], times[span]) < ENTER_SPEED
         heights.append(lower[slow])
     resting = np.concatenate(heights) if heights else np.zeros(0)
     if not len(resting):

@@ -20,34 +20,8 @@ from toolkit.motion.contact import ANKLES, frames_in, smoothed, typical_step
 SIDES = ("left", "right")
 
 
-@dataclass(frozen=True)
-class GaitSettings:
-    """Thresholds of gait analysis.
-
-    Attributes
-    ----------
-    walking_speed : metres a second, smallest speed of the pelvis of a walking person
-    course_smoothing : seconds, standard deviation of the Gaussian over the velocity of the pelvis; it averages
-        several steps, because the pelvis sways with each
-    smoothing : seconds, standard deviation of the Gaussian over heels and balls before events are detected
-    shortest_stride : seconds
-    longest_stride : seconds
-    swing : metres, smallest distance that a foot swings ahead of the pelvis
-    stance_range : plausible fractions of a stride with foot contact
-    stand : seconds after a touch-down between which the foot is flat; its place is the median of these frames
-    """
-
-    walking_speed: float = 0.35
-    course_smoothing: float = 0.35
-    smoothing: float = 0.05
-    shortest_stride: float = 0.6
-    longest_stride: float = 2.5
-    swing: float = 0.08
-    stance_range: tuple[float, float] = (0.35, 0.85)
-    stand: tuple[float, float] = (0.08, 0.25)
-
-
-SETTINGS = GaitSettings()
+SHORTEST_STRIDE = 0.6
+"""Shortest duration of a stride, seconds."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +115,7 @@ def walk_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray)
 
 def _why_none(walking: float, stretches: list[np.ndarray]) -> str:
     """Return the reason for a missing stride, from the times of the runs with a tracked person."""
-    if stretches and max(float(own[-1] - own[0]) for own in stretches) < SETTINGS.shortest_stride:
+    if stretches and max(float(own[-1] - own[0]) for own in stretches) < SHORTEST_STRIDE:
         return "too short for a stride"
     return "no whole stride was walked" if walking else "the person does not walk"
 
@@ -150,20 +124,25 @@ def _bouts(poses: np.ndarray, times: np.ndarray) -> list[slice]:
     """Return the runs of frames in which the pelvis travels."""
     if len(times) < 4:
         return []
-    moving = np.linalg.norm(_course(poses[:, [0, 2]], times), axis=1) > SETTINGS.walking_speed
-    return [span for span in spans(moving) if span.stop - span.start >= frames_in(SETTINGS.shortest_stride, times)]
+    walking_speed = 0.35  # metres a second, smallest speed of the pelvis of a walking person
+    moving = np.linalg.norm(_course(poses[:, [0, 2]], times), axis=1) > walking_speed
+    return [span for span in spans(moving) if span.stop - span.start >= frames_in(SHORTEST_STRIDE, times)]
 
 
 def _course(path: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Return the velocity of the pelvis along the ground (T, 2), metres a second, without its sway."""
-    return smoothed(np.gradient(path, typical_step(times), axis=0), times, SETTINGS.course_smoothing)
+    # Seconds, standard deviation of the Gaussian over the velocity of the pelvis; it averages several steps, because
+    # the pelvis sways with each.
+    course_smoothing = 0.35
+    return smoothed(np.gradient(path, typical_step(times), axis=0), times, course_smoothing)
 
 
 def _strides(body: Body, poses: np.ndarray, times: np.ndarray) -> list[Stride]:
     pelvis = poses[:, ROOT_POSITION]
-    flat = smoothed(soles(body, poses)[..., [0, 2]], times, SETTINGS.smoothing)
-    ankles = smoothed(body.joint_positions(poses)[:, ANKLES][..., [0, 2]], times, SETTINGS.smoothing)
-    path = smoothed(pelvis[:, [0, 2]], times, SETTINGS.smoothing)
+    smoothing = 0.05  # seconds, standard deviation of the Gaussian over heels and balls before events are detected
+    flat = smoothed(soles(body, poses)[..., [0, 2]], times, smoothing)
+    ankles = smoothed(body.joint_positions(poses)[:, ANKLES][..., [0, 2]], times, smoothing)
+    path = smoothed(pelvis[:, [0, 2]], times, smoothing)
     ahead = _course(pelvis[:, [0, 2]], times)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
     touches, lifts = [], []
@@ -173,13 +152,15 @@ def _strides(body: Body, poses: np.ndarray, times: np.ndarray) -> list[Stride]:
         touches.append(_peaks(heel, times))
         lifts.append(_peaks(-ball, times))
     found = []
+    longest_stride = 2.5  # longest duration of a stride, seconds
+    stance_range = (0.35, 0.85)  # plausible fractions of a stride with foot contact
     for side in range(2):
         for start, end in zip(touches[side][:-1], touches[side][1:], strict=True):
             between = [t for t in lifts[side] if start < t < end]
-            if not between or not SETTINGS.shortest_stride <= end - start <= SETTINGS.longest_stride:
+            if not between or not SHORTEST_STRIDE <= end - start <= longest_stride:
                 continue
             stride = _measured(side, (start, between[0], end), touches[1 - side], ankles, times)
-            if SETTINGS.stance_range[0] <= stride.stance <= SETTINGS.stance_range[1]:
+            if stance_range[0] <= stride.stance <= stance_range[1]:
                 found.append(stride)
     return found
 
@@ -207,7 +188,9 @@ def _measured(
 
 def _stand(ankle: np.ndarray, times: np.ndarray, touch: float) -> np.ndarray:
     """Return the standing position of an ankle (T, 2) after its foot touched down."""
-    rows = (times >= touch + SETTINGS.stand[0]) & (times <= touch + SETTINGS.stand[1])
+    # Seconds after a touch-down between which the foot is flat; its place is the median of these frames.
+    stand = (0.08, 0.25)
+    rows = (times >= touch + stand[0]) & (times <= touch + stand[1])
     if not rows.any():
         return np.asarray(ankle[int(np.abs(times - touch).argmin())])
     return np.asarray(np.median(ankle[rows], axis=0))
@@ -217,8 +200,9 @@ def _peaks(values: np.ndarray, times: np.ndarray) -> list[float]:
     """Return the times of the maxima of values (T,) with the prominence `swing`, refined by a parabola."""
     from scipy.signal import find_peaks
 
-    apart = max(1, frames_in(0.6 * SETTINGS.shortest_stride, times))
-    rows, _ = find_peaks(values, prominence=SETTINGS.swing, distance=apart)
+    apart = max(1, frames_in(0.6 * SHORTEST_STRIDE, times))
+    swing = 0.08  # metres, smallest distance that a foot swings ahead of the pelvis
+    rows, _ = find_peaks(values, prominence=swing, distance=apart)
     found = []
     for i in rows:
         a, b, c = values[i - 1], values[i], values[i + 1]

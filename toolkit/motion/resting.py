@@ -7,7 +7,7 @@ The leg of a foot in contact is then bent until heel and ball stay in place. Roo
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,35 +27,8 @@ ARMS: dict[str, list[int]] = {
 }
 
 
-@dataclass(frozen=True)
-class RestSettings:
-    """Widths of the filters over resting bodies and feet.
-
-    Attributes
-    ----------
-    body_seconds : seconds, standard deviation of the Gaussian over the frames that are averaged with a pose
-    body_distance : metres, standard deviation of the Gaussian over the largest joint distance between two poses
-    foot_seconds : seconds, as `body_seconds` for a foot in contact
-    foot_distance : metres, as `body_distance` for a foot; heel and ball are filtered separately, because the heel
-        rises first
-    distance_smoothing : seconds, standard deviation of the Gaussian over positions before distances are computed,
-        against noise
-    blend : seconds in which a foot moves to its place and leaves it
-    stiffness : metres of the sole for a radian of the leg's angles
-    iterations : Gauss-Newton iterations
-    """
-
-    body_seconds: float = 0.3
-    body_distance: float = 0.02
-    foot_seconds: float = 1.0
-    foot_distance: float = 0.025
-    distance_smoothing: float = 0.05
-    blend: float = 0.10
-    stiffness: float = 0.01
-    iterations: int = 3
-
-
-SETTINGS = RestSettings()
+DISTANCE_SMOOTHING = 0.05
+"""Seconds, standard deviation of the Gaussian over positions before distances are computed, against noise."""
 
 
 def at_rest(person: Person) -> Person:
@@ -80,19 +53,21 @@ def _still_body(body: Body, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
     """
     from scipy.spatial.transform import Rotation
 
-    joints = smoothed(body.joint_positions(poses), times, SETTINGS.distance_smoothing)
+    joints = smoothed(body.joint_positions(poses), times, DISTANCE_SMOOTHING)
     turns = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])
     arms = {side: _entries(side, ("clavicle", "shoulder", "elbow")) for side in ARMS}
     moved, weights = np.zeros_like(poses), np.zeros((len(poses), 1))
-    for here, there, late in _pairs(times, SETTINGS.body_seconds):
+    body_seconds = 0.3  # seconds, standard deviation of the Gaussian over the frames that are averaged with a pose
+    body_distance = 0.02  # metres, standard deviation of the Gaussian over the largest joint distance between two poses
+    for here, there, late in _pairs(times, body_seconds):
         far = np.linalg.norm(joints[there] - joints[here], axis=2)
         core = far[:, CORE].max(axis=1)
         way = poses[there] - poses[here]
         way[:, skeleton.ROOT_ROTATION] = (turns[there] * turns[here].inv()).as_rotvec()
-        weight = np.tile(_closeness(core, SETTINGS.body_distance)[:, None], poses.shape[1])
+        weight = np.tile(_closeness(core, body_distance)[:, None], poses.shape[1])
         for side, entries in arms.items():
             own = np.maximum(core, far[:, ARMS[side]].max(axis=1))
-            weight[:, entries] = _closeness(own, SETTINGS.body_distance)[:, None]
+            weight[:, entries] = _closeness(own, body_distance)[:, None]
         moved[here] += late * weight * way
         weights[here] += late
     moved /= weights
@@ -121,7 +96,8 @@ def _hold(body: Body, leg: str, poses: np.ndarray, placed: np.ndarray, span: sli
     sole, entries = Sole.of(body, leg), _entries(leg.split("_")[0], ("hip", "knee", "ankle"))
     ankles = np.array([body.place(pose).origins[sole.joint] for pose in poses[span]])
     rows = np.concatenate([placed[span], ankles[:, None]], axis=1)
-    ramp = _ramp(span, len(poses), frames_in(SETTINGS.blend, times[span]))
+    blend = 0.10  # seconds in which a foot moves to its place and leaves it
+    ramp = _ramp(span, len(poses), frames_in(blend, times[span]))
     targets = rows + ramp[:, None, None] * (resting(rows, times[span]) - rows)
     for target, i in zip(targets, range(span.start, span.stop), strict=True):
         poses[i] = _bent(body, sole, entries, poses[i], target)
@@ -133,10 +109,13 @@ def resting(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
     Each is the mean over the frames that are near in time and in position (a bilateral filter in time, Tomasi and
     Manduchi 1998).
     """
-    own = smoothed(rows, times, SETTINGS.distance_smoothing)
+    own = smoothed(rows, times, DISTANCE_SMOOTHING)
     total, weights = np.zeros_like(rows), np.zeros(rows.shape[:2])
-    for here, there, late in _pairs(times, SETTINGS.foot_seconds):
-        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), SETTINGS.foot_distance)
+    foot_seconds = 1.0  # seconds, as `body_seconds` for a foot in contact
+    # Metres, as `body_distance` for a foot; heel and ball are filtered separately, because the heel rises first.
+    foot_distance = 0.025
+    for here, there, late in _pairs(times, foot_seconds):
+        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), foot_distance)
         total[here] += weight[..., None] * rows[there]
         weights[here] += weight
     return np.asarray(total / weights[..., None])
@@ -174,15 +153,17 @@ def _bent(body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target:
     start, current = pose[entries], pose.copy()
     aim = np.concatenate([target, points(pose)[3:]])
     forward_step = 1e-5  # radians of a forward difference
-    for _ in range(SETTINGS.iterations):
+    stiffness = 0.01  # metres of the sole for a radian of the leg's angles
+    iterations = 3  # Gauss-Newton iterations
+    for _ in range(iterations):
         here = points(current)
         jacobian = np.empty((here.size, len(entries)))
         for k, entry in enumerate(entries):
             nudged = current.copy()
             nudged[entry] += forward_step
             jacobian[:, k] = (points(nudged) - here).ravel() / forward_step
-        system = np.concatenate([jacobian, SETTINGS.stiffness * np.eye(len(entries))])
-        wanted = np.concatenate([(aim - here).ravel(), SETTINGS.stiffness * (start - current[entries])])
+        system = np.concatenate([jacobian, stiffness * np.eye(len(entries))])
+        wanted = np.concatenate([(aim - here).ravel(), stiffness * (start - current[entries])])
         step = np.linalg.lstsq(system, wanted, rcond=None)[0]
         current[entries] = np.clip(current[entries] + step, np.minimum(low, start), np.maximum(high, start))
     return current

@@ -20,23 +20,14 @@ class RiseSettings:
     ----------
     low : fraction of the standing hip height below which a person is down
     high : fraction of the standing hip height above which a person stands
-    smoothing : seconds, standard deviation of the Gaussian over the height of the pelvis
-    onset : fraction of the ascent at which a rise begins
     done : fraction of the ascent at which a rise ends
     seat_tolerance : metres within which the height of the pelvis on a seat varies
-    seat_seconds : seconds that a person sits at least
-    seat_share : smallest time on the seat as a fraction of the ascent; at the bottom of a squat, modelled as a
-        cosine, it is 0.5
     """
 
     low: float = 0.75
     high: float = 0.92
-    smoothing: float = 0.08
-    onset: float = 0.05
     done: float = 0.95
     seat_tolerance: float = 0.02
-    seat_seconds: float = 0.30
-    seat_share: float = 0.60
 
 
 SETTINGS = RiseSettings()
@@ -69,10 +60,11 @@ def rises_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray
     """Return the rises in poses (T, P) in a y-up frame at `times` (T,), seconds; `known` is bool (T,)."""
     standing = -float(soles(body, np.zeros((1, poses.shape[1])))[0, ..., 1].min())
     found: list[Rise] = []
+    smoothing = 0.08  # seconds, standard deviation of the Gaussian over the height of the pelvis
     for span in spans(known):
         ground = soles(body, poses[span])[..., 1].min(axis=(1, 2))
         floor = float(np.percentile(ground, 20))
-        height = smoothed(poses[span, 1] - floor, times[span], SETTINGS.smoothing)
+        height = smoothed(poses[span, 1] - floor, times[span], smoothing)
         found += _rises(height, times[span], standing)
     return tuple(found)
 
@@ -81,6 +73,11 @@ def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]
     """Return the rises in the height (T,) of the hips above the feet."""
     found = []
     low, high = height < SETTINGS.low * standing, height > SETTINGS.high * standing
+    onset = 0.05  # fraction of the ascent at which a rise begins
+    seat_seconds = 0.30  # seconds that a person sits at least
+    # Smallest time on the seat as a fraction of the ascent; at the bottom of a squat, modelled as a cosine, it is
+    # 0.5.
+    seat_share = 0.60
     for down in spans(_until(low, high)):
         if down.stop >= len(height):
             continue  # still down at the end
@@ -90,12 +87,12 @@ def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]
         top = _top(height, max(top, bottom), times)
         lowest, highest = _level(height, bottom, times), float(height[top])
         way = (height[bottom : top + 1] - lowest) / max(highest - lowest, 1e-6)
-        begin = bottom + int(np.flatnonzero(way <= SETTINGS.onset)[-1]) if (way <= SETTINGS.onset).any() else bottom
+        begin = bottom + int(np.flatnonzero(way <= onset)[-1]) if (way <= onset).any() else bottom
         end = bottom + int(np.argmax(way >= SETTINGS.done))
         still = height[down] - height[bottom] < SETTINGS.seat_tolerance
-        start, done = _crossing(way, times, bottom, begin, SETTINGS.onset), float(times[end])
+        start, done = _crossing(way, times, bottom, begin, onset), float(times[end])
         longest = max((s.stop - s.start for s in spans(still)), default=0)
-        seated = longest >= frames_in(max(SETTINGS.seat_seconds, SETTINGS.seat_share * (done - start)), times)
+        seated = longest >= frames_in(max(seat_seconds, seat_share * (done - start)), times)
         found.append(Rise(start, done, lowest, highest, seated))
     return found
 

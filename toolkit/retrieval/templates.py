@@ -20,26 +20,6 @@ WILDCARD = -1
 """Entry of a quantised template that matches any value."""
 
 
-@dataclass(frozen=True)
-class TemplateSettings:
-    """Settings of the learning of a template.
-
-    Attributes
-    ----------
-    rounds : largest number of rounds of warping and averaging
-    tolerance : largest pairwise alignment cost, divided by the template's total weight, at which the rounds stop; 0
-        for the strict variant
-    lightest : weight below which a column is merged with its right neighbour
-    """
-
-    rounds: int = 10
-    tolerance: float = 0.005
-    lightest: float = 0.75
-
-
-SETTINGS = TemplateSettings()
-
-
 @dataclass(frozen=True, eq=False)
 class QuantisedTemplate:
     """Template of zeros, ones and wildcards (thesis 2.3).
@@ -134,10 +114,14 @@ class MotionTemplate:
             raise RetrievalError(f"training clip {empty[0]!r} has no frames; leave it out")
         clips = [(matrix.values.astype(np.float64), np.ones(len(matrix))) for matrix in matrices]
         spread: list[float] = []
-        for _ in range(SETTINGS.rounds):
+        rounds = 10  # largest number of rounds of warping and averaging
+        # Largest pairwise alignment cost, divided by the template's total weight, at which the rounds stop; 0 for the
+        # strict variant.
+        tolerance = 0.005
+        for _ in range(rounds):
             paths, largest = _align_all(clips)
             spread.append(largest / float(clips[0][1].sum()))
-            if spread[-1] <= (0.0 if strict else SETTINGS.tolerance) or spread[-1:] == spread[-2:-1]:
+            if spread[-1] <= (0.0 if strict else tolerance) or spread[-1:] == spread[-2:-1]:
                 break
             clips = [_average(reference, clips, paths, strict) for reference in range(len(clips))]
         return cls(*clips[0], np.array(spread))
@@ -168,7 +152,8 @@ def _average(
             weights += new_weights
     settle = _settled if strict else np.asarray
     mean, weights = expand(settle(total / weights), weights / len(clips))
-    mean, weights = contract(mean, weights, SETTINGS.lightest)
+    lightest = 0.75  # weight below which a column is merged with its right neighbour
+    mean, weights = contract(mean, weights, lightest)
     return expand(settle(mean), weights)
 
 

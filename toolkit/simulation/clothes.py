@@ -21,12 +21,10 @@ class SkirtSettings:
     ----------
     around : number of vertices of each ring
     rings : number of rings from waist to hem
-    loose : metres between a skirt and the skin below it
     """
 
     around: int = 48
     rings: int = 16
-    loose: float = 0.012
 
 
 SETTINGS = SkirtSettings()
@@ -98,7 +96,8 @@ def _with_skirt(body: Body, skirt: Skirt) -> Body:
     angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     below = np.clip((levels[1] - heights) / (levels[1] - heights[-1]), 0.0, 1.0)
-    radii = np.array(rings) + SETTINGS.loose + skirt.flare * body.height * below[:, None]
+    loose = 0.012  # metres between a skirt and the skin below it
+    radii = np.array(rings) + loose + skirt.flare * body.height * below[:, None]
     plan = radii[..., None] * directions
     vertices = np.stack([plan[..., 0], np.broadcast_to(heights[:, None], radii.shape), plan[..., 1]], axis=-1)
     joints, weights = _hanging(body, vertices.reshape(-1, 3))

@@ -25,12 +25,10 @@ class SeatingSettings:
     Attributes
     ----------
     slouch : degrees of backward tilt of the pelvis on a seat
-    neck : height of a seated person's neck above the seat, as a fraction of the stature
     sway : fraction of the root's own rotation that a seated person keeps
     """
 
     slouch: float = 6.0
-    neck: float = 0.30
     sway: float = 0.25
 
 
@@ -44,8 +42,9 @@ def seat_height(body: Body) -> float:
 
 def neck_height(body: Body, *, seated: bool = False) -> float:
     """Height of the neck above the floor of an upright person, metres: at the shoulders."""
+    neck = 0.30  # height of a seated person's neck above the seat, as a fraction of the stature
     if seated:
-        return seat_height(body) + SETTINGS.neck * body.height
+        return seat_height(body) + neck * body.height
     shoulder = body.joints[skeleton.JOINT_NAMES.index("left_shoulder"), 1]
     return float(shoulder - body.vertices[:, 1].min())
 

@@ -23,31 +23,6 @@ ANGLES = slice(6, skeleton.POSE_SIZE)
 ANGLE_COUNT = skeleton.POSE_SIZE - 6
 
 
-@dataclass(frozen=True)
-class ClassMotionSettings:
-    """Settings of the learning of a class motion.
-
-    Attributes
-    ----------
-    pooled_clips : number of clips that the spread over the whole motion counts for, besides that of one column
-    least_spread : radians, smallest standard deviation of an angle
-    lag : columns between the samples of the correlation time, because the difference of neighbours is noise
-    memory_range : seconds, smallest and largest correlation time that a few clips determine
-    rounds : number of alignments of clips, the first by the features alone
-    angle_scale : radians of mean angle difference with the weight of a difference in all features
-    """
-
-    pooled_clips: float = 4.0
-    least_spread: float = 0.03
-    lag: int = 5
-    memory_range: tuple[float, float] = (0.1, 2.0)
-    rounds: int = 3
-    angle_scale: float = 2.0
-
-
-SETTINGS = ClassMotionSettings()
-
-
 class Example(NamedTuple):
     """Clip of a class: its features, and the poses (T, P) of the same columns."""
 
@@ -101,7 +76,8 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
             )
     values, _ = expand(template.values, template.weights)
     warped = [_warped(values, example) for example in examples]
-    for _ in range(SETTINGS.rounds - 1):
+    rounds = 3  # number of alignments of clips, the first by the features alone
+    for _ in range(rounds - 1):
         mean = np.mean(warped, axis=0)
         warped = [_warped(values, example, mean) for example in examples]
     stack = np.stack(warped)
@@ -110,9 +86,9 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
     freedom = max(len(stack) - 1, 1) / max(len(stack), 1)
     variance, pooled = (away**2).mean(axis=0) / freedom, (away**2).mean(axis=(0, 1)) / freedom
     count = len(stack)
-    spread = np.sqrt(
-        (count * variance + SETTINGS.pooled_clips * pooled) / (count + SETTINGS.pooled_clips) + SETTINGS.least_spread**2
-    )
+    pooled_clips = 4.0  # number of clips that the spread over the whole motion counts for, besides that of one column
+    least_spread = 0.03  # radians, smallest standard deviation of an angle
+    spread = np.sqrt((count * variance + pooled_clips * pooled) / (count + pooled_clips) + least_spread**2)
     flat = away.reshape(-1, ANGLE_COUNT)
     return ClassMotion(mean, spread, flat.T @ flat / (len(flat) * freedom), _memory(away))
 
@@ -121,9 +97,10 @@ def _warped(values: np.ndarray, example: Example, mean: np.ndarray | None = None
     """Return the angles (N, A) of a clip on the columns of a template; `mean` (N, A) refines the alignment."""
     own = example.features.values.astype(np.float64)
     angles = example.poses[:, ANGLES]
+    angle_scale = 2.0  # radians of mean angle difference with the weight of a difference in all features
     if mean is not None:
         # The kernel averages over rows: the factor gives the angles their share of the weight.
-        factor = len(own) / (SETTINGS.angle_scale * ANGLE_COUNT)
+        factor = len(own) / (angle_scale * ANGLE_COUNT)
         values = np.concatenate([values, factor * mean.T])
         own = np.concatenate([own, factor * angles.T])
     _, path = dtw.align(
@@ -134,11 +111,13 @@ def _warped(values: np.ndarray, example: Example, mean: np.ndarray | None = None
 
 def _memory(away: np.ndarray) -> float:
     """Return the seconds in which the correlation of deviations (clips, N, A) falls to 1/e."""
-    if away.shape[1] <= SETTINGS.lag:
-        return SETTINGS.memory_range[0]
+    lag = 5  # columns between the samples of the correlation time, because the difference of neighbours is noise
+    memory_range = (0.1, 2.0)  # seconds, smallest and largest correlation time that a few clips determine
+    if away.shape[1] <= lag:
+        return memory_range[0]
     total = float((away**2).mean())
     if total <= 0.0:
-        return SETTINGS.memory_range[1]
-    kept = float((away[:, SETTINGS.lag :] * away[:, : -SETTINGS.lag]).mean()) / total
-    seconds = SETTINGS.lag / FEATURE_RATE / -np.log(min(max(kept, 1e-6), 1.0 - 1e-6))
-    return float(np.clip(seconds, *SETTINGS.memory_range))
+        return memory_range[1]
+    kept = float((away[:, lag:] * away[:, :-lag]).mean()) / total
+    seconds = lag / FEATURE_RATE / -np.log(min(max(kept, 1e-6), 1.0 - 1e-6))
+    return float(np.clip(seconds, *memory_range))

@@ -17,22 +17,8 @@ from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
 from toolkit.retrieval.stored_arrays import StoredKind
 
-
-@dataclass(frozen=True)
-class ReportSettings:
-    """Acceptance of the motions of a model.
-
-    Attributes
-    ----------
-    least_probability : smallest probability of a reported motion
-    shared : largest fraction of a motion's frames that more probable motions may cover
-    """
-
-    least_probability: float = 0.5
-    shared: float = 0.3
-
-
-SETTINGS = ReportSettings()
+LEAST_PROBABILITY = 0.5
+"""Smallest probability of a reported motion."""
 
 RELEARN = "learn it again with `depthmocap learn`"
 KIND = StoredKind("a motion model", 1, RELEARN, {
@@ -72,7 +58,7 @@ class MotionModel:
         """Labels of the classes, sorted."""
         return self.examples.classes
 
-    def annotate(self, features: FeatureMatrix, least: float = SETTINGS.least_probability) -> Annotation:
+    def annotate(self, features: FeatureMatrix, least: float = LEAST_PROBABILITY) -> Annotation:
         """Label a document's frames, the most probable motions first, without overlap.
 
         Parameters
@@ -108,8 +94,9 @@ class MotionModel:
         frames = np.zeros(doubts.shape, dtype=bool)
         segments: list[Segment] = []
         rate = features.frame_rate
+        shared = 0.3  # largest fraction of a motion's frames that more probable motions may cover
         for doubt_of_hit, row, first, stop in sorted(found):
-            if np.count_nonzero(decided[first:stop] >= 0) <= SETTINGS.shared * (stop - first):
+            if np.count_nonzero(decided[first:stop] >= 0) <= shared * (stop - first):
                 frames[row, first:stop] = True
                 decided[first:stop] = np.where(decided[first:stop] < 0, row, decided[first:stop])
                 segments.append(Segment(first / rate, stop / rate, self.labels[row], 1.0 - doubt_of_hit))

@@ -32,17 +32,11 @@ class TrainingSettings:
 
     Attributes
     ----------
-    rounds : number of document sets of each person, easy and hard ones each time
     clips : clips per document
-    speeds : speed factors of the motions of no class
-    one_sided : cost of mirror images, relative to the cost between a class's clips, from which a class is one-sided
     alike : cost by examples of another class, relative to the class's own, below which two classes are similar
     """
 
-    rounds: int = 2
     clips: int = 12
-    speeds: tuple[float, ...] = (0.7, 1.0, 1.4)
-    one_sided: float = 1.5
     alike: float = 1.25
 
 
@@ -135,16 +129,15 @@ def _what_clips_find(
 ) -> dict[str, dict[int, list[Fold]]]:
     """Return per label and fold the measures of places in documents of known truth, and their correctness."""
     symmetric, labels = two_sided(clips), {clip.label for clip in clips}
+    speeds = (0.7, 1.0, 1.4)  # speed factors of the motions of no class
     empty = [
-        Document(side.at_speed(speed))
-        for motion in others
-        for side in (motion, motion.mirrored())
-        for speed in SETTINGS.speeds
+        Document(side.at_speed(speed)) for motion in others for side in (motion, motion.mirrored()) for speed in speeds
     ]
     rows: dict[str, dict[int, list[Fold]]] = {label: {} for label in labels}
+    rounds = 2  # number of document sets of each person, easy and hard ones each time
     steps = [
         (fold, parts, hard)
-        for _ in range(SETTINGS.rounds)
+        for _ in range(rounds)
         for fold, parts in enumerate(folds_of(clips, rng))
         for hard in (False, True)
     ]
@@ -225,6 +218,8 @@ def two_sided(clips: Sequence[CutClip]) -> frozenset[str]:
     """Return the classes whose mirror images cost about as much as their clips cost one another."""
     examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
     found = set()
+    # Cost of mirror images, relative to the cost between a class's clips, from which a class is one-sided.
+    one_sided = 1.5
     for label in examples.classes:
         own = [clip for clip in clips if clip.label == label]
         if len(own) == 1:
@@ -233,7 +228,7 @@ def two_sided(clips: Sequence[CutClip]) -> frozenset[str]:
             [examples.cheapest(label, [clip.features, clip.mirror_features], clip.motion.name) for clip in own]
         )
         straight, mirrored = np.median(costs, axis=0)
-        if mirrored <= SETTINGS.one_sided * straight:
+        if mirrored <= one_sided * straight:
             found.add(label)
     return frozenset(found)
 

@@ -31,24 +31,8 @@ from toolkit.retrieval.learning.genetic import (
 )
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
-
-@dataclass(frozen=True)
-class ExtractionSettings:
-    """Settings of the extraction of keyframes from genetic runs.
-
-    Attributes
-    ----------
-    reach : largest distance in template columns of keyframes that count as the same one
-    keyframes : largest number of extracted keyframes
-    shares : fractions of the runs' keyframes around a column from which an entry is extracted; the best one is kept
-    """
-
-    reach: int = 2
-    keyframes: int = 3
-    shares: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
-
-
-SETTINGS = ExtractionSettings()
+KEYFRAME_COUNT = 3
+"""Largest number of extracted keyframes."""
 
 
 @dataclass(frozen=True)
@@ -321,15 +305,18 @@ def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator
     Keyframes are at the columns with most runs, apart from each other. A keyframe has the entries on which the given
     fraction of the runs' keyframes around its column agree.
     """
-    box = np.ones(2 * SETTINGS.reach + 1)
+    reach = 2  # largest distance in template columns of keyframes that count as the same one
+    box = np.ones(2 * reach + 1)
     votes, counts = votes_of(solutions, length)
     votes = np.apply_along_axis(np.convolve, -1, votes, box, "same")[..., :length]
     counts = np.convolve(counts, box, "same")[:length]
     tried = set()
-    for wanted in range(BreedingSettings.fewest_keyframes, SETTINGS.keyframes + 1):
-        apart = max(SETTINGS.reach + 1, length // (3 * wanted))
+    # Fractions of the runs' keyframes around a column from which an entry is extracted; the best one is kept.
+    shares = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+    for wanted in range(BreedingSettings.fewest_keyframes, KEYFRAME_COUNT + 1):
+        apart = max(reach + 1, length // (3 * wanted))
         positions = _peaks(counts, wanted, apart)
-        for share in SETTINGS.shares:
+        for share in shares:
             keyframes = []
             for n in positions:
                 column = np.where(votes[1, :, n] > votes[0, :, n], 1, 0)

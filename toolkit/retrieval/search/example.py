@@ -20,33 +20,6 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.find import Match
 
 
-@dataclass(frozen=True)
-class ExampleSettings:
-    """Settings of the search by example.
-
-    Attributes
-    ----------
-    refined_frames : frames by which a hit may change on each side in the second step
-    spare_hits : number of additional hits in the second step, because some become worse or coincide
-    shortest : coarse columns of the shortest example, about half a second
-    places_weight : weight of the limb positions in a cost; the rest is the weight of the grades. More is slightly
-        better for mocap and much worse for Kinect skeletons, whose idle limbs vary between people. Tuned on HDM05
-        actors bd and bk with easy and hard filler and on UTD-MHAD subjects 1 and 3
-    duration_cost : cost of a match that is e times longer or shorter than the example, tuned likewise
-    longest : frames of the longest example, 100 seconds; it takes a minute for an hour of documents
-    """
-
-    refined_frames: float = 2 * BLOCK_COLUMNS
-    spare_hits: int = 10
-    shortest: int = 4
-    places_weight: float = 0.5
-    duration_cost: float = 0.02
-    longest: int = 3000
-
-
-SETTINGS = ExampleSettings()
-
-
 @dataclass(frozen=True, eq=False)
 class SearchExample:
     """Example of a search.
@@ -73,10 +46,12 @@ class SearchExample:
         RetrievalError
             The example is too short or too long.
         """
-        if not (SETTINGS.shortest - 1) * BLOCK_COLUMNS < len(features) <= SETTINGS.longest:
+        shortest = 4  # coarse columns of the shortest example, about half a second
+        longest = 3000  # frames of the longest example, 100 seconds; it takes a minute for an hour of documents
+        if not (shortest - 1) * BLOCK_COLUMNS < len(features) <= longest:
             raise RetrievalError(
                 f"the example {features.name!r} lasts {features.duration:.2f} s; give between "
-                f"{SETTINGS.shortest * BLOCK_COLUMNS / FEATURE_RATE:.2f} and {SETTINGS.longest / FEATURE_RATE:.0f} s"
+                f"{shortest * BLOCK_COLUMNS / FEATURE_RATE:.2f} and {longest / FEATURE_RATE:.0f} s"
             )
         return cls(features.name, features.grades, features.places, importance(features.grades))
 
@@ -103,9 +78,14 @@ def search_example(index: KeyframeIndex, example: SearchExample, limit: int, thr
     columns, starts = index.coarse
     template = _Template.of(coarse(example.grades), example.weights)
     costs, origins = graded_distances(template.columns, template.weights, columns, starts)
-    hits = distinct_hits(costs, origins, starts, np.inf, limit + SETTINGS.spare_hits)
+    spare_hits = 10  # number of additional hits in the second step, because some become worse or coincide
+    hits = distinct_hits(costs, origins, starts, np.inf, limit + spare_hits)
+    # Weight of the limb positions in a cost; the rest is the weight of the grades. More is slightly better for mocap
+    # and much worse for Kinect skeletons, whose idle limbs vary between people. Tuned on HDM05 actors bd and bk with
+    # easy and hard filler and on UTD-MHAD subjects 1 and 3.
+    places_weight = 0.5
     weights = np.concatenate(
-        [(1.0 - SETTINGS.places_weight) * example.weights, SETTINGS.places_weight * places.importance(example.places)]
+        [(1.0 - places_weight) * example.weights, places_weight * places.importance(example.places)]
     )
     fine = _Template.of(np.concatenate([example.grades, example.places]), weights)
     found = [_refined(index, fine, int(d), int(first), int(last)) for d, first, last in hits]
@@ -143,12 +123,14 @@ class _Template:
 def _refined(index: KeyframeIndex, template: _Template, document: int, first: int, last: int) -> Match:
     """Return the best alignment around a hit of coarse columns `first` to `last` of a document."""
     offset, end = (int(frame) for frame in index.document_starts[document : document + 2])
-    stop = min(BLOCK_COLUMNS * (last + 1) + SETTINGS.refined_frames, end - offset)
-    begin = max(min(BLOCK_COLUMNS * first - SETTINGS.refined_frames, stop - len(template.columns)), 0)
+    refined_frames = 2 * BLOCK_COLUMNS  # frames by which a hit may change on each side in the second step
+    stop = min(BLOCK_COLUMNS * (last + 1) + refined_frames, end - offset)
+    begin = max(min(BLOCK_COLUMNS * first - refined_frames, stop - len(template.columns)), 0)
     rows = slice(offset + begin, offset + stop)
     piece = np.concatenate([index.grades[rows], index.places[rows]], axis=1)
     costs, starts = graded_distances(template.columns, template.weights, piece, np.array([0, len(piece)]))
     best = int(costs.argmin())
     start, stop = int(starts[best]), best + 1
-    cost = float(costs[best]) + SETTINGS.duration_cost * abs(math.log((stop - start) / len(template.columns)))
+    duration_cost = 0.02  # cost of a match that is e times longer or shorter than the example, tuned likewise
+    cost = float(costs[best]) + duration_cost * abs(math.log((stop - start) / len(template.columns)))
     return Match(index.names[document], (begin + start) / FEATURE_RATE, (begin + stop) / FEATURE_RATE, cost)

@@ -19,25 +19,6 @@ from toolkit.simulation.interiors.mesh import Mesh, joined
 from toolkit.simulation.interiors.pieces import PIECES, Piece, chair, desk, office_chair, shifted, table
 
 
-@dataclass(frozen=True)
-class InteriorSettings:
-    """Tiles and distances of a room.
-
-    Attributes
-    ----------
-    tile : metres, edge of the tiles of walls and floor; tiles beside the camera are not drawn
-    camera_distance : metres, free distance around the camera
-    piece_distance : metres, smallest distance of two pieces of furniture
-    """
-
-    tile: float = 0.5
-    camera_distance: float = 0.55
-    piece_distance: float = 0.03
-
-
-SETTINGS = InteriorSettings()
-
-
 class Standing(NamedTuple):
     """Placed piece: its kind, its parts, and the corners (2, 2) of its footprint, x and z, metres."""
 
@@ -139,7 +120,8 @@ def furnished(
         share = rng.random(3)
         low = (least - share * spare) * (1, 0, 1)
         high = np.array([0.0, max(height, most[1]), 0.0]) + (most + (1.0 - share) * spare) * (1, 0, 1)
-    occupied = [] if camera is None else [np.array(camera) + SETTINGS.camera_distance * np.array([[-1, -1], [1, 1]])]
+    camera_distance = 0.55  # metres, free distance around the camera
+    occupied = [] if camera is None else [np.array(camera) + camera_distance * np.array([[-1, -1], [1, 1]])]
     standing: list[Standing] = []
     for name, piece in plan.furnish(low, high, rng):
         points = np.concatenate([part.mesh.vertices for part in piece])
@@ -154,10 +136,8 @@ def furnished(
 
 
 def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
-    return bool(
-        (first[0] < second[1] + SETTINGS.piece_distance).all()
-        and (second[0] < first[1] + SETTINGS.piece_distance).all()
-    )
+    piece_distance = 0.03  # metres, smallest distance of two pieces of furniture
+    return bool((first[0] < second[1] + piece_distance).all() and (second[0] < first[1] + piece_distance).all())
 
 
 def _distance(footprint: np.ndarray, places: np.ndarray) -> float:
@@ -180,7 +160,8 @@ def _shell(low: np.ndarray, high: np.ndarray) -> list[Mesh]:
 
 def _tiles(corner: np.ndarray, first: np.ndarray, second: np.ndarray) -> Mesh:
     """Return a rectangle from a corner along two edges; its front has `second` to the right of `first`."""
-    rows, columns = (max(1, int(np.ceil(length / SETTINGS.tile))) for length in lengths(np.stack([first, second])))
+    tile = 0.5  # metres, edge of the tiles of walls and floor; tiles beside the camera are not drawn
+    rows, columns = (max(1, int(np.ceil(length / tile))) for length in lengths(np.stack([first, second])))
     a, b = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     vertices = corner + a.reshape(-1, 1) * first + b.reshape(-1, 1) * second
     cell = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
