@@ -34,6 +34,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "swarm suite": MOCAP,
     "upper track": MOCAP,
     "upper track --real": ("skeltrack", "realsense"),
+    "upper speed": ("skeltrack", "realsense"),
 }
 """Script, script and part, or these and `--real` -> data sets; benchmarks that are not listed read bundled motions."""
 
