@@ -51,7 +51,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 """Row -> shipped settings and overrides; a single override equals one `--set`.
 
-`local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
+`local` takes only its first pose from the lookup. `baak2013` and its two halves are the paper's own
 tracker (Fig. 5.12); `baak2013 mixed` keeps the contour as the hybrid tracker does (5.3.1).
 """
 
@@ -72,7 +72,7 @@ class WatchedSearch(LocalSearch):
 
     Attributes
     ----------
-    said : pose (P,) of the last frame, or None where there was none to go on from
+    said : pose (P,) of the last frame, None without a previous pose
     """
 
     said: np.ndarray | None = None
@@ -115,7 +115,7 @@ class WatchedTracker(HybridTracker):
 
     Attributes
     ----------
-    local_joints : what the last follower's local hypotheses said, see `WatchedFollower`
+    local_joints : local hypotheses of the last follower, see `WatchedFollower`
     """
 
     kind = WatchedFollower

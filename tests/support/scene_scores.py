@@ -33,9 +33,9 @@ class SceneScore:
     Attributes
     ----------
     name : of the recording
-    errors : float64 (T, N, 20), metres, capped at 1 m, which is also the error of who is not found; NaN = truth unknown
+    errors : float64 (T, N, 20), metres, capped at 1 m, also the error of a missed person; NaN = truth unknown
     seen : bool (T, N, 20), what the camera sees (`visible_joints`)
-    confidence : float64 (T, N, 20), NaN for who is not found
+    confidence : float64 (T, N, 20), NaN for a missed person
     identities : matches and counts within the gate
     delays : float64 (N,), seconds from a person's coming to their being found, inf = never, NaN = never there
     numbers_right : bool (T,), whether as many are reported as there are

@@ -71,7 +71,7 @@ def fetch_data_set(data_set: DataSet | str, folder: str | Path | None = None, *,
 
 
 def by_hand(data_set: DataSet, folder: Path) -> str:
-    """Return the sentence that tells how a data set without an address is obtained."""
+    """Return the instructions for a data set without an address."""
     page = f" from {data_set.page}" if data_set.page else ""
     return (
         f"the data set {data_set.name} cannot be fetched by this command (licence: {data_set.licence}). "

@@ -33,7 +33,7 @@ class JointAgreement:
     Attributes
     ----------
     joint : reported joint
-    frames : frames in which both know it
+    frames : number of frames in which both have it
     mean, rms, median, p95 : of the distance
     bias : mean difference (track minus markers), axes of the level frame: x right, y up, z towards the camera
     limits : half width of the 95 % limits of agreement on each axis
@@ -58,7 +58,7 @@ class AngleAgreement:
     Attributes
     ----------
     angle : name
-    frames : frames in which both know it
+    frames : number of frames in which both have it
     bias, sd, rms : of the difference
     lower, upper : 95 % limits of agreement
     correlation : Pearson's r, NaN where the angle does not move

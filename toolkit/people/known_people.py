@@ -31,7 +31,7 @@ class KnownPeople:
     Parameters
     ----------
     lens : of the coarse frames in which they are found
-    most : how many are told apart; later ones are left out
+    most : maximum number of tracked people; later ones are left out
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ def live_finder(
     first : a recording of the first frame, with the background if there is one
     sensing : how depth is segmented and cleaned
     people : number of people, None = all
-    judge : tells people from furniture
+    judge : person classifier
 
     Raises
     ------
@@ -72,7 +72,7 @@ class RoomLearningFinder:
     finder : of all people, before its first frame
     sensing : how depth is cleaned
     first : recording with the camera of the frames
-    judge : tells people from furniture
+    judge : person classifier
     floor : y of the floor, metres, level frame, None where it is not known
     """
 

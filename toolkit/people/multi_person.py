@@ -354,7 +354,7 @@ class MultiPersonFinder:
     def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
         """Return True if the surface below a head candidate is certainly a person's, who then counts at once.
 
-        Before a known background carried things move, too: its shape or the judge says what moves there. In a cut out
+        In front of a known background carried objects move too: shape or classifier decide. In a segmented
         recording all of the first frame is people. In an unknown room candidates were chosen by the same evidence.
         """
         if surroundings.cut_out:

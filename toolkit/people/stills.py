@@ -22,7 +22,7 @@ def people_and_furniture(
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """Return people and furniture with a head in a single image of a room.
 
-    A person's shape is evidence as the judge's word is: who holds an arm before the face has none. `floor` is its y,
+    Shape and classifier are evidence: a person with an arm in front of the face has no such shape. `floor` is its y,
     metres, level frame, where it is known.
 
     Returns

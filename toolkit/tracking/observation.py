@@ -94,7 +94,7 @@ class Observation:
     ----------
     cloud : the person's points, level frame
     timestamp : seconds
-    unobserved : bool (H, W), pixels that say nothing about the person, or None
+    unobserved : bool (H, W), pixels without information about the person, or None
     joints : the person's joints in the image, in pixels of the cloud's camera, or None
     observer : how it is looked at
     follows : the frame before has a pose. It has none on a first frame, after a loss, and where the person was out of

@@ -89,7 +89,7 @@ class BodyLearner(Protocol):
 
     Attributes
     ----------
-    found : whether it knows where the person is, so that it can be asked for `predicted`
+    found : True once the person was found, so that `predicted` is available
     body : as learnt so far; None before the first sighting
     result : of the last sighting that was taken in, with the body as learnt until then; None before the first one, and
         always for a learner that does not follow the person
@@ -188,7 +188,7 @@ class JudgesPeople(Protocol):
 
     Attributes
     ----------
-    judge : says how likely pixels are of a person; None cannot tell
+    judge : person classifier of pixels, or None
     """
 
     @property
@@ -208,8 +208,8 @@ class LooksBack(Tracker, Protocol):
 
     Attributes
     ----------
-    passes : 1 or 2, how often it wants to
-    priors : terms in the pose vector, which say how likely a pose is before a frame is looked at
+    passes : number of passes, 1 or 2
+    priors : terms in the pose vector, the prior of a pose
     """
 
     @property

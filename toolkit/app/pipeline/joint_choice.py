@@ -66,7 +66,7 @@ def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> Join
     Parameters
     ----------
     recording : after `give_joints`
-    choice : what the user said
+    choice : option of the user
     wanted : use of joints by the tracker, see `Tracker.joints_wanted`
 
     Raises

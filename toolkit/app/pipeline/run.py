@@ -63,7 +63,7 @@ class Job(NamedTuple):
     recording : read frame by frame
     tracker : makes a follower for each person
     people : maximum number of tracked people; None = all
-    joints : tells where their joints are in the image
+    joints : source of image joints
     """
 
     recording: Recording

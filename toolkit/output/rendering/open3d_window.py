@@ -35,8 +35,6 @@ logger = logging.getLogger(__name__)
 
 WINDOW_SIZE = (1280, 800)
 """Width and height of the window, pixels."""
-MOST_POINTS = 20_000
-"""Number of measured points that are shown: with more, they cover the skeletons within the bodies."""
 
 
 def view_run(run: str | Path, recording: str | Path | None = None) -> None:
@@ -124,10 +122,12 @@ class RunWindow:
         for name in [f"{layer}{k}" for layer in ("body", "bones", "joints") for k in range(len(self._people))]:
             scene.remove_geometry(name)
         scene.remove_geometry("cloud")
+        # Number of measured points that are shown: with more, they cover the skeletons within the bodies.
+        most_points = 20_000
         if self._recording is not None and self._layers["measured cloud"].checked:
             cloud = cloud_geometry(self._recording.depth(frame), self._recording.camera, self._recording.color(frame))
             if len(cloud.points):
-                every = -(-len(cloud.points) // MOST_POINTS)
+                every = -(-len(cloud.points) // most_points)
                 scene.add_geometry("cloud", cloud.uniform_down_sample(every), self._materials["cloud"])
         bodies = body_geometries(self._people, frame)
         for label in self._labels:

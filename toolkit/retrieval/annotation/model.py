@@ -17,9 +17,6 @@ from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
 from toolkit.retrieval.stored_arrays import StoredKind
 
-LEAST_PROBABILITY = 0.5
-"""Smallest probability of a reported motion."""
-
 RELEARN = "learn it again with `depthmocap learn`"
 KIND = StoredKind("a motion model", 1, RELEARN, {
     "columns": Column("i", ("S", len(FEATURES)), -128, 127),
@@ -58,7 +55,7 @@ class MotionModel:
         """Labels of the classes, sorted."""
         return self.examples.classes
 
-    def annotate(self, features: FeatureMatrix, least: float = LEAST_PROBABILITY) -> Annotation:
+    def annotate(self, features: FeatureMatrix, least: float = 0.5) -> Annotation:
         """Label a document's frames, the most probable motions first, without overlap.
 
         Parameters

@@ -31,9 +31,6 @@ from toolkit.retrieval.learning.genetic import (
 )
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
-KEYFRAME_COUNT = 3
-"""Largest number of extracted keyframes."""
-
 
 @dataclass(frozen=True)
 class LearningSettings:
@@ -313,7 +310,8 @@ def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator
     tried = set()
     # Fractions of the runs' keyframes around a column from which an entry is extracted; the best one is kept.
     shares = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
-    for wanted in range(BreedingSettings.fewest_keyframes, KEYFRAME_COUNT + 1):
+    keyframe_count = 3  # largest number of extracted keyframes
+    for wanted in range(BreedingSettings.fewest_keyframes, keyframe_count + 1):
         apart = max(reach + 1, length // (3 * wanted))
         positions = _peaks(counts, wanted, apart)
         for share in shares:

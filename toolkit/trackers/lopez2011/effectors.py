@@ -98,7 +98,7 @@ def find_effectors(
     ----------
     cloud : level frame
     settings : how many, and of what kind
-    unobserved : bool (H, W), pixels that say nothing about the person, or None
+    unobserved : bool (H, W), pixels without information about the person, or None
     workspace : kept from frame to frame, it saves the allocations
 
     Raises

@@ -29,7 +29,7 @@ class HeadHandSettings:
 
     Attributes
     ----------
-    effectors : how head and hands are looked for where nothing is known of the person yet
+    effectors : search for head and hands without a previous pose
     initial : settings of the first pose; fewer rounds than in the particle filter, because the pose is refined
     particles : how it is filtered
     """

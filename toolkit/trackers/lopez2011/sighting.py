@@ -34,7 +34,7 @@ class UpperSighting:
     ----------
     cloud : level frame
     coarse, fine : the images that trunks and arms are weighed in
-    unobserved : bool (h, w), pixels of the cloud that say nothing about the upper body, or None
+    unobserved : bool (h, w), pixels of the cloud without information about the upper body, or None
     points : measured pixels of the person in the whole sighting
     """
 

@@ -14,9 +14,6 @@ from toolkit.kernels import linear
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011.upper import arm_of
 
-HEAD_TO_SHOULDERS = 0.16
-"""Minimum distance of the shoulders below the crown, metres; the head itself widens faster."""
-
 
 def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
     """Return the most probable body for measured shoulder widths and arm lengths, metres; None without any.
@@ -90,7 +87,8 @@ def shoulder_breadth(cloud: Cloud) -> float | None:
     steepest = 1.0  # minimum width gain per height of a prominent maximum
     shoulder_rows = 0.06  # distance below the maximum in which the outermost points are taken, metres
     breadths = (0.25, 0.60)  # range of valid silhouette widths, metres; raised arms exceed it
-    for row in range(int(HEAD_TO_SHOULDERS / bin), count - 1):
+    head_to_shoulders = 0.16  # minimum distance of the shoulders below the crown, metres; the head itself widens faster
+    for row in range(int(head_to_shoulders / bin), count - 1):
         if growth[row] >= max(growth[row - 1], growth[row + 1], steepest):
             breadth = float(np.median(widths[row : row + int(shoulder_rows / bin)]))
             return breadth if breadths[0] <= breadth <= breadths[1] else None

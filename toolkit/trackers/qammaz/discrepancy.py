@@ -77,7 +77,7 @@ class SeenJoints(NamedTuple):
     Attributes
     ----------
     slopes : float64 (20, 2), x/z and y/z of their rays
-    points : float64 (20, 3), camera frame, metres, NaN where nothing is known of the distance
+    points : float64 (20, 3), camera frame, metres, NaN for an unknown distance
     confidence : float64 (20,), in [0, 1]; 0 for a joint without detection
     """
 

@@ -94,7 +94,7 @@ class SwarmSearch:
     Parameters
     ----------
     objective, refiner : compare what it finds with the frame, and refine it
-    first_only : it speaks only where there is no previous pose and joints were seen
+    first_only : propose only without a previous pose and with detected joints
     """
 
     name = "swarm"

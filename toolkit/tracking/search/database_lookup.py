@@ -69,7 +69,7 @@ class DatabaseLookup:
 
     Parameters
     ----------
-    queries : ways to ask the database
+    queries : queries of the database
     objective, refiner : compare the answers with the frame, and refine
     """
 
