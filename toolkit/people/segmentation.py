@@ -106,7 +106,7 @@ class Segmenter:
         Raises
         ------
         SegmentationError
-            The person cannot be told from the scene, or there are several in the first frame that shows any.
+            The person cannot be separated from the scene, or there are several in the first frame that shows any.
         """
         if self._mode.name == "empty-frames" and not self._learnt(depth):
             return self._padded, None

@@ -94,7 +94,7 @@ class SinglePersonSegmenter:
         RecordingError
             The frame has another size or type.
         SegmentationError
-            The person cannot be told from the scene, or there are several; the message names the option that helps.
+            The person cannot be separated from the scene, or there are several; the message names an option.
         """
         return self._cut(depth_mm)[0]
 

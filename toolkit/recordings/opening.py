@@ -21,7 +21,7 @@ from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camer
 from toolkit.sensing.recording import Recording, memory_path
 
 UNCONNECTED = 0.2
-"""Frames a second of photographs: so far apart that no frame says anything of another."""
+"""Frame rate of photographs: so low that no frame has information about another."""
 
 logger = logging.getLogger(__name__)
 

@@ -45,10 +45,9 @@ class Observer:
     samples : measured points of the scene, see `Scene`
     network : estimates the joints of a person from one frame; None for no estimate
     guide : what is known besides the depth
-    vote_pull : weight of a joint that the votes are sure of against one correspondence, where it is not known yet how
-        large the person is or where they stand; 0 = none
-    learning : whether the body is being learnt, so that this holds for all frames: clothes hide a size as well as
-        furniture does
+    vote_pull : weight of a certain vote relative to one correspondence while size or place of the person is unknown;
+        0 = none
+    learning : True while the body is learnt; votes then have this weight in all frames, because clothes hide the size
     body : how much of a person there is to see: "auto", "whole" or "upper", see `HybridSettings`
     scene : finds correspondences, see `open3d_scene.SCENES`
     told_joints : whether joints in the image are evidence in every frame, those on the person's own pixels
@@ -96,10 +95,9 @@ class Observation:
     timestamp : seconds
     unobserved : bool (H, W), pixels without information about the person, or None
     joints : the person's joints in the image, in pixels of the cloud's camera, or None
-    observer : how it is looked at
-    follows : the frame before has a pose. It has none on a first frame, after a loss, and where the person was out of
-        sight for a moment: there the searches are told the last pose as one guess of several, and all guesses are
-        compared with this one observation, which believes none of them
+    observer : settings and tools
+    follows : True if the previous frame has a pose; False in a first frame, after a loss and after a short absence,
+        when the last pose is one hypothesis of several
     scale : size of the person against an adult
     """
 

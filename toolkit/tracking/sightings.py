@@ -105,7 +105,7 @@ class SightingFile:
     OutputError
         The folder cannot be written.
     TrackError
-        What is there are no sightings, or not so many.
+        The files hold no sightings, or fewer than `frames`.
     """
 
     def __init__(self, folder: Path, camera: Camera, frames: int = 0) -> None:

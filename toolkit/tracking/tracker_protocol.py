@@ -138,9 +138,8 @@ class Tracker(Protocol):
     stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
     source_names : of the hypotheses that can win, indexed by `FrameResult.source`
     learning_seconds : how long a person is seen before a body is learnt and the first row is written; 0 = no body is
-    joints_wanted : what it does with joints in the image: "none" has no use for them, "offered" uses those that the
-        recording or the user brings, "welcome" also has them detected where that can be done, "required" is nothing
-        without them unless the user says so
+    joints_wanted : use of image joints: "none" ignores them, "offered" uses those of the recording or the user,
+        "welcome" also detects them if possible, "required" needs them unless the user declines
     """
 
     database: str

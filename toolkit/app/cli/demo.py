@@ -52,7 +52,7 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     output : folder of all files; replaces an earlier demo
     seed : of the motions, the sensor noise and the subject's shape
     seconds : of each of the motions
-    show : told what is going on
+    show : called with each step
 
     Raises
     ------

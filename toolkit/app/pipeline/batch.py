@@ -53,7 +53,7 @@ def track_recordings(
     workers : number of single-threaded processes. 1 = this process, which reports the progress of each recording; None
         = as given by the surrounding `joblib.parallel_config`
     overwrite : track again what is finished, and replace runs of other recordings or settings
-    progress : told after each recording, too
+    progress : also called after each recording
 
     Returns
     -------

@@ -117,8 +117,8 @@ def track_recording(
         selected by the settings, in `run` itself
     resume : continue an unfinished run; a finished one is left unchanged
     warm_up : track the first frames once more at the start, so that no compilation is timed
-    progress : told what is going on
-    watcher : told every row of the one person who is followed, as it is written
+    progress : called as the run advances
+    watcher : called with each row of a single tracked person
     joints : where joints in the image are to come from
     made_of : recipe of the tracker: its files, which no run may replace; default: its database
     workers : number of processes that share the people in the second pass; needs `made_of`

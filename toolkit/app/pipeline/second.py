@@ -38,7 +38,7 @@ SHARED_FRAMES = 2000
 """Frames in which people are in sight, summed over them, from which on worker processes share them: 20 to 40 s of
 processor time; a process takes 3.5 s to start."""
 POLL_SECONDS = 0.2
-"""Interval between two looks at the worker processes, seconds."""
+"""Interval between two checks of the worker processes, seconds."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")
 """Environment variables that keep a worker process to one thread."""
 

@@ -103,7 +103,7 @@ def render_people(
     output : the file; a name without suffix is a folder
     frames : indices of the frames; default: all
     rate : frame rate of the film; default: that of the recording
-    progress : told after every frame
+    progress : called after every frame
 
     Raises
     ------

@@ -39,7 +39,7 @@ def write_report(
     recording : where the recording of the one run has been moved to
     references : references of the errors, see `evaluate_runs`; default: the recording of each run
     frames : range of frames; default: the first 3,000
-    progress : told what is going on
+    progress : called as the page is made
 
     Raises
     ------

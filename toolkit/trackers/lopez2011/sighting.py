@@ -66,7 +66,7 @@ class UpperViewer:
     camera : of the sightings
     level_rotation : R_level_camera, float64 (3, 3)
     settings : resolutions
-    limits : beyond which nothing is looked at
+    limits : bounds of the used points
     """
 
     def __init__(self, camera: Camera, level_rotation: np.ndarray, settings: ParticleSettings, limits: Limits) -> None:

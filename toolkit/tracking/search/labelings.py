@@ -33,8 +33,8 @@ class LookupSettings:
     jump_speed : metres per second; an extremum that is farther from every extremum of the frame before than this lets
         it come has jumped. The paper leaves it open; a fast hand
     balance : lambda of Eq. 5.6, the paper's
-    candidate_distance : metres; an extremum within this of where an end effector is expected is a candidate for it; 0
-        = the first five extrema alone are asked for, as in the paper
+    candidate_distance : metres; an extremum within this distance of an expected end effector is a candidate for it; 0
+        = queries by the first five extrema only, as in the paper
     """
 
     search: Literal["leaves", "open3d"] = "leaves"
