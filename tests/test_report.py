@@ -19,6 +19,7 @@ from tests.chromium import Page, browser
 from tests.run_helpers import TURN, write_people, write_run
 from tests.sensing_scenes import KINECT, neutral, standing
 from toolkit.app.cli.main import main
+from toolkit.io import html
 from toolkit.io.errors import TrackError, UsageError
 from toolkit.io.files import sha256_of
 from toolkit.output.report.clouds import STORED_UNIT, gather_clouds
@@ -212,6 +213,14 @@ def test_on_a_narrow_screen_the_page_is_as_wide_as_the_screen_and_keys_work_afte
             "new KeyboardEvent('keydown', { key: 'ArrowRight', bubbles: true }))"
         )
         page.wait_for("document.body.dataset.frame === '1'")
+
+
+def test_wide_tables_of_other_pages_scroll_on_a_narrow_screen(tmp_path: Path) -> None:
+    (tmp_path / "page.html").write_text(html.page("page", [html.table(["column"] * 20, [["12345"] * 20])]))
+    with browser() as page:
+        page.resize(400, 800)
+        page.open((tmp_path / "page.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
 
 
 def test_the_viewer_in_the_package_is_what_its_script_builds(tmp_path: Path) -> None:

@@ -15,13 +15,18 @@ if TYPE_CHECKING:
 _STYLE = """body{font:15px/1.5 sans-serif;max-width:72em;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
-.ok{color:#060}.no{color:#a00}"""
+.ok{color:#060}.no{color:#a00}
+@media(max-width:600px){table{display:block;overflow-x:auto}}"""
 
 
 def page(name: str, parts: Iterable[str], *, about: str = "") -> str:
     """Return a page with a title, a heading (the name and what the page is `about`) and HTML parts."""
     title = escape(name)
-    head = f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{title}</title><style>{_STYLE}</style>"
+    head = (
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>{title}</title><style>{_STYLE}</style>"
+    )
     return "\n".join([head, f"</head><body><h1>{title}{about}</h1>", *parts]) + "</body></html>\n"
 
 
