@@ -59,6 +59,7 @@ COMMANDS: dict[str, str] = {
     "scan": "swarm scan",
     "realsense": "joints followed --rows 'swarm,hybrid,not told' --database {database}",
     "upper_real": f"upper track --real --database {PACKAGED}",
+    "upper_real_lopez2011": "upper track --real --rows lopez2011",
     "upper_report_lopez2011": "upper track --split report --rows lopez2011",
     "upper_speed": "upper speed",
     "upper_report_hybrid": "upper track --split report --rows hybrid --recovery --database {database}",
