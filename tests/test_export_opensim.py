@@ -53,7 +53,7 @@ def test_without_a_model_the_files_and_the_commands_are_given(
 ) -> None:
     export_run(run, tmp_path / "osim", format="opensim")
     assert {path.name for path in (tmp_path / "osim").iterdir()} == {"markers.trc", "motion.mot", "motion_markers.xml"}
-    assert "pip install opensim" in caplog.text
+    assert "pip install 'depthmocap[opensim]'" in caplog.text
     with pytest.raises(UsageError, match="--format opensim"):
         export_run(run, tmp_path / "walk.bvh", model="a.osim")
 

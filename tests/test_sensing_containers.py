@@ -136,7 +136,7 @@ def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(UsageError, match=r"pip install .depthmocap.ros"):
         open_recording(path)
     monkeypatch.setitem(sys.modules, "lzfse", None)
-    with pytest.raises(UsageError, match=r"pip install lzfse"):
+    with pytest.raises(UsageError, match=r"pip install .depthmocap.record3d"):
         open_recording(phone_recording(tmp_path / "a.r3d", b""))
 
 

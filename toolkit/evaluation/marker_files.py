@@ -149,7 +149,7 @@ def _read_c3d(file: Path) -> MarkerRecording:
     try:
         import ezc3d
     except ImportError as error:
-        raise UsageError("C3D files need the package ezc3d; type `pip install ezc3d`") from error
+        raise UsageError("C3D files need the package ezc3d; type `pip install 'depthmocap[c3d]'`") from error
     try:
         content = ezc3d.c3d(str(file))
         parameters = content["parameters"]["POINT"]

@@ -29,7 +29,7 @@ def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     try:
         import ezc3d
     except ImportError as error:
-        raise UsageError("C3D files need the package ezc3d; type `pip install ezc3d`") from error
+        raise UsageError("C3D files need the package ezc3d; type `pip install 'depthmocap[c3d]'`") from error
     rate, lengths = people[0].frame_rate(), {len(person.track) for person in people}
     if len(lengths) > 1:
         raise UsageError(f"the tracks have {sorted(lengths)} frames; a C3D file holds people of one recording")

@@ -101,8 +101,9 @@ def export_opensim(folder: str | Path, person: Person, model: str | Path | None,
     export_trc(target / "markers.trc", person)
     export_mot(target / "motion.mot", person)
     logger.warning(
-        "no model was scaled: type `pip install opensim`, then `depthmocap export RUN --format opensim --model "
-        "FILE.osim --output FOLDER`; or add motion_markers.xml to your model in OpenSim and scale it by markers.trc"
+        "no model was scaled: type `pip install 'depthmocap[opensim]'`, then `depthmocap export RUN --format opensim "
+        "--model FILE.osim --output FOLDER`; or add motion_markers.xml to your model in OpenSim and scale it by "
+        "markers.trc"
     )
 
 
@@ -125,7 +126,7 @@ def solve(person: Person, model: Path, folder: Path, mass: float | None = None) 
     """
     opensim = _package()
     if opensim is None:
-        raise UsageError("scaling a model needs the package opensim; type `pip install opensim`")
+        raise UsageError("scaling a model needs the package opensim; type `pip install 'depthmocap[opensim]'`")
     opensim.Logger.setLevelString("off")
     opensim.Logger.removeFileSink()  # else it writes opensim.log into the working folder
     try:

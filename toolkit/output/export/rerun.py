@@ -48,7 +48,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
         import rerun as rr
         import rerun.blueprint as views
     except ImportError as error:
-        raise UsageError("rerun files need its package; type `pip install '.[rerun]'` in the project") from error
+        raise UsageError("rerun files need its package; type `pip install 'depthmocap[rerun]'`") from error
     colors = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
     with atomic_path(path) as temporary:
         stream = rr.RecordingStream("depthmocap", recording_id="depthmocap")

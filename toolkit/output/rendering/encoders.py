@@ -45,7 +45,7 @@ def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) 
     if suffix == ".webm":
         return OpenCvEncoder(path, "VP80", rate, width, height)
     raise UsageError(
-        f"a {suffix} film (H.264) needs the package av; type `pip install av`, "
+        f"a {suffix} film (H.264) needs the package av; type `pip install 'depthmocap[film]'`, "
         "or name the output *.webm, *.png for a contact sheet, or a folder for one picture per frame"
     )
 

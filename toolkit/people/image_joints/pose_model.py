@@ -116,7 +116,7 @@ class PoseModel:
         except ImportError as error:
             raise ModelError(
                 f"joints are detected by ai-edge-litert, which is not installed ({error}): "
-                f"pip install 'ai-edge-litert>=2.1', {WITHOUT}"
+                f"pip install 'depthmocap[joints]', {WITHOUT}"
             ) from error
         self._interpreter: Any = Interpreter(model_content=content, num_threads=threads)
         self._interpreter.allocate_tensors()

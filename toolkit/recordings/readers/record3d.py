@@ -41,7 +41,7 @@ class _Record3dFrames(FrameSource):
             import lzfse
         except ImportError as error:
             raise UsageError(
-                f"to read {path} the package lzfse is needed; install it with: pip install lzfse"
+                f"to read {path} the package lzfse is needed; install it with: pip install 'depthmocap[record3d]'"
             ) from error
         self._path, self._shape, self._decompress = path, shape, lzfse.decompress
         self._archive = zipfile.ZipFile(path)
