@@ -7,6 +7,7 @@ import heapq
 import numpy as np
 import pytest
 
+from toolkit.kernels.cloud.nearest import smallest_gap
 from toolkit.kernels.cloud.planes import best_plane
 from toolkit.kernels.image.growth import FAR, UNIT, grow, mark_seeds, refine_labels, take_label
 from toolkit.kernels.image.heads import head_scores, mark_near, run_widths
@@ -198,3 +199,10 @@ def test_pixels_near_a_place_are_those_within_the_radius():
     mark_near(points, place, 0.9, near)
     assert 0 < near.sum() < near.size
     np.testing.assert_array_equal(near, np.linalg.norm(points - place, axis=2) < 0.9)
+
+
+def test_the_smallest_gap_between_two_sets_of_points_is_that_of_all_pairs() -> None:
+    rng = np.random.default_rng(3)
+    first, second = rng.normal(size=(40, 3)), rng.normal(size=(25, 3)) + [3.0, 0.0, 0.0]
+    assert smallest_gap(first, second) == pytest.approx(np.linalg.norm(first[:, None] - second, axis=2).min())
+    assert smallest_gap(first, second[:0]) == np.inf

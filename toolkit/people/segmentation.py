@@ -11,10 +11,10 @@ import numpy as np
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import SegmentationError, SeveralPeopleError, TrackError
+from toolkit.kernels.cloud.nearest import smallest_gap
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.kd_tree import KdTree
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 HOW_TO_SEGMENT = (
@@ -223,8 +223,7 @@ class Segmenter:
 
     def _distance(self, group: list[int], k: int) -> float:
         """Return the smallest distance between the surfaces of `group` and component `k`, metres."""
-        one, other = self._points([k]), self._points(group)
-        return float(np.sqrt(KdTree(one).query(other, 1)[1].min()))
+        return float(smallest_gap(self._points([k]), self._points(group)))
 
     def _points(self, members: list[int]) -> np.ndarray:
         v0, v1, u0, u1 = self._box

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from toolkit.kernels.cloud.nearest import smallest_gap
 from toolkit.kernels.image import components
 from toolkit.people.detection import REACH_STILL, SURFACE_GAP
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
 from toolkit.people.view import CoarseCamera, View
-from toolkit.sensing.kd_tree import KdTree
 
 LEAST_BODY = 0.12  # m^2 of a person whose head is not seen
 LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
@@ -46,7 +46,7 @@ def attach_islands(
     """
     pieces, count, areas = surfaces(view, lens, labels)
     least_body = LEAST_CUT_OUT if cut_out else LEAST_BODY
-    trees = _trees(view, labels)
+    own_points = _people(view, labels)
     attached, bodies = labels.copy(), []
     for piece in range(1, count + 1):
         if areas[piece] < LEAST_ISLAND:
@@ -61,7 +61,7 @@ def attach_islands(
             else:
                 bodies.append(mask)
         elif areas[piece] <= LARGEST_ISLAND:
-            attached[mask] = _owner(trees, points)
+            attached[mask] = _owner(own_points, points)
     return attached, bodies
 
 
@@ -83,27 +83,29 @@ def attach_limbs(
     labels : the same with limbs attached, a new array
     """
     pieces, count, areas = surfaces(view, lens, labels)
-    trees = _trees(view, np.where(labels <= people, labels, 0))
+    own_points = _people(view, np.where(labels <= people, labels, 0))
     attached = labels.copy()
     for piece in range(1, count + 1):
         if LEAST_ISLAND <= areas[piece] <= LARGEST_ISLAND:
             mask = pieces == piece
-            owner = _owner(trees, view.points[mask])
+            owner = _owner(own_points, view.points[mask])
             if owner and judge.log_odds(view.depth, lens.camera, lens.rotation, np.flatnonzero(mask)).mean() > LIMB:
                 attached[mask] = owner
     return attached
 
 
-def _trees(view: View, labels: np.ndarray) -> dict[int, KdTree]:
-    """Return the points of each person in a search tree."""
-    points = {int(k): view.points[labels == k] for k in np.unique(labels[labels > 0])}
-    return {k: KdTree(own[:: max(1, len(own) // SAMPLES)].astype(np.float64)) for k, own in points.items()}
+def _people(view: View, labels: np.ndarray) -> dict[int, np.ndarray]:
+    """Return sampled points (N, 3) of each person."""
+    return {int(k): _sampled(view.points[labels == k]) for k in np.unique(labels[labels > 0])}
 
 
-def _owner(trees: Mapping[int, KdTree], points: np.ndarray) -> int:
+def _sampled(points: np.ndarray) -> np.ndarray:
+    return points[:: max(1, len(points) // SAMPLES)].astype(np.float64)
+
+
+def _owner(people: Mapping[int, np.ndarray], points: np.ndarray) -> int:
     """Return the person nearest to a component (N, 3), 0 if none is near."""
-    sampled = points[:: max(1, len(points) // SAMPLES)]
-    gaps = {k: float(np.sqrt(tree.query(sampled, 1)[1].min())) for k, tree in trees.items()}
+    gaps = {k: float(smallest_gap(own, _sampled(points))) for k, own in people.items()}
     nearest = min(gaps, key=lambda k: gaps[k], default=0)
     return nearest if nearest and gaps[nearest] <= ISLAND_GAP else 0
 

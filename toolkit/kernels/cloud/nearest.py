@@ -145,3 +145,15 @@ def weighted_nearest(
         for n in range(size):
             if squares[n] < distances[-1]:
                 _insert(squares[n], begin + n, distances, indices)
+
+
+@njit(cache=True)
+def smallest_gap(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the smallest distance between a point of `first` (N, 3) and one of `second` (M, 3); infinite without."""
+    best = np.inf
+    for n in range(first.shape[0]):
+        x, y, z = first[n, 0], first[n, 1], first[n, 2]
+        for m in range(second.shape[0]):
+            dx, dy, dz = second[m, 0] - x, second[m, 1] - y, second[m, 2] - z
+            best = min(best, dx * dx + dy * dy + dz * dz)
+    return np.sqrt(best)
