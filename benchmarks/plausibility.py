@@ -2,6 +2,7 @@
 
 python -m benchmarks.plausibility faults [--every 6]    # needs the data of utd-mhad, msr-action3d and the rooms
 python -m benchmarks.plausibility limits [--frames 20000]
+python -m benchmarks.plausibility long [--frames 20000] [--first-runs 8]    # minutes
 python -m benchmarks.plausibility signals [--after 1 3]
 """
 
@@ -139,9 +140,8 @@ SIGNALLED: dict[str, str] = {
 
 
 def limits(parser: argparse.ArgumentParser) -> None:
-    """Read long recordings of every format, track one, and run commands at the limits of the system."""
+    """Read long recordings of every format, and run commands at the limits of the system."""
     parser.add_argument("--frames", type=int, default=20_000)
-    parser.add_argument("--first-runs", type=int, default=8, help="at the same time, with one cold cache")
     arguments = parser.parse_args()
     figures: dict[str, Any] = {}
 
@@ -154,9 +154,8 @@ def limits(parser: argparse.ArgumentParser) -> None:
         for form in STREAMED:
             note(f"stream, {form}", _streamed(form, folder, arguments.frames))
         long, short = folder / "long.npz", folder / "short.npz"
-        _long(long, arguments.frames)
+        _long(long, 3_000)
         _long(short, 12)
-        note("track", _tracked(long, folder / "tracked", arguments.frames))
         for label, redirection, environment in (
             ("info", "", {}),
             ("info, closed standard error", "2>&-", {}),
@@ -170,11 +169,26 @@ def limits(parser: argparse.ArgumentParser) -> None:
             command = f"{COMMAND} info {short} --output {picture} {redirection}; exit ${{PIPESTATUS[0]}}"
             done = subprocess.run(["bash", "-c", command], env={**os.environ, **environment}, capture_output=True)
             note(label, {"exit code": done.returncode, "picture written": picture.exists()})
-        note("track, bounds checks", _bounds(short, folder))
-        note("first runs with one cold cache", _first_runs(short, folder, arguments.first_runs))
         note("track, files of at most 64 kB", _full_disk(short, folder))
         note("report while its run is written", _reported(long, folder))
     print(save_figures("plausibility_limits", figures, vars(arguments)))
+
+
+def long(parser: argparse.ArgumentParser) -> None:
+    """Track a long recording, track with bounds checks, and run at the same time with one cold cache."""
+    parser.add_argument("--frames", type=int, default=20_000)
+    parser.add_argument("--first-runs", type=int, default=8)
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        short = _long(folder / "short.npz", 12).path
+        figures = {
+            "bounds checks": _bounds(short, folder),
+            "first runs with one cold cache": _first_runs(short, folder, arguments.first_runs),
+            "track": _tracked(_long(folder / "long.npz", arguments.frames).path, folder / "run", arguments.frames),
+        }
+    print(figures)
+    print(save_figures("plausibility_long", figures, vars(arguments)))
 
 
 def signals(parser: argparse.ArgumentParser) -> None:
@@ -323,7 +337,7 @@ def _long(path: Path, frames: int) -> Recording:
 def main() -> None:
     """Run one part."""
     warnings.simplefilter("ignore")
-    run_part(__doc__, {"faults": faults, "limits": limits, "signals": signals})
+    run_part(__doc__, {"faults": faults, "limits": limits, "long": long, "signals": signals})
 
 
 if __name__ == "__main__":
