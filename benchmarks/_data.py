@@ -10,8 +10,7 @@ from toolkit.io.errors import DataError
 
 MOCAP = ("cmu-mocap", "hdm05")
 NEEDS: dict[str, tuple[str, ...]] = {
-    "ablation": MOCAP,
-    "ablation --real": (*MOCAP, "rooms"),
+    "ablation": (*MOCAP, "rooms"),
     "accuracy": MOCAP,
     "annotation": MOCAP,
     "by_example": (*MOCAP, "utd-mhad"),
@@ -19,8 +18,6 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "feet --real": (*MOCAP, "utd-mhad"),
     "gait_opensim": ("opensim",),
     "inertial simulated": MOCAP,
-    "joints": MOCAP,
-    "joints --real": (*MOCAP, "utd-mhad", "realsense"),
     "joints followed": ("realsense",),
     "keyframes": MOCAP,
     "motion_model": MOCAP,
