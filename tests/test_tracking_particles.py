@@ -106,7 +106,7 @@ CLASPED = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1
 def test_with_the_fork_alone_people_are_found_after_its_first_appearance() -> None:
     waits = {"measured_seconds": 0.0, "initial.unlabelled": False}
     person = follower(load_settings(ParticleTrackerSettings, "lopez2011", waits))
-    waiting = followed(person, [FOLDED] * 2)
+    waiting = followed(person, [CLASPED] * 2)
     assert all(r.state == LOST and np.isfinite(r.joints).all() for r in waiting)
     assert followed(person, [pose_of()] * 3, start=1.0)[-1].state == TRACKED
 
