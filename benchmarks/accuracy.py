@@ -43,7 +43,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.joint_errors import frame_errors, joint_errors
 from toolkit.evaluation.scores import EvaluationTable, RunScores
-from toolkit.fitting.objective import WITHIN
+from toolkit.fitting.joint_confidence import WITHIN
 from toolkit.io.files import save_bytes
 from toolkit.io.html import png_of
 from toolkit.recordings.opening import open_recording
@@ -234,7 +234,7 @@ def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
     left.legend(frameon=False)
     share = np.array([entry["joints"] for entry in filled]) / sum(entry["joints"] for entry in filled)
     right.bar(middle, 100 * share, 0.02, color="0.85", label="share of all joints")
-    right.plot(middle, [100 * entry["within"] for entry in filled], "o-", color="black", label="within 50 mm")
+    right.plot(middle, [100 * entry["within"] for entry in filled], "o-", color="black", label="within 100 mm")
     right.plot([0, 1], [0, 100], ":", color="0.5")
     right.set(xlabel="confidence", ylabel="%", xlim=(0, 1), ylim=(0, 101))
     right.legend(frameon=False)

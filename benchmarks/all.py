@@ -66,6 +66,8 @@ COMMANDS: dict[str, str] = {
     "gait": "gait",
     "feet": "feet --real {data}/depth/utd_mhad",
     "kinect_offsets": "real offsets",
+    "kinect_lag": "real lag",
+    "confidence": "confidence judge",
     "inertial": f"inertial simulated --split report --database {PACKAGED}",
     "stabilise_report": f"stabilise classes --split report --database {PACKAGED}",
     "plausibility_faults": "plausibility faults",

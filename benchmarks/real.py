@@ -9,6 +9,8 @@
   UTD-MHAD and MSR Action3D is tracked. For each joint the mean offset from the SDK's place to ours in the frame of the
   torso (left, up, forwards), the mean distance, what is left of it once the offset is taken away, and the share within
   100 mm.
+- `lag`: how many frames the SDK's skeleton is ahead of the depth. For each shift, the share of its wrists and hands in
+  front of which the depth within 120 mm was measured; no tracker is involved. `SHIFTS` are the best ones.
 """
 
 from __future__ import annotations
@@ -40,13 +42,14 @@ from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
-from toolkit.evaluation.agreement import torso_frames
+from toolkit.evaluation.agreement import agreement, shifted, torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema_scores import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
+from toolkit.sensing.recording import Recording
 from toolkit.trackers.qammaz.tracker import SwarmTracker
 from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import TRACKED, RunInfo, Track
@@ -65,6 +68,7 @@ COLUMNS = (
     ("tracked", "tracked %", 100.0),
     ("frame_ms", "ms/frame", 1.0),
 )
+SIDES = ("left", "right")
 WORST = 10
 MOVING = {"moving", "approaching", "fast", "rotates"}
 """Words in the names of velocity features."""
@@ -119,6 +123,12 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
     return [run for run in runs if run not in failed]
 
 
+def agreement_in_time(run: Path, recording: Path) -> float:
+    """Return the agreement with the SDK's joints at the moment that the depth shows, see `SHIFTS`."""
+    track, reference = Track.load(run), open_recording(recording).reference_joints
+    return agreement(track.joints, shifted(reference, SHIFTS["utd_mhad"])[: len(track)])
+
+
 def print_row(row: str, table: EvaluationTable, bones: dict[str, dict[str, float]]) -> None:
     """Print means over the recordings, and the worst recordings."""
     mean = table.mean()
@@ -154,12 +164,16 @@ def tracked(parser: argparse.ArgumentParser) -> None:
     for row in options.rows.split(","):
         runs = run_row(row, paths, options, overrides)
         table = evaluate_runs(runs)
-        bones = anatomy(runs, [Path(RunInfo.load(run).recording) for run in runs])
+        sources = [Path(RunInfo.load(run).recording) for run in runs]
+        bones = anatomy(runs, sources)
+        in_time = float(np.mean([agreement_in_time(run, path) for run, path in zip(runs, sources, strict=True)]))
         print_row(row, table, bones)
         moving = fast_share(runs)
+        print(f"  agreement with the skeleton {-SHIFTS['utd_mhad']:g} frames before: {100 * in_time:.1f} %")
         print(f"  velocity features that are 1: {100 * moving:.2f} %")
         recordings = {scores.recording: figures_of(scores) | bones[scores.recording] for scores in table}
-        figures[row] = {"mean": figures_of(table.mean()), "moving": moving, "recordings": recordings}
+        mean = figures_of(table.mean()) | {"agreement_in_time": in_time}
+        figures[row] = {"mean": mean, "moving": moving, "recordings": recordings}
         settings[row] = asdict(swarm_settings(row, overrides) if row in SWARMS else settings_of(row, overrides))
     whole = options.stride == 1 and not options.set and not options.frame_rate and options.recordings == RECORDINGS
     part = "real_part" + (f"_{options.frame_rate:g}_hz" if options.frame_rate else "")
@@ -167,7 +181,12 @@ def tracked(parser: argparse.ArgumentParser) -> None:
 
 
 DEPTH = data_folder() / "depth"
-SETS = ("utd_mhad", "msr_action3d")
+SHIFTS = {"utd_mhad": -1.5, "msr_action3d": 0.5}
+"""Frames by which the skeleton of each data set is read later than its depth, so that both show the same moment."""
+LAGS = np.arange(-4.0, 2.1, 0.5)
+"""Shifts that `lag` compares, frames."""
+ON_SURFACE = 0.12
+"""Metres between a joint and the measured surface in front of it: the radius of a forearm and the sensor's noise."""
 
 
 def offsets_of(recording: Path, run: Path, database: Path) -> np.ndarray:
@@ -202,7 +221,7 @@ def offsets(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--work", type=Path, default=WORK / "movement")
     options = parser.parse_args()
     figures: dict[str, Any] = {}
-    for name in SETS:
+    for name in SHIFTS:
         files = sorted((DEPTH / name).glob("*_depth.mat"))[:: options.stride]
         rows = [offsets_of(file, options.work / name / file.stem, options.database) for file in files]
         joints = by_joint(np.concatenate(rows))
@@ -212,9 +231,39 @@ def offsets(parser: argparse.ArgumentParser) -> None:
     print(save_figures("kinect_offsets", figures, vars(options)))
 
 
+def on_surface(recording: Recording) -> dict[float, float]:
+    """Return the share of the reference's wrists and hands that lie on the measured surface, by shift in frames."""
+    camera, rows = recording.camera, [skeleton.REPORTED.index(f"{a}_{b}") for a in SIDES for b in ("wrist", "hand")]
+    depth = np.stack([recording.depth(i) for i in range(len(recording))]) / 1000.0
+    frames, (height, width) = np.arange(len(depth))[:, None], depth.shape[1:]
+    found = {}
+    for shift in LAGS.tolist():
+        joints = shifted(recording.reference_joints, shift)[:, rows].astype(np.float64)
+        u, v = np.rint(np.moveaxis(np.stack([camera.project(frame) for frame in joints]), 2, 0)).astype(np.int64)
+        inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        measured = depth[frames, np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
+        found[shift] = float((inside & (np.abs(measured - joints[:, :, 2]) < ON_SURFACE)).mean())
+    return found
+
+
+def lag(parser: argparse.ArgumentParser) -> None:
+    """Print the share of wrists and hands on the surface by shift, for both data sets, and write JSON."""
+    parser.add_argument("--stride", type=int, default=4)
+    options = parser.parse_args()
+    figures = {}
+    for name in SHIFTS:
+        files = sorted((DEPTH / name).glob("*_depth.mat"))[:: options.stride]
+        recordings = [recording for recording in map(open_recording, files) if recording.reference_joints is not None]
+        known = [each for each in recordings if np.isfinite(each.reference_joints).all()]
+        shares = [on_surface(recording) for recording in known]
+        figures[name] = {f"{shift:g}": float(np.mean([share[shift] for share in shares])) for shift in LAGS.tolist()}
+        print(name, len(known), "recordings:", ", ".join(f"{k}: {100 * v:.1f} %" for k, v in figures[name].items()))
+    print(save_figures("kinect_lag", figures, vars(options)))
+
+
 def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"tracked": tracked, "offsets": offsets})
+    """Run the part that is asked for."""
+    run_part(__doc__, {"tracked": tracked, "offsets": offsets, "lag": lag})
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ class Pose(NamedTuple):
     timestamp : seconds
     state : "tracked", "lost" or "empty"
     joints : float32 (20, 3), metres, camera frame; where the person is out of view, their last ones
-    confidence : float32 (20,), probability that the joint is within 5 cm
+    confidence : float32 (20,), probability that the joint is within 10 cm
     observed : bool (20,), False for a joint that was estimated without a measurement
     pose : float64 (P,), pose vector of the body
     person : 1, 2, ... in order of appearance

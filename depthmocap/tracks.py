@@ -85,7 +85,7 @@ class Track:
 
     @property
     def confidence(self) -> np.ndarray:
-        """Confidence, float32 (T, 20): probability that the joint is within 5 cm."""
+        """Confidence, float32 (T, 20): probability that the joint is within 10 cm."""
         return _read_only(self.person.track.confidence)
 
     @property

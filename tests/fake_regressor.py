@@ -98,9 +98,11 @@ class FakeObjective:
         distance = self.distances[round(float(pose[0]), 6)]
         return WORSE if distance > bound else compared(distance)
 
-    def confidence(self, comparison: Comparison) -> np.ndarray:
-        """Return a confidence that falls with the distance."""
-        return np.full(len(skeleton.REPORTED), 1.0 - comparison.distance)
+    def confidence(
+        self, comparison: Comparison, joints: np.ndarray, spread: np.ndarray, estimate: Any = None
+    ) -> np.ndarray:
+        """Return a confidence that falls with the distance, and is 0 for inferred joints."""
+        return np.where(spread > 0.0, 0.0, 1.0 - comparison.distance)
 
 
 @dataclass

@@ -72,5 +72,5 @@ class Fit:
     def distance(self, pose: np.ndarray, scene: Scene) -> float:
         return self.compare(pose, scene).distance
 
-    def confidence(self, comparison: Comparison) -> np.ndarray:
-        return self.objective.confidence(comparison)
+    def confidence(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
+        return self.objective.confidence(self.compare(pose, scene), self.body.joint_positions(pose))

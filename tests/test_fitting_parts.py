@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from tests.fitting_helpers import back_projected, whole_image
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.fitting_settings import FittingSettings
-from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import MESH_NOISE, ShapeEstimator, ShapeSettings
@@ -64,39 +63,6 @@ def test_the_part_of_an_image_that_holds_a_person_has_their_points_to_the_bit() 
 
 
 # The loop
-
-
-# The comparison
-
-
-@pytest.mark.parametrize("distance", [0.001, NEAREST, 0.05, FARTHEST, 0.8])
-@pytest.mark.parametrize("seen", [0.0, 0.25, 0.5, 1.0])
-def test_a_joint_is_as_sure_as_its_support_and_the_whole_pose_allow(
-    placer: Placer, scene: Scene, seen: float, distance: float
-) -> None:
-    """The back of a body is never seen: a support of one half is the maximum."""
-    gaps = np.full(len(placer.chosen), np.nan)
-    elbow = skeleton.REPORTED.index("left_elbow")
-    around = np.flatnonzero(placer.around_joints[elbow])
-    gaps[around[: round(seen * len(around))]] = 0.0
-    placed = placer.place(BODY, standing())
-    comparison = Comparison(1.0, distance, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, placed, scene)
-    sure = Objective(placer, SETTINGS).confidence(comparison)[elbow]
-    none, supported, observed, far = ODDS
-    odds = none + supported * min(2.0 * seen, 1.0) ** 0.5 + observed
-    odds += far * np.log(np.clip(distance, NEAREST, FARTHEST) / USUAL)
-    assert np.log(sure / (1.0 - sure)) == pytest.approx(odds)
-
-
-def test_a_joint_of_which_nothing_was_observed_is_more_likely_wrong_than_right(placer: Placer, scene: Scene) -> None:
-    objective, pose = Objective(placer, SETTINGS), standing()
-    arm, leg = skeleton.REPORTED.index("left_elbow"), skeleton.REPORTED.index("left_knee")
-    below = np.arange(scene.depth.shape[0])[:, None] > scene.depth.shape[0] // 2
-    hidden = scene_of(placer, np.broadcast_to(below, scene.depth.shape))
-    compared = [replace(objective.compare(BODY, pose, frame), surface=USUAL) for frame in (scene, hidden)]
-    sure, guessed = (objective.confidence(comparison) for comparison in compared)
-    assert sure[leg] > 0.9 and guessed[leg] < 0.5
-    assert guessed[arm] == pytest.approx(sure[arm])
 
 
 # The shape

@@ -30,7 +30,7 @@ from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.gap_settings import GapSettings
 from toolkit.retrieval.priors.gap_trajectories import cheapest_path, whole_priors
 from toolkit.retrieval.priors.gaps import Gap, bad_frames, widened
-from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.tracks import RunInfo, Track
 
@@ -90,14 +90,14 @@ def _mislead(run: Path, wrong: Path) -> None:
     poses, joints, confidence = track.pose.copy(), track.joints.copy(), track.confidence.copy()
     poses[WRONG, ENTRIES[ARM]] = poses[WRONG, ENTRIES[ARM]] + 0.7
     joints[WRONG] = info.body().joint_positions(poses[WRONG]) @ info.R_level_camera
-    confidence[WRONG, OUTER[ARM]] = 0.3
+    confidence[WRONG, skeleton.OUTER[ARM]] = 0.3
     wrong.mkdir()
     (wrong / "config.yaml").write_bytes((run / "config.yaml").read_bytes())
     info.save(wrong)
     replace(track, pose=poses, joints=joints, confidence=confidence).save(wrong)
 
 
-def error_of(run: Path, workdir: Path, joints: np.ndarray | slice = OUTER[ARM]) -> float:
+def error_of(run: Path, workdir: Path, joints: np.ndarray | slice = skeleton.OUTER[ARM]) -> float:
     truth = open_recording(workdir / "take.npz").joints
     return float(np.nanmean(joint_errors(Track.load(run).joints, truth)[WRONG][:, joints]))
 
@@ -109,7 +109,7 @@ def test_a_limb_that_was_lost_is_found_again(workdir: Path) -> None:
     before, after = Track.load(workdir / "wrong"), Track.load(output)
     # neck and spine depend on both shoulders: they move with a collar bone
     moving = ("right_shoulder", "neck", "spine")
-    others = [j for j, name in enumerate(skeleton.REPORTED) if j not in OUTER[ARM] and name not in moving]
+    others = [j for j, name in enumerate(skeleton.REPORTED) if j not in skeleton.OUTER[ARM] and name not in moving]
     np.testing.assert_allclose(after.joints[:, others], before.joints[:, others], atol=1e-6)
     result = json.loads((output / "stabilise.json").read_text())
     gap = result["gaps"][0]

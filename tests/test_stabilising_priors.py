@@ -27,7 +27,7 @@ from toolkit.retrieval.priors.bridge import End, bridge
 from toolkit.retrieval.priors.expectation import GapContext, fill
 from toolkit.retrieval.priors.gap_settings import GapSettings
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
-from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS, OUTER
+from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 
 BODY = load_body("neutral")
@@ -170,7 +170,7 @@ def test_classes_of_another_body_are_refused(tmp_path):
 def confidence_of(frames: int, limb: str, *gaps: tuple[int, int]) -> np.ndarray:
     confidence = np.full((frames, 20), 0.9)
     for start, stop in gaps:
-        confidence[start:stop, OUTER[limb]] = 0.3
+        confidence[start:stop, skeleton.OUTER[limb]] = 0.3
     return confidence
 
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import chi
 
 from tests.fitting_helpers import whole_image
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
 from toolkit.fitting.fitting_settings import FittingSettings
-from toolkit.fitting.objective import WITHIN, Comparison, Objective
+from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.tracking.occluded_limbs import FOUND, Guess, OccludedLimbs, spread_of_joints, unobserved_joints
+from toolkit.tracking.occluded_limbs import OccludedLimbs, spread_of_joints, unobserved_joints
 
 BODY = load_body("neutral")
 CAMERA = Camera(100.0, 100.0, 39.5, 49.5, 80, 100)
@@ -121,13 +120,3 @@ def test_the_spread_of_a_joint_is_that_of_poses_with_such_angles(objective: Obje
     assert {skeleton.REPORTED[i] for i in np.flatnonzero(moved)} == {"left_knee", "left_ankle", "left_foot"}
     assert spread[moved] == pytest.approx(expected[moved], rel=0.05)
     assert not spread[~moved].any()
-
-
-def test_a_guess_is_as_sure_as_its_spread_allows_and_never_surer_than_what_was_found() -> None:
-    spread = np.zeros(20)
-    spread[:3] = 0.01, 0.1, 0.4
-    found = np.full(20, 0.3)
-    sure = Guess(standing(), spread).confidence(found)
-    own = chi(3).cdf(WITHIN / np.hypot(spread[:3], FOUND))
-    assert own[0] > 0.3 > own[1] > own[2]
-    assert sure.tolist() == pytest.approx([0.3, own[1], own[2], *[0.3] * 17])

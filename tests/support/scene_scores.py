@@ -11,6 +11,7 @@ import numpy as np
 from tests.support.calibration import calibration_error
 from tests.support.identities import Identities, identities_of
 from toolkit.evaluation.joint_errors import CORRECT_WITHIN, ERROR_CAP, visible_joints
+from toolkit.fitting.joint_confidence import WITHIN
 from toolkit.io.errors import RecordingError
 from toolkit.people.known_people import assigned
 from toolkit.sensing.recording import Recording
@@ -22,8 +23,6 @@ SOON = 0.5
 """Seconds within which an entering person should be found."""
 CONFIDENT = 0.5
 """Confidence above which a joint that is not visible counts as claimed."""
-CONFIDENCE_WITHIN = 0.05
-"""Metres of the error whose probability a confidence is (`FrameResult.confidence`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +167,7 @@ def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
         "unobserved_confidence": _mean(confidence[hidden]),
         "unobserved_sure": int(sure.sum()),
         "unobserved_sure_a100": _mean(errors[sure] <= CORRECT_WITHIN),
-        "ece": calibration_error(confidence[told], errors[told] <= CONFIDENCE_WITHIN) if told.any() else None,
+        "ece": calibration_error(confidence[told], errors[told] <= WITHIN) if told.any() else None,
         "tracked": _mean(np.concatenate([score.tracked for score in scores] or [np.empty(0)])),
         "recordings_tracked": sum(bool(score.tracked.any()) for score in scores),
     }

@@ -119,6 +119,13 @@ OTHER_SIDE: tuple[int, ...] = tuple(
 )
 """For each reported joint the row of the same joint on the other side."""
 
+OUTER: dict[str, np.ndarray] = {
+    f"{side}_{limb}": np.array([REPORTED.index(f"{side}_{joint}") for joint in joints])
+    for limb, joints in (("arm", ("elbow", "wrist", "hand")), ("leg", ("knee", "ankle", "foot")))
+    for side in ("left", "right")
+}
+"""Rows of the three outer joints of each limb in `REPORTED`: left_arm, right_arm, left_leg, right_leg."""
+
 END_EFFECTORS: tuple[str, ...] = ("left_hand", "right_hand", "left_foot", "right_foot", "head")
 """Order of the five end effectors in every 15-dimensional feature (`E^5` in Baak 2013, 5.3.3)."""
 

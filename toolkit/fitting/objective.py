@@ -1,8 +1,7 @@
-"""Objective of the selection: sparse symmetric distance (Baak 2013, 5.4.4), and confidence of joints."""
+"""Objective of the selection: sparse symmetric distance (Baak 2013, 5.4.4)."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,26 +10,13 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.joint_confidence import JointConfidence, joint_confidence, joint_features
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import visible_chosen
 from toolkit.kernels.fit import pairs
-
-SUPPORT = 0.04
-"""Distance from a measured point at which a vertex no longer supports its joint, metres."""
-WITHIN = 0.05
-"""Error for which the confidence of a joint is defined, metres: confidence = P(error below it)."""
-ODDS: tuple[float, float, float, float] = (-0.43, 2.61, 0.98, -3.44)
-"""Coefficients of the log odds of an error below 5 cm: intercept for unobserved joints; per root of the support; for
-observation; per natural logarithm of the surface distance in units of `USUAL`. Logistic regression on the tuning splits
-of `bench scenes` and `bench accuracy`."""
-USUAL = 0.025
-"""Surface distance of a good pose, metres."""
-NEAREST, FARTHEST = 0.0185, 0.185
-"""Range of surface distances in the regression, metres; values outside are clipped."""
-OBSERVED = 0.4
-"""Minimum fraction of observed vertices around a joint that counts as fully observed."""
+from toolkit.landmarks.joint_network import JointEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +66,19 @@ class Objective:
     placer : places bodies before that camera
     settings : what counts as visible and as explained
     pose_terms : whose energy is part of a comparison
+    regressions : of the confidence; default: those of the package
     """
 
-    def __init__(self, placer: Placer, settings: FittingSettings, pose_terms: Sequence[PoseTerm] = ()) -> None:
+    def __init__(
+        self,
+        placer: Placer,
+        settings: FittingSettings,
+        pose_terms: Sequence[PoseTerm] = (),
+        regressions: JointConfidence | None = None,
+    ) -> None:
         self.placer, self.settings = placer, settings
         self.pose_terms = tuple(pose_terms)
+        self._regressions = regressions or joint_confidence()
 
     def costs(self, body: Body, poses: np.ndarray, scene: Scene) -> np.ndarray:
         """Return the distances (N,), metres, of `poses` (N, P), level frame; infinite for one that is farther than an
@@ -131,18 +125,20 @@ class Objective:
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
         return Comparison(distance, surface, gaps, sample_gaps, drawn, energy, placed, scene)
 
-    def confidence(self, comparison: Comparison) -> np.ndarray:
-        """Return the probability that each reported joint of a compared pose is within 5 cm: float64 (20,), in [0, 1].
+    def confidence(
+        self,
+        comparison: Comparison,
+        joints: np.ndarray,
+        spread: np.ndarray | None = None,
+        estimate: JointEstimate | None = None,
+    ) -> np.ndarray:
+        """Return the probability that each reported joint of a compared pose is within 10 cm: float64 (20,), in [0, 1].
 
-        The odds rise with the support of the joint (visible fraction of the chosen vertices around it, weighted by
-        their distance to measured points) and with the observed fraction of these vertices. They fall with the surface
-        distance of the whole pose.
+        See `joint_features` for the parameters.
         """
-        distance = math.log(min(max(comparison.surface, NEAREST), FARTHEST) / USUAL)
-        none, supported, seen, far = ODDS
-        support, observed = np.empty((2, len(self.placer.around_joints)))
-        pairs.support_of_joints(
-            self.placer.around_joints, comparison.gaps, comparison.observed, SUPPORT, support, observed
-        )
-        odds = none + supported * np.sqrt(support) + seen * np.minimum(observed / OBSERVED, 1.0) + far * distance
-        return np.asarray(1.0 / (1.0 + np.exp(-odds)))
+        known = np.zeros(len(joints)) if spread is None else spread
+        return self._regressions.of(joint_features(comparison, joints, known, estimate))
+
+    def confidence_of_both(self, confidence: np.ndarray, apart: np.ndarray) -> np.ndarray:
+        """Return the probabilities (20,) of joints that another pass has `apart` (20,) metres away, given their own."""
+        return self._regressions.of_both(confidence, apart)

@@ -273,9 +273,11 @@ class Follower(FollowedPerson):
             smoothed=smoother.last,
         )
         joints = previous.joints if reported is guess.pose else body.joint_positions(reported)
-        found = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
+        confidence = np.zeros(len(joints))
+        if tracked:
+            confidence = self.objective.confidence(winner.comparison, joints, guess.spread, observation.votes)
         seen = TRACKED if tracked else LOST
-        row = self.row(reported, joints, guess.confidence(found), guess.observed, seen, winner.hypothesis.source)
+        row = self.row(reported, joints, confidence, guess.observed, seen, winner.hypothesis.source)
         return row, following
 
     def _completed(self, winner: ScoredHypothesis, before: Previous | None) -> Guess:

@@ -1,4 +1,4 @@
-"""Occluded limbs: their estimate by the pose prior, and its confidence."""
+"""Occluded limbs: their estimate by the pose prior, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW
 from toolkit.database.prior import HEIGHT, SIZE, PosePrior, variables
-from toolkit.fitting.objective import WITHIN, Comparison, Objective
+from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried
@@ -18,8 +18,6 @@ from toolkit.kernels import linear
 
 LEAST_OBSERVED = 0.15
 """Share of the chosen vertices at and below a joint that has to be observed before its angles are known."""
-FOUND = 0.04
-"""Metres, a standard deviation: how far the joint is off from which a guessed limb hangs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +38,6 @@ class Guess:
     def observed(self) -> np.ndarray:
         """Reported joints that were not inferred: bool (20,)."""
         return self.spread == 0.0
-
-    def confidence(self, found: np.ndarray) -> np.ndarray:
-        """Return the probability (20,) of joints within 5 cm: `found` from the frame, bounded by the estimate's own."""
-        own = [_within(WITHIN / math.hypot(spread, FOUND)) if spread > 0.0 else 1.0 for spread in self.spread]
-        return np.minimum(found, own)
 
 
 class OccludedLimbs:
@@ -126,8 +119,3 @@ def spread_of_joints(placed: PlacedBody, entries: np.ndarray, covariance: np.nda
         products = (levers[:, None] * levers[None]).sum(axis=2)
         out[row] = math.sqrt(max(float((covariance[np.ix_(moves, moves)] * products).sum()) / 3.0, 0.0))
     return out
-
-
-def _within(radius: float) -> float:
-    """Return the probability that a standard normal vector in space is shorter than this."""
-    return math.erf(radius / math.sqrt(2.0)) - math.sqrt(2.0 / math.pi) * radius * math.exp(-0.5 * radius**2)

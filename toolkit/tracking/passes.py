@@ -20,13 +20,14 @@ import numpy as np
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state, numbered
 from toolkit.io.errors import TrackError
+from toolkit.kernels import linear
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.frame_detection import NOTHING_FOUND, Detection, FrameDetector
 from toolkit.tracking.planning import Plan, Stretch
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState, State
 from toolkit.tracking.trajectory_choice import Direction, Step, TrajectoryStore, apart, better_parts, result_of
-from toolkit.tracks import EMPTY, FrameResult
+from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 AGREED, AGREED_SECONDS = 0.04, 0.5
 """Metres, mean over the joints, and seconds: trajectories so near to each other for so long have met."""
@@ -105,6 +106,7 @@ class BidirectionalTracker:
         first_pass: np.ndarray,
     ) -> None:
         self._detector = FrameDetector(follower, plan.body, seen, timestamps, stages, plan.heading)
+        self._objective = follower.objective
         self._timestamps, self._first_pass = timestamps, first_pass
         self._trajectory, self._plan = trajectory, plan
         self._leg, self._frame, self._state = 0, -1, follower.state
@@ -186,8 +188,8 @@ class BidirectionalTracker:
             else:
                 state = self._state_of_rival(frame) if frame == leg.start else self._state
                 found = self._followed_or_detected(leg, frame, state)
-                cost = self._cost_of_rival(frame, found)
-                self._trajectory[frame] = replace(found.step, direction=leg.direction, rival_cost=cost)
+                cost, result = self._cost_of_rival(frame, found), self._doubted(found.step.result, self._rival(frame))
+                self._trajectory[frame] = replace(found.step, result=result, direction=leg.direction, rival_cost=cost)
             self._frame, self._state = frame + leg.direction.value, found.followed.state
             yield False
 
@@ -210,6 +212,14 @@ class BidirectionalTracker:
         """Return the row of the forward trajectory with the same body; None without one."""
         return self._forward.get(frame) if self._plan.relearned else result_of(self._first_pass[frame])
 
+    def _doubted(self, result: FrameResult, other: FrameResult | None) -> FrameResult:
+        """Return a row whose confidence includes the distance from the row of another trajectory."""
+        if other is None or result.state != TRACKED or other.state == EMPTY:
+            return result
+        distances = linear.lengths(result.joints.astype(np.float64) - other.joints)
+        confidence = self._objective.confidence_of_both(result.confidence, distances)
+        return replace(result, confidence=confidence.astype(np.float32))
+
     def _state_of_rival(self, frame: int) -> PersonState:
         """Return the state before a frame in which the forward trajectory found the person."""
         rival = self._rival(frame)
@@ -229,7 +239,8 @@ class BidirectionalTracker:
         frames = range(stretch.first, stretch.last + 1)
         first, second = {}, {f: self._trajectory[f] for f in frames}
         for f, step in second.items():
-            result = replace(self._rival(f) or step.result, stage_ms=step.result.stage_ms)
+            result = self._doubted(self._rival(f) or step.result, step.result)
+            result = replace(result, stage_ms=step.result.stage_ms)
             first[f] = Step(result, step.rival_cost, rival_cost=step.rival_cost)
         gaps = [0.0 if second[f].result.state == EMPTY else apart(first[f].result, second[f].result) for f in frames]
         costs = np.array([[first[f].cost, second[f].cost] for f in frames])
@@ -262,9 +273,13 @@ class BidirectionalTracker:
         differed = float(self._timestamps[jump.frame])
         for frame in frames:
             found = self._detector.follow(frame, state, jump.direction)
-            state, steps[frame] = found.followed.state, found.step
+            known = self._trajectory[frame].result
+            state, steps[frame] = (
+                found.followed.state,
+                replace(found.step, result=self._doubted(found.step.result, known)),
+            )
             moment = float(self._timestamps[frame])
-            if apart(found.step.result, self._trajectory[frame].result) > AGREED:
+            if apart(found.step.result, known) > AGREED:
                 differed = moment
             elif abs(moment - differed) > AGREED_SECONDS:
                 break

@@ -13,6 +13,7 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.joint_confidence import JointConfidence, joint_confidence
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.priors import PoseTerm
@@ -90,6 +91,11 @@ class SearchingTracker(ABC):
     def occluded_limbs(self) -> OccludedLimbs | None:
         """Estimator of occluded limbs; None keeps the winner unchanged."""
         return None
+
+    @property
+    def regressions(self) -> JointConfidence:
+        """Regressions of the confidence of joints."""
+        return joint_confidence()
 
     @property
     @abstractmethod
@@ -196,7 +202,7 @@ class SearchingTracker(ABC):
         settings = self._common
         small = camera.subsampled(2) if camera.width > LARGE_IMAGE else camera
         placer = Placer(self._first_body, small, level_rotation)
-        objective = Objective(placer, settings.fitting, self.priors)
+        objective = Objective(placer, settings.fitting, self.priors, self.regressions)
         refiner = Refiner(placer, settings.fitting, self.priors)
         state = PersonState.begin(body, sized=sized, seed=settings.seed)
         observer = replace(self.observer, learning=True) if learning else self.observer

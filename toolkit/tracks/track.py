@@ -29,7 +29,7 @@ class FrameResult:
     ----------
     pose : float64 (P,), level frame (see `docs/architecture.md`), named by `skeleton.POSE_NAMES`
     joints : float32 (20, 3), camera frame, metres at true scale, always finite
-    confidence : float32 (20,), in [0, 1]: probability that the joint is within 5 cm, 0 where nothing is known
+    confidence : float32 (20,), in [0, 1]: probability that the joint is within 10 cm, 0 where nothing is known
     state : `TRACKED`, `LOST` or `EMPTY`
     source : index into the tracker's `source_names`, the hypothesis that won
     stage_ms : float32 (S,), milliseconds per stage of the tracker's `stage_names`, disjoint

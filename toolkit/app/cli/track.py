@@ -222,9 +222,14 @@ def _track_batch(
 
 
 def _say_done(text: str, run: Path, file: TextIO | None = None) -> None:
-    """Print the summary of a recording, with its people if there are several."""
-    from toolkit.tracks.runs import PEOPLE_FILE, load_people
+    """Print the summary of a recording, with its people if there are several, and the uncertain limbs of each."""
+    from toolkit.motion.uncertain_limbs import uncertain_text
+    from toolkit.tracks import TRACK_FILE, Track
+    from toolkit.tracks.runs import PEOPLE_FILE, load_people, person_runs
 
     say(text, file=file)
     if (run / PEOPLE_FILE).exists():
         say(load_people(run).text(), file=file)
+    for person in [person for person in person_runs(run) if (person / TRACK_FILE).exists()]:
+        who = "" if person == run else f" of {person.name}"
+        say(f"uncertain limbs{who}: {uncertain_text(Track.load(person))}", file=file)

@@ -18,7 +18,7 @@ from toolkit.io.display_names import shown
 from toolkit.io.files import save_bytes, save_text
 from toolkit.io.html import page, picture, png_of, table
 from toolkit.retrieval.priors.gap_trajectories import KEPT
-from toolkit.retrieval.priors.limb_entries import LIMBS, OUTER
+from toolkit.retrieval.priors.limb_entries import LIMBS
 from toolkit.tracks import Track
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def _curves(source: SourceRun, result: Stabilised) -> Figure:
             own_errors = frame_errors(joint_errors(track.joints, truth[: len(track)]))
             errors.plot(times, 1000.0 * own_errors, color=colour, lw=0.9, label=label)
         else:
-            limbs = np.concatenate([OUTER[limb] for limb in LIMBS])
+            limbs = np.concatenate([skeleton.OUTER[limb] for limb in LIMBS])
             errors.plot(times, track.confidence[:, limbs].mean(axis=1), color=colour, lw=0.9, label=label)
     errors.set_ylabel("mean error, mm" if truth is not None else "confidence of the limbs", fontsize=8)
     errors.set_xlabel("time, s", fontsize=8)

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.app.stabilise.source_run import SourceRun
+from toolkit.body import skeleton
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
 from toolkit.people.survey import find_person
 from toolkit.retrieval.priors.gap_settings import GapSettings
 from toolkit.retrieval.priors.gap_trajectories import RETRACKED, GapCandidates
-from toolkit.retrieval.priors.limb_entries import OUTER
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guide import NoGuide
@@ -108,7 +108,7 @@ def retrack(
     explained, whole = np.full(len(poses), np.inf), np.full((2, len(poses)), np.nan)
     angles = [gap.angles.copy() for gap in candidates]
     distances = [np.full(gap.angles.shape[:2], np.inf) for gap in candidates]
-    confidence = [np.zeros((*gap.angles.shape[:2], len(OUTER[gap.gap.limb]))) for gap in candidates]
+    confidence = [np.zeros((*gap.angles.shape[:2], len(skeleton.OUTER[gap.gap.limb]))) for gap in candidates]
     for frame in recording.stream():
         number = len(rows)
         if number == len(poses):
@@ -144,11 +144,13 @@ def _compared(
     """Return distances (C,) of a pose (P,) with each candidate's angles (C, A), and its outer joints' confidence."""
     assert follower.observation is not None  # the caller checks it
     scene = follower.observation.scene
-    distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(OUTER[candidates.gap.limb])))
+    distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(skeleton.OUTER[candidates.gap.limb])))
     for row, own in enumerate(angles):
         moved = pose.copy()
         moved[candidates.entries] = own
         compared = follower.objective.compare(follower.body, moved, scene)
         distances[row] = compared.distance + penalty(moved)
-        confidence[row] = follower.objective.confidence(compared)[OUTER[candidates.gap.limb]]
+        joints = follower.body.joint_positions(moved)
+        trust = follower.objective.confidence(compared, joints, estimate=follower.observation.votes)
+        confidence[row] = trust[skeleton.OUTER[candidates.gap.limb]]
     return distances, confidence

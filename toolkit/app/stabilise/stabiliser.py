@@ -11,6 +11,7 @@ import numpy as np
 from toolkit.app.stabilise.floor_contact import contact_terms
 from toolkit.app.stabilise.retrack import GapGuide, Retracked, retrack
 from toolkit.app.stabilise.source_run import SourceRun
+from toolkit.body import skeleton
 from toolkit.io.errors import SettingsError
 from toolkit.io.progress import Progress, silent
 from toolkit.io.spans import spans
@@ -32,7 +33,6 @@ from toolkit.retrieval.priors.gap_trajectories import (
     whole_priors,
 )
 from toolkit.retrieval.priors.gaps import Gap, bad_frames, find_gaps, hidden_flags
-from toolkit.retrieval.priors.limb_entries import OUTER
 from toolkit.tracks import Track
 
 SOURCE = "prior"
@@ -249,7 +249,7 @@ def _exchanged(
     track = source.track
     poses, confidence, touched = track.pose.copy(), track.confidence.copy(), np.zeros(len(track), dtype=np.bool_)
     for candidate, angles, trust, path in zip(candidates, again.angles, again.confidence, paths, strict=True):
-        outer = OUTER[candidate.gap.limb]
+        outer = skeleton.OUTER[candidate.gap.limb]
         for place in np.flatnonzero(path != candidate.names.index(KEPT)):
             frame = candidate.gap.start + place
             poses[frame, candidate.entries] = angles[path[place], place]
@@ -277,7 +277,7 @@ def _filled(
     before, after = (
         float(d[measured].mean()) if measured.any() else 0.0 for d in (distances[0], distances[path, here])
     )
-    changed = float(moved[gap.start : gap.stop, OUTER[gap.limb]].mean())
+    changed = float(moved[gap.start : gap.stop, skeleton.OUTER[gap.limb]].mean())
     return FilledGap(
         gap.limb, gap.start, gap.stop, candidates.hidden, candidates.names, angles, path, changed, before, after
     )

@@ -18,6 +18,7 @@ from toolkit.io.errors import RecordingError, UsageError
 from toolkit.io.progress import Progress, silent
 from toolkit.io.safe_open import read_file
 from toolkit.io.yaml_reader import LARGEST_YAML
+from toolkit.motion.uncertain_limbs import uncertain_text
 from toolkit.output.export.glb import export_glb
 from toolkit.output.rendering import style
 from toolkit.output.rendering.film import render_run
@@ -159,6 +160,7 @@ def _facts(info: RunInfo, people: list[Person], total: int) -> list[list[str]]:
         who = f"{person.name}: " if len(people) > 1 else ""
         facts.append([f"{who}stature", f"{person.body.height:.2f} m"])
         facts.append([f"{who}frames", ", ".join(share)])
+        facts.append([f"{who}uncertain limbs", uncertain_text(person.track)])
     track = people[0].track
     for i, name in enumerate(track.stage_names):
         values = track.stage_ms[:, i]
@@ -178,7 +180,7 @@ def _confidence_plot(people: list[Person]) -> dict[str, Any]:
         ):
             held = np.where(empty, np.nan, values)
             series.append({"name": f"{who}{name}", "color": _hex(dimmed), "values": _nullable(held, 3)})
-    return {"title": "confidence: probability that a joint is within 50 mm", "highest": 1.0, "series": series}
+    return {"title": "confidence: probability that a joint is within 100 mm", "highest": 1.0, "series": series}
 
 
 def _stage_plot(people: list[Person]) -> dict[str, Any]:

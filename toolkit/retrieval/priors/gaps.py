@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.body import skeleton
 from toolkit.io.spans import spans
 from toolkit.retrieval.priors.gap_settings import DEFAULT, GapSettings
-from toolkit.retrieval.priors.limb_entries import LIMBS, OUTER
+from toolkit.retrieval.priors.limb_entries import LIMBS
 
 
 class Gap(NamedTuple):
@@ -27,10 +28,11 @@ def limb_support(confidence: np.ndarray, smoothing: int) -> dict[str, np.ndarray
     """
     kernel = np.ones(smoothing)
     counts = np.convolve(np.ones(len(confidence)), kernel, mode="same")
-    return {
-        limb: np.convolve(confidence[:, OUTER[limb]].mean(axis=1), kernel, mode="same")[: len(confidence)] / counts
-        for limb in LIMBS
-    }
+    support = {}
+    for limb, joints in skeleton.OUTER.items():
+        summed = np.convolve(confidence[:, joints].mean(axis=1), kernel, mode="same")
+        support[limb] = summed[: len(confidence)] / counts
+    return support
 
 
 def find_gaps(confidence: np.ndarray, present: np.ndarray, settings: GapSettings = DEFAULT) -> list[Gap]:

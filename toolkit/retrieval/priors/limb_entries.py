@@ -7,9 +7,8 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.retrieval.features.relational import FEATURES, Feature
 
-LIMBS: tuple[str, ...] = ("left_arm", "right_arm", "left_leg", "right_leg")
+LIMBS: tuple[str, ...] = tuple(skeleton.OUTER)
 _CHAINS = {"arm": ("clavicle", "shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
-_OUTER = {"arm": ("elbow", "wrist", "hand"), "leg": ("knee", "ankle", "foot")}
 
 
 def _entries(limb: str) -> np.ndarray:
@@ -18,15 +17,8 @@ def _entries(limb: str) -> np.ndarray:
     return np.array([i for i, name in enumerate(skeleton.POSE_NAMES) if name.startswith(wanted)], dtype=np.int64)
 
 
-def _outer(limb: str) -> np.ndarray:
-    side, part = limb.split("_")
-    return np.array([skeleton.REPORTED.index(f"{side}_{joint}") for joint in _OUTER[part]], dtype=np.int64)
-
-
 ENTRIES: dict[str, np.ndarray] = {limb: _entries(limb) for limb in LIMBS}
 """Indices of the angles of each limb in a pose, int64."""
-OUTER: dict[str, np.ndarray] = {limb: _outer(limb) for limb in LIMBS}
-"""Rows of the three outer joints of each limb in `skeleton.REPORTED`."""
 
 _LIMB_OF = {
     f"{limb.split('_')[0]}_{joint}": limb

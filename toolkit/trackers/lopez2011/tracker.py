@@ -218,11 +218,11 @@ class ParticleFollower(FollowedPerson):
             lost=0.0 if given_up else lost,
             memory={PARTICLES: {"poses": particles}},
         )
-        confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
+        joints = state.body.joint_positions(pose)
+        confidence = self._objective.confidence(compared, joints) if tracked else np.zeros(len(joints))
         confidence[UNSEEN] = 0.0
         observed = np.ones(len(confidence), dtype=np.bool_)
         observed[UNSEEN] = False
-        joints = state.body.joint_positions(pose)
         return self.row(pose, joints, confidence, observed, TRACKED if tracked else LOST, source)
 
 
