@@ -24,7 +24,6 @@ CEILING: dict[str, tuple[int, int]] = {
     "database_builder": (7, 16),
     "toolkit/kernels": (0, 2),
     "toolkit/landmarks": (2, 3),
-    "toolkit/tracking": (1, 1),
 }
 """Folder -> remaining ruled-out words and docstring openings; 0 in all others."""
 
