@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.run_helpers import write_run
-from toolkit.app.cli.track import _say_done as print_result
+from toolkit.app.cli.track import print_done as print_result
 from toolkit.body import skeleton
 from toolkit.motion.uncertain_limbs import NAMED, UncertainStretch, uncertain_stretches, uncertain_text
 from toolkit.output.report.content import describe_run

@@ -168,7 +168,7 @@ def _track_one(
             workers=usable_processors(),
             **how,
         )
-    _say_done(summary.text(), run, sys.stderr if guiding.events == "-" else None)
+    print_done(summary.text(), run, sys.stderr if guiding.events == "-" else None)
     if summary.interrupted:
         raise typer.Exit(1)
     if not summary.states["tracked"]:
@@ -206,7 +206,7 @@ def _track_batch(
         )  # fmt: skip
     for row in rows:
         if row.status == DONE:
-            _say_done(row.text, Path(row.run))
+            print_done(row.text, Path(row.run))
         else:
             say(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
     if any(row.status != DONE for row in rows):
@@ -221,7 +221,7 @@ def _track_batch(
     )
 
 
-def _say_done(text: str, run: Path, file: TextIO | None = None) -> None:
+def print_done(text: str, run: Path, file: TextIO | None = None) -> None:
     """Print the summary of a recording, with its people if there are several, and the uncertain limbs of each."""
     from toolkit.motion.uncertain_limbs import uncertain_text
     from toolkit.tracks import TRACK_FILE, Track
