@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from database_builder.build import THRESHOLD
-from database_builder.regressor import RegressorSettings
 from tests.support.suite import LONGEST, WORK, database
 from toolkit.app.config import load_settings
 from toolkit.app.pipeline import track_recording
@@ -210,14 +209,13 @@ def add_database_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for database, tracker settings and work folder; see `poses_of`."""
     parser.add_argument("--database", type=Path, help="another database than the simulated suite's own")
     parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
-    parser.add_argument("--images", type=int, default=RegressorSettings.images, help="that train its joint regressor")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
     parser.add_argument("--work", type=Path, default=WORK)
 
 
 def poses_of(options: argparse.Namespace) -> Path:
     """Return the requested database, or build that of the suite if it is missing."""
-    return options.database or database(options.work, options.threshold, RegressorSettings(images=options.images))
+    return options.database or database(options.work, options.threshold)
 
 
 def track_each(

@@ -6,11 +6,10 @@ recordings per group of the report split. The rows are
 
 - `whole`: complete tracker;
 - `first frame`: background and people from the first frame only;
-- `no rooms`: regressor trained without room images;
 - `no floor`: no stature from the height above the floor;
 - `one pass`: without the second pass (`--online`).
 
-Every row but `no rooms` has the same database; that row's holds the same poses. A row that is done is kept in
+A row that is done is kept in
 `ablation_part.json`, and is not measured again on the same commit; with all of them there the file is `ablation.json`.
 """
 
@@ -30,11 +29,9 @@ from benchmarks import _record, _room_scores, rooms
 from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of, settings_of, track_each
 from benchmarks.scenes import tracks_of
-from database_builder.regressor import RegressorSettings
-from database_builder.views import ViewSettings
 from tests.support.scene_scores import SceneScore, scene_figures, score_scene
 from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
-from tests.support.suite import chosen_takes, database
+from tests.support.suite import chosen_takes
 from toolkit.app.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.people import survey
@@ -47,7 +44,7 @@ LONGEST = 45
 """Frames of a simulated recording."""
 PART = "ablation_part"
 """Name of the result with the rows measured so far."""
-ROWS = ("whole", "first frame", "no rooms", "no floor", "one pass")
+ROWS = ("whole", "first frame", "no floor", "one pass")
 
 
 class FloorlessTracker(HybridTracker):
@@ -77,7 +74,7 @@ class Ablation:
     def figures(self, row: str) -> dict[str, Any]:
         """Return the scores of a row on real rooms, scenes, furnished rooms and the suite."""
         options = self._options
-        database = without_rooms(options) if row == "no rooms" else poses_of(options)
+        database = poses_of(options)
         settings = settings_of("one pass" if row == "one pass" else "hybrid", parse_overrides(options.set))
         kind = FloorlessTracker if row == "no floor" else HybridTracker
         tracker = kind(PoseDatabase.load(database), settings, database_path=str(database))
@@ -113,12 +110,6 @@ class Ablation:
         return found
 
 
-def without_rooms(options: argparse.Namespace) -> Path:
-    """Return the suite's database with a regressor trained without rooms; made unless present."""
-    parts = RegressorSettings(images=options.images, views=ViewSettings(rooms=0.0))
-    return database(options.work, options.threshold, parts)
-
-
 def main() -> None:
     """Track and score row after row, and write JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -128,7 +119,7 @@ def main() -> None:
     add_database_options(parser)
     options = parser.parse_args()
     wanted = options.rows.split(",")
-    told = ("takes", "set", "database", "images", "threshold")
+    told = ("takes", "set", "database", "threshold")
     ablation, described = Ablation(options), {name: getattr(options, name) for name in told}
     figures = _kept(described)
     for row in [row for row in wanted if row not in figures]:

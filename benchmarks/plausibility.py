@@ -27,10 +27,9 @@ import numpy as np
 
 from benchmarks._record import run_part, save_figures
 from tests.container_files import RosWriter
-from toolkit.database.database import PoseDatabase
-from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.io.errors import DepthMocapError
 from toolkit.people.image_rotation import quarter_turns
+from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
 from toolkit.recordings.opening import open_recording, recording_of
 from toolkit.recordings.writer import RecordingWriter
@@ -95,7 +94,7 @@ def faults(parser: argparse.ArgumentParser) -> None:
     """Count the named faults by kind, of segmented people and of rooms."""
     parser.add_argument("--every", type=int, default=6)
     arguments = parser.parse_args()
-    classifier = PoseDatabase.load(DEFAULT_DATABASE).regressor
+    classifier = person_network()
     counts: dict[str, dict[str, list[int]]] = {}
     for path, options, cut_out in _recordings(arguments.every):
         recording = open_recording(path, **options)

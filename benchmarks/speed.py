@@ -87,7 +87,7 @@ def filled_up(database: PoseDatabase, count: int) -> tuple[PoseDatabase, int]:
     return PoseDatabase.of_poses(
         np.concatenate([database.poses, extra]), load_body(database.body_name),
         PoseOrigins(database.sources, database.hashes, both[1], both[2], mirrored),
-        offsets=both[0], regressor=database.regressor,
+        offsets=both[0],
     ), missing  # fmt: skip
 
 

@@ -15,7 +15,6 @@ from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.processes import process_pool
 from database_builder.reading import MocapFile, find_sources, of_clip, read_source
-from database_builder.regressor import RegressorSettings, train_regressor
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
@@ -33,8 +32,6 @@ THRESHOLD = 0.009
 error stays the same and only the lookup gets slower."""
 SEATED_RATE = 10.0
 """Frames a second of the seated motions: people who sit move slowly."""
-PARTS = RegressorSettings()
-"""How the joint regressor is trained unless told otherwise."""
 CHUNK = 500
 """Poses that a process looks at in one go, about a quarter of a second."""
 MANY_FILES, MANY_POSES = 16, 4000
@@ -105,14 +102,13 @@ def build_database(
     sampling: Sampling = SAMPLING,
     *,
     body: Body | None = None,
-    parts: RegressorSettings | None = PARTS,
     workers: int | None = None,
     strict: bool = False,
     progress: Progress = silent,
 ) -> BuildReport:
     """Build a pose database and write it as one file.
 
-    Files that were read and what was trained are kept in a folder of its own beside `output` until the database is
+    Files that were read are kept in a folder of its own beside `output` until the database is
     written, so that a killed or failed build goes on where it was. It is `<stem>.work`, with a number behind it where
     such a folder is there already and is not the toolkit's. The result does not depend on the number of processes.
     They are spawned, so a script that calls this needs the usual `if __name__ == "__main__":`.
@@ -123,7 +119,6 @@ def build_database(
     output : the database file (`.npz`)
     sampling : which of the poses it holds
     body : whose poses, joints and features they become; None = the neutral adult
-    parts : how to train the joint regressor; None = without one
     workers : processes; None = as many as there are processors
     strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
     progress : called as stages advance
@@ -147,7 +142,7 @@ def build_database(
         if len(skipped) == len(files) + len(clips):
             remove_own_folder(work)  # it holds nothing that another build could use
             raise MocapError(f"no file can be used; {skipped[0][0]}: {skipped[0][1]}; give BVH, ASF/AMC or AMASS")
-        database = build.database(pool, skipped, parts, work)
+        database = build.database(pool, skipped)
         database.save(target)
         remove_own_folder(work)
         build.end("write")
@@ -192,10 +187,8 @@ class _Build:
         self.end("read")
         return pool, skipped
 
-    def database(
-        self, pool: PosePool, skipped: Sequence[tuple[str, str]], parts: RegressorSettings | None, work: Path
-    ) -> PoseDatabase:
-        """What is selected of the poses, looked at, with its regressor and prior."""
+    def database(self, pool: PosePool, skipped: Sequence[tuple[str, str]]) -> PoseDatabase:
+        """Return the selected poses with their observed offsets and their prior."""
         self.report("sample", 0, 1)
         selected = pool.select()
         poses = selected.rows.poses
@@ -203,11 +196,6 @@ class _Build:
         self.end("sample")
         offsets = self.look(poses)
         self.end("look")
-        forest = None
-        if parts is not None:
-            told = partial(self.report, "train")
-            forest = train_regressor(poses, parts, workers=self.processes, kept=work, progress=told)
-            self.end("train")
         prior = learn_prior(poses, self.body)
         self.end("prior")
         chosen = self.sampling
@@ -218,7 +206,7 @@ class _Build:
         }  # fmt: skip
         return PoseDatabase.of_poses(
             poses, self.body, pool.origins(selected), offsets=offsets, threshold=chosen.threshold, notes=notes,
-            regressor=forest, prior=prior,
+            prior=prior,
         )  # fmt: skip
 
     def look(self, poses: np.ndarray) -> np.ndarray:

@@ -22,7 +22,6 @@ def main() -> None:
         sys.argv[1:] or None,
         OUTPUT / "poses.npz",
         Sampling(threshold=0.018, max_poses=2000),
-        parts=None,  # the joint regressor takes minutes to train; the command trains it too
         progress=lambda stage, done, total: print(f"\r{stage} {done}/{total}", end="", file=sys.stderr),
     )
     print(file=sys.stderr)

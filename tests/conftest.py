@@ -73,7 +73,7 @@ def done_once_or_not_at_all() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a database of 800 poses of the bundled motions, without a regressor; made once for all workers."""
+    """Return a database of 800 poses of the bundled motions; made once for all workers."""
     from database_builder.build import Sampling, build_database
 
     own = tmp_path_factory.getbasetemp()
@@ -81,7 +81,7 @@ def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = folder / "bundled_poses.npz"
     with FileLock(folder / "bundled_poses.lock"):
         if not path.exists():
-            build_database(None, path, Sampling(max_poses=800), parts=None, workers=1)
+            build_database(None, path, Sampling(max_poses=800), workers=1)
     return path
 
 

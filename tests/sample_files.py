@@ -130,10 +130,9 @@ def r3d_file(folder: Path) -> Path:
 
 def database_file(folder: Path) -> Path:
     from tests.test_database_prior import random_prior
-    from tests.test_regressor import random_forest
 
     rng = np.random.default_rng(0)
-    replace(small_database(12), regressor=random_forest(rng), prior=random_prior(rng)).save(folder / "poses.npz")
+    replace(small_database(12), prior=random_prior(rng)).save(folder / "poses.npz")
     return folder / "poses.npz"
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 
 from toolkit.io import archives
-from toolkit.io.archives import Column, check_columns, check_trees, checksum_of, load_archive, save_archive
+from toolkit.io.archives import Column, check_columns, checksum_of, load_archive, save_archive
 from toolkit.io.errors import MocapError, TrackError
 
 
@@ -182,26 +182,3 @@ def test_what_unpacks_to_more_than_it_could_need_is_refused_before_it_is_unpacke
     monkeypatch.setattr(archives, "_read_whole", lambda *_: pytest.fail("it was unpacked"))
     with pytest.raises(TrackError, match="unpacks to 800128 bytes, more than the 1000 that it could need"):
         load_archive(tmp_path / "a.npz", TrackError, "", only=["joints"], most=1000)
-
-
-@pytest.mark.parametrize(
-    ("children", "roots", "words"),
-    [
-        ([[1, 2], [-1, -2], [1, -3]], [0], "hangs from two others"),
-        ([[0, -1]], [0], "hangs from two others"),
-        ([[1, -1], [0, -2]], [0], "hangs from two others"),
-        ([[1, -1], [-1, -2]], [0, 1], "hangs from two others"),
-        ([[1, -1], [-1, 2]], [0], "outside"),
-        ([[-5, -1]], [0], "outside"),
-        ([[-1, -2]], [1], "outside"),
-        ([[i + 1, -1] for i in range(70)] + [[-1, -2]], [0], "more than 64 levels"),
-        ([[0.0, -1.0]], [0], "must be whole numbers"),
-    ],
-)
-def test_a_forest_whose_walks_do_not_end_is_refused(children: list[list[int]], roots: list[int], words: str) -> None:
-    with pytest.raises(TrackError, match=words):
-        check_trees(np.array(children), np.array(roots), 3, TrackError, "the forest", "")
-
-
-def test_a_forest_whose_walks_end_is_taken() -> None:
-    check_trees(np.array([[1, 2], [-1, -2], [-3, -1]]), np.array([0, -1]), 3, TrackError, "the forest", "")

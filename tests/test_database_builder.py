@@ -12,11 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from database_builder import build, reading, regressor
+from database_builder import build, reading
 from database_builder.build_report import database_text
-from database_builder.regressor import RegressorSettings
 from database_builder.sampling import farthest_first, pose_distance
-from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
 from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
@@ -27,6 +25,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
+from training.subjects import is_seated
 
 CLIPS = [moving_clip("a", 1), moving_clip("b", 2)]
 
@@ -35,9 +34,9 @@ def build_database(
     sources: Sequence[Path | PoseClip] | None, output: Path, *, threshold: float = build.THRESHOLD,
     max_poses: int | None = None, mirror: bool = False, seated: bool = False, **options: Any,
 ) -> build.BuildReport:  # fmt: skip
-    """Build without mirror images, seated people and regressor unless a test sets them."""
+    """Build without mirror images and seated people unless a test sets them."""
     sampling = build.Sampling(threshold, max_poses, mirror, seated)
-    return build.build_database(sources, output, sampling, **{"parts": None, **options})
+    return build.build_database(sources, output, sampling, **options)
 
 
 @pytest.fixture
@@ -125,32 +124,25 @@ def test_a_bad_file_is_named_skipped_and_counted(mocap: Path, tmp_path: Path) ->
     assert [name for name, _ in PoseDatabase.load(report.path).notes["skipped"]] == ["broken.bvh", "empty.amc"]
 
 
-def test_a_full_disk_is_one_sentence_and_the_forest_is_kept_in_the_place_of_its_images(
+def test_a_full_disk_is_one_sentence_and_the_files_that_were_read_are_kept(
     mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    work, on_disk, grow = tmp_path / "poses.work", files.flush_to_disk, regressor.grow_trees
-    few = RegressorSettings(images=12, pixels=30, trees=1, depth=4, calibration=6)
-    grown: list[int] = []
+    on_disk = files.flush_to_disk
 
     def full(path: Path, flags: int) -> None:
-        """Limit the file size: images or forest fit, the database does not."""
-        if path.name.startswith(".poses-") or (path.name.startswith(".forest-") and list(work.glob("images-*"))):
+        """Limit the file size: the files that were read fit, the database does not."""
+        if path.name.startswith(".poses-"):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         on_disk(path, flags)
 
-    def growing(*arguments: Any) -> Any:
-        grown.append(len(list(work.glob("images-*"))))
-        return grow(*arguments)
-
-    monkeypatch.setattr(regressor, "grow_trees", growing)
     with monkeypatch.context() as disk:
         disk.setattr(files, "flush_to_disk", full)
         with pytest.raises(OutputError, match="poses.npz: No space left on device; free some space") as said:
-            build_database([mocap], tmp_path / "poses.npz", parts=few)
+            build_database([mocap], tmp_path / "poses.npz")
     assert "\n" not in str(said.value) and not (tmp_path / "poses.npz").exists()
-    assert (work / "forest.npz").exists() and not list(work.glob("images-*"))
-    build_database([mocap], tmp_path / "poses.npz", parts=few)
-    assert grown == [1] and not work.exists()
+    assert len(list((tmp_path / "poses.work").glob("*.npz"))) == 2
+    build_database([mocap], tmp_path / "poses.npz")
+    assert not (tmp_path / "poses.work").exists()
 
 
 def test_an_interrupted_build_goes_on_where_it_was(

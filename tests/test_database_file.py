@@ -81,12 +81,17 @@ def test_a_database_file_needs_no_pickle(saved: Path) -> None:
         ({"pose_frame": np.full(200, -1, np.int32)}, "outside 0"),
         ({"mirrored": np.zeros(200)}, "truth values"),
         ({"sources": np.array(3.0)}, "text"),
-        ({"forest_roots": np.zeros(3, np.int32)}, "joint regressor holds"),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused_with_the_reason(saved: Path, values: dict[str, Any], words: str) -> None:
     with pytest.raises(DatabaseError, match=words):
         PoseDatabase.load(changed(saved, **values))
+
+
+def test_a_file_of_an_earlier_version_with_a_regression_forest_is_read_without_it(saved: Path) -> None:
+    plain = PoseDatabase.load(saved)
+    old = PoseDatabase.load(changed(saved, forest_roots=np.zeros(3, np.int32)))
+    assert np.array_equal(old.poses, plain.poses)
 
 
 def test_a_value_changed_behind_the_checksum_is_noticed(saved: Path) -> None:

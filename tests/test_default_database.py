@@ -24,14 +24,13 @@ def database() -> PoseDatabase:
 
 
 def test_it_is_small_and_comes_with_its_notice() -> None:
-    assert default.default_database_path().stat().st_size <= 12e6
+    assert default.default_database_path().stat().st_size <= 3e6
     notice = (ASSETS / "LICENSE.md").read_text()
     assert "mocap.cs.cmu.edu" in notice and "NSF EIA-0196217" in notice
 
 
-def test_it_contains_rooms_seated_people_and_its_sources(database: PoseDatabase) -> None:
-    assert database.regressor is not None and database.prior is not None
-    assert database.regressor.calibration.shape[1] > 2 and len(np.unique(database.regressor.leaf_person)) > 100
+def test_it_contains_seated_people_and_its_sources(database: PoseDatabase) -> None:
+    assert database.prior is not None
     own = {name.rstrip("_0123456789") for name in database.sources if not name.endswith((".bvh", ".amc"))}
     assert {*DATABASE_MOTIONS, *SEATED_MOTIONS} == own
     assert not own & {*SUBJECT_MOTIONS, *SEATED_SUBJECT_MOTIONS}  # subjects of tests and demo

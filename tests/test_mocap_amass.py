@@ -46,7 +46,7 @@ def test_joints_of_smpl_x_are_read_from_their_parts(tmp_path: Path) -> None:
 def test_a_motion_is_a_clip_like_any_other_for_database_and_retrieval(tmp_path: Path) -> None:
     path = write_amass(tmp_path / "walk.npz", moving_clip("walk", seed=3))
     database = build_database(
-        [tmp_path], tmp_path / "out" / "poses.npz", Sampling(0.02, seated=False), parts=None, workers=1
+        [tmp_path], tmp_path / "out" / "poses.npz", Sampling(0.02, seated=False), workers=1
     ).database
     assert database.sources == ("walk.npz",) and len(database) > 5
     index = index_motions([path], tmp_path / "out" / "motions.index")

@@ -10,11 +10,10 @@ import pytest
 
 from tests.sensing_scenes import KINECT, scene, up_of_tilt
 from toolkit.app.cli.main import main
-from toolkit.database.database import PoseDatabase
-from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.output.rendering.style import person_color
 from toolkit.output.rendering.survey_picture import picture
 from toolkit.people.description import describe
+from toolkit.people.person_network import person_network
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 
@@ -56,7 +55,7 @@ def test_colour_is_evidence_for_a_visible_person(tmp_path):
 def test_a_camera_on_its_side_is_noticed(tmp_path):
     upright = scene(KINECT, ((0.0, 2.6),), height=1.5, wall=4.0, floor=True)[0]
     path = recorded(tmp_path, [np.rot90(upright)], KINECT.rotated(3))
-    classifier = PoseDatabase.load(DEFAULT_DATABASE).regressor
+    classifier = person_network()
     look = describe(open_recording(path), judge=classifier)
     assert "give --rotate 90" in look.concerns[0].text and "--rotate" not in look.lines[4]
     assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]

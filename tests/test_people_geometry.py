@@ -114,9 +114,10 @@ class FakeJudge:
     def __init__(self, odds: float) -> None:
         self.odds = odds
 
-    def log_odds(self, depth: np.ndarray, camera: Any, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    def log_odds(self, depth: np.ndarray, camera: Any) -> np.ndarray:
         """See `PersonClassifier.log_odds`."""
-        return np.where(pixels % depth.shape[1] < depth.shape[1] // 2, self.odds, 3.0)
+        left = np.arange(depth.shape[1]) < depth.shape[1] // 2
+        return np.broadcast_to(np.where(left, self.odds, 3.0), depth.shape)
 
 
 @pytest.mark.parametrize(("odds", "sides"), [(3.0, [-1, 1]), (-9.0, [1])])

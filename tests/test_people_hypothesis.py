@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
-from toolkit.landmarks.regressor import JointRegressor
 from toolkit.people.hypothesis import EvidenceSample, log_odds
 from toolkit.people.learning import FEWEST, HeadTrack, below_heads, hanging, learnt
 from toolkit.people.multi_person import MultiPersonFinder
@@ -25,10 +24,10 @@ class Sure:
     def __init__(self, odds):
         self.odds, self.asked = odds, 0
 
-    def log_odds(self, depth, camera, rotation, pixels):
-        assert depth.shape == camera.shape and (depth.ravel()[pixels] > 0).all()
-        self.asked += len(pixels)
-        return np.full(len(pixels), self.odds)
+    def log_odds(self, depth, camera):
+        assert depth.shape == camera.shape
+        self.asked += 1
+        return np.where(depth > 0, np.float32(self.odds), np.float32(0))
 
 
 def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
@@ -86,8 +85,8 @@ class Likes:
     def __init__(self, where):
         self.where = where
 
-    def log_odds(self, depth, camera, rotation, pixels):
-        return np.where(self.where.ravel()[pixels], 2.0, -3.0)
+    def log_odds(self, depth, camera):
+        return np.where(depth > 0, np.where(self.where, np.float32(2), np.float32(-3)), np.float32(0))
 
 
 def seated_on_a_block():
@@ -174,14 +173,6 @@ def test_the_classifier_rejects_person_like_furniture_in_a_still():
         judge = Sure(odds)
         assert len(MultiPersonFinder(KINECT, UP, judge=judge).find(depth, 0.0, {})) == count
         assert judge.asked > 0
-
-
-def test_a_regressor_judges_by_log_odds_that_stay_finite(monkeypatch):
-    monkeypatch.setattr(JointRegressor, "person_probability", lambda *_: np.array([0.0, 0.5, 1.0, 0.8]))
-    ask = (np.ones((2, 2), np.float32), KINECT, np.eye(3), np.arange(4))
-    odds = JointRegressor.log_odds(object.__new__(JointRegressor), *ask)
-    assert np.isfinite(odds).all() and odds[0] == pytest.approx(-odds[2])
-    assert odds[1] == 0.0 and odds[3] == pytest.approx(np.log(4.0))
 
 
 HEAD = np.array([0.2, 0.1, -2.5])

@@ -23,11 +23,10 @@ from toolkit.app.cli.terminal import program
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.manifest import MANIFEST_FILE
 from toolkit.app.pipeline.run_summary import RunSummary, track_warnings
-from toolkit.database.database import PoseDatabase
-from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.io.errors import PlausibilityWarning, RecordingError
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.image_rotation import quarter_turns
+from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
 from toolkit.recordings.opening import recording_of, upright
 from toolkit.recordings.writer import save_recording
@@ -45,9 +44,7 @@ SQUARER = Camera(365.5, 365.5, 255.5, 211.5, 512, 424)
 
 @pytest.fixture(scope="module")
 def classifier() -> PersonClassifier:
-    found = PoseDatabase.load(DEFAULT_DATABASE).regressor
-    assert found is not None
-    return found
+    return person_network()
 
 
 def frames(room: dict[str, Any] = ALONE, camera: Camera = KINECT) -> np.ndarray:

@@ -26,7 +26,7 @@ DECIDING = (
     "database",
     "simulation/interiors",
 )
-"""Packages whose sums can change a choice between hypotheses, or the training data of a regressor."""
+"""Packages whose sums can change a choice between hypotheses."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 
@@ -65,12 +65,10 @@ def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
 BUILD = """
 import sys
 from database_builder.build import Sampling, build_database
-from database_builder.regressor import RegressorSettings
 from toolkit.body.shape import load_body
 from toolkit.mocap.procedural import procedural_clips
 clips = procedural_clips(("walk", "seated_chair"), 3.0, body=load_body("neutral"))
-small = RegressorSettings(images=40, pixels=40, trees=2, calibration=30)
-build_database(clips, sys.argv[1], Sampling(seated=False), parts=small, workers=1)
+build_database(clips, sys.argv[1], Sampling(seated=False), workers=1)
 """
 """Build of a small database with all parts."""
 

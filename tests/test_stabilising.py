@@ -76,7 +76,7 @@ def workdir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _save_database(path: Path, poses: np.ndarray) -> None:
-    """Save every third of these poses, without a regressor."""
+    """Save every third of these poses."""
     canonical = canonicalise(poses[::3])[0]
     count = len(canonical)
     PoseDatabase.of_poses(

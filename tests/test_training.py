@@ -1,4 +1,4 @@
-"""Simulated training crops of the joint network, and export in whole numbers."""
+"""Simulated training images of both networks, and export in whole numbers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pytest
 from tests.database_helpers import small_database
 from toolkit.sensing.exact_network import ExactNetwork, write_digest
 from training.joint_crops import PIXEL, SIZE, UNOBSERVED, VISIBLE, draw_crops
+from training.room_images import FOCAL, FURNITURE, HEIGHT, WIDTH, draw_images
+from training.sensor import lossy
 
 
 @pytest.fixture(scope="module")
@@ -56,3 +58,62 @@ def test_an_exported_convolution_is_exact_and_follows_its_weights(tmp_path: Path
     expected = np.einsum("ihwkl,oikl->ohw", windows, layer.weights) + layer.bias[:, None, None]
     assert np.array_equal(found, np.rint(found))
     assert np.abs(found[0] / 32.0 - np.clip(expected, 0, 511 / 32)).max() < 1.0 / 32
+
+
+def test_room_images_show_people_where_their_heads_are(poses: np.ndarray) -> None:
+    images = draw_images(poses, 12, 3)
+    near, people = [], 0
+    for depth, owner, heads in zip(*images.values(), strict=True):
+        people += len(np.unique(owner[owner >= 0]))
+        for number, (x, y, z) in enumerate(heads):
+            if z < 0.3:
+                continue
+            u, v = round(FOCAL * x / z + 0.5 * (WIDTH - 1)), round(FOCAL * y / z + 0.5 * (HEIGHT - 1))
+            if 0 <= u < WIDTH and 0 <= v < HEIGHT and owner[v, u] == number and depth[v, u]:
+                near.append(z - 0.001 * depth[v, u])
+    assert people > 8 and len(near) > 3 and 0.0 < np.median(near) < 0.2
+    assert (images["depth"] > 0).any(axis=(1, 2)).all() and (images["owner"] == FURNITURE).any()
+
+
+def test_room_images_depend_on_the_seed_alone(poses: np.ndarray) -> None:
+    first, again, other = draw_images(poses, 2, 1), draw_images(poses, 2, 1), draw_images(poses, 2, 2)
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+    assert not np.array_equal(first["depth"], other["depth"])
+
+
+def test_a_sensor_loses_glass_black_grazing_and_far_surfaces() -> None:
+    flat = np.full((20, 200), 1.0 / 2.5)
+    share = {}
+    for name, cosine, reflectance, inverse in (
+        ("plain", 1.0, 0.6, flat), ("glass", 1.0, 0.0, flat), ("black", 1.0, 0.04, flat), ("grazing", 0.02, 0.6, flat),
+        ("far", 1.0, 0.6, flat * 0.2),
+    ):  # fmt: skip
+        surfaces = inverse, np.full(flat.shape, cosine), np.full(flat.shape, reflectance)
+        share[name] = np.mean([(lossy(*surfaces, 150.0, np.random.default_rng(s)) > 0).mean() for s in range(20)])
+    assert share["plain"] > 0.9 and share["glass"] == share["far"] == 0.0
+    assert 0.1 < share["black"] < 0.9 and share["grazing"] < 0.5
+
+
+def test_an_exported_person_network_follows_its_weights(poses: np.ndarray, tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("onnx")
+    from training.export_joints import ranges_of
+    from training.export_people import SHAPE, export
+    from training.person_network import PersonNetwork, features
+    from training.train_people import batch_of
+
+    images = draw_images(poses, 4, 5)
+    torch.manual_seed(0)
+    net = PersonNetwork().eval()
+    data = torch.from_numpy(images["depth"].astype(np.int16)), torch.from_numpy(images["owner"])
+    depth, owner = batch_of(data, slice(0, 4), augment=False)
+    assert depth.shape[1:] == SHAPE[2:] and owner.shape[1:] == (SHAPE[2] // 2, SHAPE[3] // 2)
+    inputs = features(depth)
+    largest = export(net, ranges_of(net, [inputs]), tmp_path / "net.onnx")
+    assert largest <= 2.0**24
+    write_digest(tmp_path / "net.onnx", SHAPE, ("log_odds",))
+    exact = ExactNetwork(tmp_path / "net.onnx", SHAPE, ("log_odds",))
+    with torch.no_grad():
+        expected = net(inputs).numpy()
+    found = np.concatenate([exact.run(np.rint(64 * x[None].numpy()))[0][0] for x in inputs])
+    assert np.abs(found - expected).mean() < 0.1 * expected.std()

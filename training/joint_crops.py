@@ -24,15 +24,27 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from database_builder.occluders import box, occluder_meshes
-from database_builder.views import CUTS, draw_body, is_seated, row_of, sensed
 from toolkit.body import skeleton
-from toolkit.body.body import Body, vertex_normals
+from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import default_database_path
 from toolkit.kernels import linear
 from toolkit.kernels.image import raster
+from training.occluders import box, occluder_meshes
+from training.sensor import sensed
+from training.subjects import (
+    ARMS,
+    HEAD,
+    LEGS,
+    THIGHS,
+    TORSO,
+    draw_body,
+    is_seated,
+    is_upright,
+    row_of,
+    thickened,
+)
 
 SIZE, PIXEL = 128, 0.025
 """Pixels of a side of a stored crop; metres of a pixel at the reference depth."""
@@ -43,6 +55,13 @@ MIN_PIXELS = 120
 """Measured pixels below which a crop is dropped."""
 BLOCK, BLOCKS = 50, 10
 """Poses of a block, and blocks of which one is held out: neighbouring poses of a database resemble each other."""
+CUTS: dict[str, tuple[str, ...]] = {
+    "chest": ("spine", "neck"), "waist": ("pelvis", "spine"), "thighs": ("left_knee", "right_knee", "pelvis"),
+    "knees": ("left_knee", "right_knee"), "shins": ("left_ankle", "right_ankle", "left_knee", "right_knee"),
+}  # fmt: skip
+"""Joints between which the lower border of the image truncates a person."""
+LAYERS = {TORSO: 0.06, ARMS: 0.035, LEGS: 0.035, HEAD: 0.03}
+"""Largest thickness of clothes and hair, metres."""
 DEPTHS = (1.1, 5.0)
 """Metres from the camera to the person."""
 
@@ -111,10 +130,7 @@ class CropPainter:
         self._faces = self._space.faces.astype(np.int64)
         body = self._space.body()
         self._seated = is_seated(self._poses, body)
-        height = body.joint_positions(self._poses)[..., 1]
-        ankles = np.maximum(height[:, _row("left_ankle")], height[:, _row("right_ankle")])
-        erect = height[:, _row("head")] - height[:, _row("pelvis")] > 0.52
-        self._upright = np.flatnonzero(erect & (height[:, _row("pelvis")] - ankles > 0.62))
+        self._upright = np.flatnonzero(is_upright(self._poses, body))
 
     def draw(self) -> Crop | None:
         """Draw the next crop; None where too little of the person is in it."""
@@ -172,18 +188,10 @@ class CropPainter:
     def _clothed(self, body: Body, vertices: np.ndarray) -> np.ndarray:
         """Vertices (V, 3) with clothes that stand off the skin by up to 8 cm."""
         rng = self._rng
-        names = np.array(skeleton.JOINT_NAMES)[body.part]
-        thickness = np.zeros(len(names))
-        layers = (
-            (("root", "lumbar", "thorax", "clavicle"), 0.06), (("shoulder", "elbow"), 0.035), (("hip", "knee"), 0.035),
-            (("cervical",), 0.03),
-        )  # fmt: skip
-        for parts, most in layers:
-            covered = np.any([np.char.endswith(names, part) for part in parts], axis=0)
-            thickness[covered] = rng.uniform(0, most) * rng.random()
+        layers = {parts: rng.uniform(0, most) * rng.random() for parts, most in LAYERS.items()}
         if rng.random() < 0.12:  # a coat or a skirt
-            thickness[np.char.endswith(names, "hip")] = rng.uniform(0.02, 0.08)
-        return vertices + thickness[:, None] * vertex_normals(vertices, self._faces)
+            layers[THIGHS] = rng.uniform(0.02, 0.08)
+        return thickened(body, vertices, self._faces, layers)
 
     def _attached(self, vertices: np.ndarray, joints: np.ndarray, root: np.ndarray) -> list[Surface]:
         """Objects that a segmentation leaves in a person's mask: floor, an object at hand, a bag on the back."""

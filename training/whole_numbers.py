@@ -89,6 +89,12 @@ class WholeGraph:
             total = self._add("Add", total, scaled)
         return total
 
+    def added(self, x: Values, y: Values, exponent: int, low: int, high: int) -> Values:
+        """Add two tensors, rounded to units of 2**exponent and brought to whole numbers from `low` to `high`."""
+        scaled = [self._add("Mul", t.name, self._constant(2.0 ** (t.exponent - exponent))) for t in (x, y)]
+        half = self._add("Add", scaled[0], self._constant(0.5))
+        return self.rounded(self._add("Add", half, scaled[1]), exponent, low, high, x.channels)
+
     def rounded(self, total: str, exponent: int, low: int, high: int, channels: int) -> Values:
         """Bring a sum with halves back to whole numbers from `low` to `high`."""
         floor = self._add("Floor", total)

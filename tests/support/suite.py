@@ -27,7 +27,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from database_builder.build import THRESHOLD, Sampling, build_database
-from database_builder.regressor import RegressorSettings
 from tests.support.casting import Actor, Scene, listed
 from toolkit.body.body import Body
 from toolkit.datasets.folder import data_folder
@@ -141,15 +140,12 @@ def motion_files(motion: str) -> list[Path]:
     return list(MOCAP.glob(f"hdm05/HDM_{actor}_{name}*_{number}_120.amc"))
 
 
-def database(
-    work: Path, threshold: float = THRESHOLD, parts: RegressorSettings | None = None, progress: Progress = silent
-) -> Path:
-    """Return the path of the suite's pose database with its regressor, made if missing."""
-    parts = parts or RegressorSettings()
+def database(work: Path, threshold: float = THRESHOLD, progress: Progress = silent) -> Path:
+    """Return the path of the suite's pose database, made if missing."""
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
-    path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold, parts)}.npz"
+    path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold)}.npz"
     if not path.exists():
-        build_database(database_sources(), path, Sampling(threshold), parts=parts, progress=progress)
+        build_database(database_sources(), path, Sampling(threshold), progress=progress)
     return path
 
 

@@ -24,7 +24,6 @@ from toolkit.io.errors import DatabaseError
 from toolkit.io.files import is_file
 from toolkit.io.typed_values import TypedReader
 from toolkit.io.yaml_reader import parse_json
-from toolkit.landmarks.regressor import JointRegressor
 
 FORMAT_VERSION = 2
 """Version of the file format; increased when the meaning of a stored array changes."""
@@ -65,7 +64,6 @@ class PoseDatabase:
     threshold : metres in the unit of Eq. 5.1, smallest distance between two poses (0: limited by a maximum count only)
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
     notes : JSON-compatible record of the build (poses read, files skipped, residual of the offsets, settings)
-    regressor : the joint regressor trained on these poses, or None
     prior : pose prior learnt from these poses; None in older files
     search : constructor of the nearest-neighbour index of features (N, 15)
     """
@@ -85,7 +83,6 @@ class PoseDatabase:
     body_scale: float
     torso_length: float
     notes: dict[str, Any] = field(default_factory=dict)
-    regressor: JointRegressor | None = None
     prior: PosePrior | None = None
     search: Callable[[np.ndarray], PoseSearch] = LeafSearch
 
@@ -113,7 +110,6 @@ class PoseDatabase:
         offsets: np.ndarray | None = None,
         threshold: float = 0.0,
         notes: dict[str, Any] | None = None,
-        regressor: JointRegressor | None = None,
         prior: PosePrior | None = None,
     ) -> PoseDatabase:
         """Return the database of canonical poses (N, P) of `body`, with joints and features.
@@ -140,7 +136,6 @@ class PoseDatabase:
             body_scale=body.scale,
             torso_length=torso_length(body),
             notes=notes or {},
-            regressor=regressor,
             prior=prior,
         ).for_body(body)
 
@@ -236,8 +231,6 @@ class PoseDatabase:
         arrays = {name: getattr(self, name) for name in _STORED}
         arrays |= {name: arrays[name].astype(STORED_TYPE) for name in ("poses", "offsets")}
         arrays["notes"] = json.dumps(self.notes)
-        if self.regressor is not None:
-            arrays |= {_FOREST + name: array for name, array in self.regressor.stored().items()}
         if self.prior is not None:
             arrays |= {_PRIOR + name: array for name, array in self.prior.arrays().items()}
         save_archive(path, {**arrays, **_identity()})
@@ -280,7 +273,6 @@ class PoseDatabase:
             body_scale=float(stored["body_scale"]),
             torso_length=float(stored["torso_length"]),
             notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, again),
-            regressor=_stored_regressor(stored),
             prior=_stored_prior(stored),
         ).for_body(body)
 
@@ -340,23 +332,14 @@ _SCALARS = {
     "notes": Column("U", ()), "threshold": Column("iuf", ()), "body_scale": Column("iuf", ()),
     "torso_length": Column("iuf", ()), "format_version": Column("iu", ()),
 }  # fmt: skip
-_LEFT_OUT = ("joints", "features", "search", "regressor", "prior")
+_LEFT_OUT = ("joints", "features", "search", "prior")
 _STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in _LEFT_OUT)
-_FOREST, _PRIOR = "forest_", "prior_"
-
-
-def _stored_regressor(stored: dict[str, np.ndarray]) -> JointRegressor | None:
-    arrays = _with_prefix(stored, _FOREST)
-    return JointRegressor.of_stored(arrays) if arrays else None
+_PRIOR = "prior_"
 
 
 def _stored_prior(stored: dict[str, np.ndarray]) -> PosePrior | None:
-    arrays = _with_prefix(stored, _PRIOR)
+    arrays = {name.removeprefix(_PRIOR): array for name, array in stored.items() if name.startswith(_PRIOR)}
     return PosePrior.of_arrays(arrays) if arrays else None
-
-
-def _with_prefix(stored: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    return {name.removeprefix(prefix): array for name, array in stored.items() if name.startswith(prefix)}
 
 
 def _identity() -> dict[str, Any]:

@@ -113,47 +113,6 @@ def _check_values(
         raise error(f"{name} of {where} holds {wrong:g}, outside {column.low:g} to {column.high:g}; {hint}")
 
 
-MOST_LEVELS = 64
-"""Largest depth of a tree, from its root to a leaf."""
-
-
-def check_trees(
-    children: np.ndarray, roots: np.ndarray, leaves: int, error: type[DepthMocapError], where: str, hint: str
-) -> None:
-    """Check that every path down a forest ends in a leaf.
-
-    Parameters
-    ----------
-    children : integers (nodes, 2); a negative child is leaf `-1 - child`
-    roots : integers (trees,), first node of each tree, or its only leaf
-    leaves : number of leaves
-    error, where, hint : as in `check_columns`
-
-    Raises
-    ------
-    DepthMocapError
-        A child is out of range, a node has two parents, or a tree has more than `MOST_LEVELS` levels.
-    """
-    columns = {
-        "children": Column("iu", ("nodes", 2), -leaves, len(children) - 1),
-        "roots": Column("iu", ("trees",), -leaves, len(children) - 1),
-    }
-    check_columns({"children": children, "roots": roots}, columns, error, where, hint)
-    if not leaves or not len(roots):
-        raise error(f"{where} has {len(roots)} trees and {leaves} leaves; {hint}")
-    reached = np.concatenate([children.ravel(), roots]).astype(np.int64)
-    reached = reached[reached >= 0]
-    if len(reached) and np.bincount(reached).max() > 1:
-        raise error(f"a node of {where} hangs from two others; {hint}")
-    level = roots[roots >= 0]
-    for _ in range(MOST_LEVELS):
-        if not len(level):
-            return
-        level = children[level].ravel()
-        level = level[level >= 0]
-    raise error(f"a tree of {where} has more than {MOST_LEVELS} levels; {hint}")
-
-
 def save_archive(path: str | Path, arrays: Mapping[str, Any], *, compressed: bool = True) -> None:
     """Write named arrays (or array-likes) and their checksum to one NPZ file, atomically.
 

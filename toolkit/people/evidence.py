@@ -12,8 +12,8 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 from toolkit.io.typed_values import Range
 
-JUDGED, MOST_JUDGED = 1.5, 4.0
-"""Weight of the classifier's mean log odds, whose pixels are correlated, and the bound of that mean."""
+JUDGED = 0.8
+"""Weight of the classifier's mean log odds, whose pixels are correlated."""
 
 NOBODYS = 0.035
 """Median energy of the pose prior over a track that fewer than one person in a hundred exceeds."""
@@ -59,10 +59,10 @@ class Evidence:
         followed = 2.0  # prior log odds of a track: it moved, or had a person's shape in the room
         if self.looks == 0:
             return followed
-        mean = float(np.clip(self.judged / self.looks, -MOST_JUDGED, MOST_JUDGED))
         shaped = 6.0  # log odds between a track that never has a person's shape and one that always has it
         lifeless = 12.0  # log odds against a motionless track in an improbable pose: more than shape and pixels can add
-        return followed + shaped * (self.shaped / self.looks - 0.5) + JUDGED * mean - lifeless * self.lifeless
+        pixels = JUDGED * self.judged / self.looks
+        return followed + shaped * (self.shaped / self.looks - 0.5) + pixels - lifeless * self.lifeless
 
     def text(self) -> str:
         """Return the score with its evidence, for people."""

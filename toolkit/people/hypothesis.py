@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.people.detection import near_head
-from toolkit.people.evidence import MOST_JUDGED
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import Camera
 
@@ -25,7 +24,7 @@ ENOUGH, ENOUGH_HEAD = 0.02, 0.1
 """Fractions of moving pixels of a body (a hand) and of a head at which that evidence is complete."""
 SHAPED = 3.0
 """Log odds between a candidate that never has a person's shape and one that has it in all its frames."""
-JUDGED, UNDECIDED = 2.2, 1.2
+JUDGED, UNDECIDED = 0.9, 1.3
 """Weight of the classifier's mean log odds, and the mean without evidence: a head candidate looks more like a person
 than the walls and desks of the training images."""
 ALONE = 0.7
@@ -41,15 +40,15 @@ SEATED, LOWEST = 1.0, 0.75
 class PersonClassifier(Protocol):
     """Classifier of single pixels as person or room, independent of motion."""
 
-    def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """Return the log odds that pixels show a person and not a room: float64 (N,).
+    def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
+        """Return the log odds that pixels show a person and not a room: float32 (h, w), 0 without measurement.
+
+        They are multiples of 1/64, so that their sums are exact in any order.
 
         Parameters
         ----------
         depth : float32 (h, w), metres along z, 0 = no measurement; the whole image
         camera : of that image
-        rotation : float64 (3, 3), `R_level_camera`
-        pixels : int64 (N,), flat indices of measured pixels
         """
         ...
 
@@ -66,10 +65,10 @@ def lowness(place: np.ndarray, floor: float | None) -> float:
 
 def judged_head(view: View, lens: CoarseCamera, place: np.ndarray, judge: PersonClassifier | None) -> float | None:
     """Return the mean log odds of a person around a head (3,), level frame; None without judge or pixel."""
-    pixels = np.flatnonzero(near_head(view, place) & view.foreground)
-    if judge is None or len(pixels) == 0:
+    near = near_head(view, place) & view.foreground
+    if judge is None or not near.any():
         return None
-    return float(np.mean(judge.log_odds(view.depth, lens.camera, lens.rotation, pixels)))
+    return float(judge.log_odds(view.depth, lens.camera)[near].mean(dtype=np.float64))
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
         + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
         + SHAPED * (mean([g.shaped for g in glimpses]) - 0.5)
         - LOW * mean([g.low for g in glimpses])
-        + JUDGED * float(np.clip(mean(judged or [0.0]), -MOST_JUDGED, MOST_JUDGED))
+        + JUDGED * mean(judged or [0.0])
     )
 
 

@@ -172,9 +172,8 @@ def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> n
 
     total, count = (np.zeros(stack.shape[1:], dtype=np.float32) for _ in range(2))
     for depth in stack[:: -(-len(stack) // JUDGED)]:
-        pixels = np.flatnonzero(depth > 0)
-        total.ravel()[pixels] += judge.log_odds(depth, lens.camera, lens.rotation, pixels).astype(np.float32)
-        count.ravel()[pixels] += 1
+        total += judge.log_odds(depth, lens.camera)
+        count += depth > 0
     nearby, measured = (cv2.blur(image, (PATCH, PATCH)) for image in (total, count))
     return np.asarray(nearby / np.maximum(measured, 1.0 / PATCH**2))
 

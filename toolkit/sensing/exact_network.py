@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 
@@ -63,11 +64,13 @@ class _Loaded:
         import cv2
 
         self._net, self._outputs = cv2.dnn.readNetFromONNX(str(path)), list(outputs)
+        self._lock = Lock()  # a live recording learns its room in a second thread
         self._net.enableWinograd(False)
 
     def run(self, whole: np.ndarray) -> tuple[np.ndarray, ...]:
-        self._net.setInput(whole)
-        return tuple(self._net.forward(self._outputs))
+        with self._lock:
+            self._net.setInput(whole)
+            return tuple(self._net.forward(self._outputs))
 
     def digest(self, shape: tuple[int, ...]) -> str:
         """SHA-256 of the outputs for a fixed input."""

@@ -32,7 +32,6 @@ def build(
     body: Annotated[str, typer.Option(help="Name of the body to which the motions are retargeted.")] = "neutral",
     mirror: Annotated[bool, typer.Option(help="Add the mirror image of each pose.")] = True,
     seated: Annotated[bool, typer.Option(help="Add the bundled seated motions.")] = True,
-    parts: Annotated[bool, typer.Option(help="Train the joint regressor on the poses.")] = True,
     workers: Annotated[int | None, typer.Option(help="Number of processes.", show_default="one per processor")] = None,
     strict: Annotated[
         bool, typer.Option("--strict", help="Stop at a file that cannot be read instead of skipping it.")
@@ -40,7 +39,6 @@ def build(
 ) -> None:
     """Read motion capture, sample its poses evenly and write a pose database."""
     from database_builder.build import THRESHOLD, Sampling, build_database
-    from database_builder.regressor import RegressorSettings
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.body.shape import load_body
 
@@ -50,7 +48,6 @@ def build(
             output,
             Sampling(THRESHOLD if threshold is None else threshold, max_poses, mirror, seated),
             body=load_body(body),
-            parts=RegressorSettings() if parts else None,
             workers=workers,
             strict=strict,
             progress=bars,

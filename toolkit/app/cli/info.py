@@ -24,17 +24,16 @@ def info(
     reading: Reading = Reading(),
 ) -> None:
     """Describe a recording by its first seconds: camera, vertical, background, people with evidence, useful options."""
-    from toolkit.database.database import PoseDatabase
-    from toolkit.database.default import DEFAULT_DATABASE
     from toolkit.io.files import check_output
     from toolkit.output.rendering.survey_picture import save_picture
     from toolkit.people.description import describe
+    from toolkit.people.person_network import person_network
     from toolkit.people.plausibility import HELP
     from toolkit.recordings.opening import open_upright
     from toolkit.sensing.sensing_settings import SensingSettings
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
-    judge = PoseDatabase.load(DEFAULT_DATABASE).regressor
+    judge = person_network()
     opened = open_upright(recording, judge, **reading.options())
     look = describe(opened, SensingSettings(**given(segment=segment)), judge)
     save_picture(look, target)

@@ -1,4 +1,4 @@
-"""Compiled kernels of learned models: farthest-first selection, Gaussian mixtures, regression forests.
+"""Compiled kernels of learned models: farthest-first selection, Gaussian mixtures, crops for the joint network.
 
 Owns loops over arrays only. May import other kernels.
 """

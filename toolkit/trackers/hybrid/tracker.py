@@ -16,6 +16,7 @@ from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.landmarks.joint_network import JointNetwork, joint_network
 from toolkit.people.hypothesis import PersonClassifier
+from toolkit.people.person_network import person_network
 from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.initial_pose import InitialPoseVerifier
@@ -96,8 +97,8 @@ class HybridTracker(SearchingTracker):
 
     @property
     def judge(self) -> PersonClassifier | None:
-        """See `JudgesPeople.judge`: the regression forest of the database."""
-        return self._poses.regressor if "joints" in self.settings.hypotheses else None
+        """See `JudgesPeople.judge`: the person network."""
+        return person_network() if "joints" in self.settings.hypotheses else None
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """Return the searches of the settings in their order of execution."""

@@ -1,0 +1,148 @@
+"""The person classifier by itself: `depthmocap bench classifier [--split report]`.
+
+Rooms that the network was not trained on, furnished at random, are seen by the two sensors of the simulator from 0.5 to
+2.5 m above the floor, with people in them: standing, seated, and none. Standing motions are those of the suite's split,
+seated ones the bundled `SEATED_SUBJECT_MOTIONS`; bodies are subjects with local deformations outside the shape space.
+Figures of pixels, and of surfaces (all people, and each patch of 64 pixels without people): area under the ROC curve,
+expected calibration error at even odds (people and the rest weigh alike), and the fractions over one half.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+import numpy as np
+
+from benchmarks._record import save_figures
+from tests.support.scenes import people_of
+from tests.support.suite import BODIES, RATE, takes
+from toolkit.body.shape import subject_body
+from toolkit.database.canonical import canonicalise
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
+from toolkit.people.person_network import PersonNetwork, person_network
+from toolkit.people.view import CoarseCamera
+from toolkit.sensing.camera import DEFAULT_UP
+from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.simulation.interiors.room import KINDS as ROOM_KINDS
+from toolkit.simulation.person import SimulatedPerson
+from toolkit.simulation.simulate import CaptureSettings, prepare
+
+PATCH = 8
+"""Pixels of a side of a patch without people."""
+MIN_PIXELS = 3
+"""Measured pixels of a surface."""
+BINS = 10
+
+
+def standing_poses(split: str) -> np.ndarray:
+    """Return canonical poses (N, P) of the suite's motions, ten a second."""
+    body = subject_body("neutral")
+    clips = [people_of(take, take.frames, body)[0].clip for take in takes(split)]
+    poses = [clip.poses[:: round(RATE / 10)] for clip in clips if isinstance(clip, PoseClip)]
+    return canonicalise(np.concatenate(poses))[0]
+
+
+def seated_poses(split: str) -> np.ndarray:
+    """Return canonical poses (N, P) of seated subjects, ten a second."""
+    clips = procedural_clips(SEATED_SUBJECT_MOTIONS, 10.0, body=subject_body("neutral"), seed=int(split == "report"))
+    return canonicalise(np.concatenate([clip.poses for clip in clips]))[0]
+
+
+def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, Any]:
+    """Return a simulated frame of a room and its simulation; `kind` is "standing", "seated" or "empty"."""
+    height = float(rng.uniform(0.5, 2.5))
+    distance = float(rng.uniform(1.6, 4.0))
+    tilt = float(np.degrees(np.arctan2(height - 0.9, distance)) + rng.normal(0.0, 5.0))
+    room = f"{rng.choice(list(ROOM_KINDS))}:{rng.integers(10_000, 1 << 30)}"
+    sensor, seed = ("kinect", "tof")[int(rng.random() < 0.3)], int(rng.integers(1 << 30))
+    shot = CaptureSettings(
+        sensor=sensor, distance=distance, height=height, tilt=tilt, room=room, seconds=1 / 30, seed=seed
+    )  # fmt: skip
+    people = []
+    if kind != "empty":
+        body = subject_body(BODIES[rng.integers(len(BODIES))], seed=int(rng.integers(1 << 30)))
+        clip = PoseClip("still", poses[rng.integers(len(poses))][None], 30.0, "")
+        at = (float(rng.uniform(-0.3, 0.3) * distance), float(rng.uniform(-0.6, 0.2)))
+        people.append(SimulatedPerson(clip, body, at, float(rng.uniform(-180.0, 180.0)), seated=kind == "seated"))
+    simulation = prepare(people, shot)
+    return next(iter(simulation.frames())), simulation
+
+
+def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return probabilities and truth of the pixels and surfaces of one view, and the milliseconds of the network."""
+    frame, simulation = view(kind, poses, rng)
+    lens = CoarseCamera(simulation.sensor.camera, np.array(DEFAULT_UP), SensingSettings())
+    depth = lens.coarse(frame.depth)
+    started = time.perf_counter()
+    odds = network.log_odds(depth, lens.camera)
+    milliseconds = 1000 * (time.perf_counter() - started)
+    pixels = np.flatnonzero(depth > 0)
+    found = 1.0 / (1.0 + np.exp(-odds.ravel()[pixels].astype(np.float64)))
+    truth = frame.person[:: lens.step, :: lens.step].ravel()[pixels] >= 0
+    rows, columns = np.divmod(pixels, depth.shape[1])
+    patch = np.where(truth, 0, 1 + rows // PATCH * depth.shape[1] + columns // PATCH)
+    _, number = np.unique(patch, return_inverse=True)
+    count = np.bincount(number)
+    means = np.bincount(number, weights=found) / count
+    enough = count >= MIN_PIXELS
+    return {
+        "pixel": found, "pixel_truth": truth, "surface": means[enough],
+        "surface_truth": np.bincount(number, weights=truth)[enough] > 0, "milliseconds": np.array([milliseconds]),
+    }  # fmt: skip
+
+
+def area_under_roc(score: np.ndarray, positive: np.ndarray) -> float:
+    """Return the probability that a positive has a higher score than a negative, ties counted half."""
+    from scipy.stats import rankdata
+
+    count = int(positive.sum())
+    ranks = rankdata(score)[positive].sum()
+    return float((ranks - count * (count + 1) / 2) / (count * (len(positive) - count)))
+
+
+def error_at_even_odds(probability: np.ndarray, truth: np.ndarray) -> float:
+    """Return the expected calibration error where people and the rest weigh alike."""
+    weight = np.where(truth, 0.5 / max(truth.sum(), 1), 0.5 / max((~truth).sum(), 1))
+    number = np.minimum((BINS * probability).astype(int), BINS - 1)
+    gaps = np.bincount(number, weights=weight * (truth - probability), minlength=BINS)
+    return float(np.abs(gaps).sum())
+
+
+def figures_of(columns: dict[str, np.ndarray], name: str) -> dict[str, float]:
+    """Return the figures of pixels or surfaces."""
+    found, truth = columns[name], columns[f"{name}_truth"]
+    return {
+        "count": len(found), "people": float(truth.mean()), "auc": area_under_roc(found, truth),
+        "ece": error_at_even_odds(found, truth), "people_over_half": float((found[truth] > 0.5).mean()),
+        "rest_over_half": float((found[~truth] > 0.5).mean()),
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Draw views of all kinds, score them, print and write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--views", type=int, default=25, help="of each kind")
+    options = parser.parse_args()
+    poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "empty": np.empty(0)}
+    rng = np.random.default_rng([17, options.split == "report"])
+    network = person_network()
+    views = [scored(network, kind, own, rng) for kind, own in poses.items() for _ in range(options.views)]
+    columns = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
+    figures: dict[str, Any] = {name: figures_of(columns, name) for name in ("pixel", "surface")}
+    for name, row in figures.items():
+        print(
+            f"{name}s: {row['count']}, {100 * row['people']:.1f} % of people; AUC {row['auc']:.4f}, "
+            f"ECE {row['ece']:.3f}; over one half: people {100 * row['people_over_half']:.1f} %, "
+            f"rest {100 * row['rest_over_half']:.1f} %"
+        )
+    figures["median_ms"] = float(np.median(columns["milliseconds"]))
+    print(f"{figures['median_ms']:.1f} ms an image")
+    print("written:", save_figures(f"classifier_{options.split}", figures, vars(options)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,94 @@
+"""Person classifier: log-odds of a person in each pixel of a coarse depth image, by a small network.
+
+A U-Net of depthwise separable convolutions; `docs/models.md` describes its training and its errors, `training/` holds
+the scripts. Its sums are exact (`toolkit.sensing.exact_network`), so that the log-odds are the same to the bit
+everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.exact_network import ExactNetwork
+
+ASSET = Path(__file__).parent / "assets" / "people.onnx"
+FOCAL = 142.0
+"""Pixels: focal length of the training images. Depths of other cameras are scaled to it."""
+SHAPE = (1, 4, 128, 160)
+"""Shape of the input of a Kinect; height and width are multiples of `MULTIPLE`."""
+MULTIPLE = 16
+NEAREST, FARTHEST = 300, 20_000
+"""Millimetres: nearer and farther depths count as these."""
+AROUND, RELIEF = 15, 400.0
+"""Pixels of a side of the surroundings; millimetres of depth against their mean that count as 1."""
+INPUT_EXPONENT, INPUT_RANGE = -6, 256
+"""The input is in steps of 1/64; its largest whole number."""
+LARGEST, STEP = 6.9, 1 / 64
+"""Bound of the log-odds, a probability of 0.999, and their resolution."""
+
+_UNIT = 2.0**-INPUT_EXPONENT
+_DEPTHS = [max(millimetres, NEAREST) / 1000.0 for millimetres in range(FARTHEST + 1)]
+_INVERSES = np.array([0.0, *(round(_UNIT / z) for z in _DEPTHS[1:])], dtype=np.float32)
+_LOGARITHMS = np.array([0.0, *(round(_UNIT * math.log(z)) for z in _DEPTHS[1:])], dtype=np.float32)
+
+
+class PersonNetwork:
+    """A person classifier, that of the package unless another file is named; see `hypothesis.PersonClassifier`."""
+
+    def __init__(self, path: Path = ASSET) -> None:
+        self._net = ExactNetwork(path, SHAPE, ("log_odds",))
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
+        """See `PersonClassifier.log_odds`; the result of the last image is kept."""
+        last = self._last
+        if last is None or last[0] is not depth:
+            last = self._last = depth, self._computed(depth, camera)
+        return last[1]
+
+    def _computed(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
+        height, width = depth.shape
+        rows, columns = (-(-size // MULTIPLE) * MULTIPLE for size in depth.shape)
+        whole = np.zeros((rows, columns), dtype=np.int64)
+        top, left = (rows - height) // 2, (columns - width) // 2
+        inner = np.s_[top : top + height, left : left + width]
+        scaled = np.rint(depth * (1000.0 * FOCAL / camera.fx))
+        whole[inner] = np.where(depth > 0, np.clip(scaled, 1, FARTHEST), 0)
+        (found,) = self._net.run(features(whole)[None])
+        full = np.repeat(np.repeat(found[0, 0], 2, axis=0), 2, axis=1)[inner]
+        odds = np.clip(full, -LARGEST, LARGEST)
+        return np.where(depth > 0, np.rint(odds / STEP) * STEP, 0.0).astype(np.float32)
+
+
+def features(millimetres: np.ndarray) -> np.ndarray:
+    """Return the input of the network, whole numbers float32 (4, H, W), of depths int64 (H, W), 0 = no measurement.
+
+    Measured or not, inverse depth, log of the depth, and depth against the mean of the surroundings.
+    """
+    import cv2
+
+    measured = (millimetres > 0).astype(np.float64)
+    sums, counts = (
+        cv2.boxFilter(image, -1, (AROUND, AROUND), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        for image in (millimetres.astype(np.float64), measured)
+    )
+    relief = np.clip((millimetres - sums / np.maximum(counts, 1.0)) / RELIEF, -2.0, 2.0)
+    parts = (measured * _UNIT, _INVERSES[millimetres], _LOGARITHMS[millimetres], np.rint(_UNIT * relief) * measured)
+    return np.stack([part.astype(np.float32) for part in parts])
+
+
+@cache
+def person_network() -> PersonNetwork:
+    """Load the network of the package once.
+
+    Raises
+    ------
+    ModelError
+        The installed OpenCV cannot run it.
+    """
+    return PersonNetwork()
