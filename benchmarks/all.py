@@ -32,7 +32,7 @@ PUBLISHED = "baak2013,baak2013 mixed,baak2013 local,baak2013 lookup"
 COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
     "speed_crowd": "speed crowd {database} --frames 120",
-    "speed_passes": f"speed passes {PACKAGED} --frames 30,90",
+    "speed_passes": f"speed passes {PACKAGED}",
     "speed_swarm": "speed swarm --frames 30 --network",
     "extrema": "lookup extrema",
     "lookup": "lookup queries {database}",

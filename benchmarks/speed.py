@@ -11,10 +11,11 @@
   camera, already cut out; the image is the same for every count. A frame is one `MultiPersonTracker.step` with a known
   body. The excess is the time over N times that of one person. The people of all counts take their frames in
   turn, so that what else the machine does falls on all alike.
-- `passes DATABASE [--frames 60,180]`: `depthmocap track` as it is typed, in two passes and in one (`--online`), of one
-  person of about 6,000 pixels who is cut out, and of six in a furnished room before a Kinect of 640x480 pixels. A frame
-  costs what the longer recording takes more of the processor than the shorter one, so that starting, compiling and
-  learning the bodies do not count, nor what else the machine does; memory is the peak over the longer one.
+- `passes DATABASE`: `depthmocap track` as it is typed, in two passes and in one (`--online`), of one person of about
+  6,000 pixels who is cut out (300 and 600 frames), of six in a furnished room before a Kinect of 640x480 pixels (60 and
+  150 frames), and of the classroom of `bench rooms` where its data is. Processor time, at real-time priority where that
+  is permitted. A frame costs what the longer recording takes more than the shorter one, and the fixed cost is the rest.
+  The first and the second command over 76 frames are measured in new processes, the first one with no kernel compiled.
 - `swarm`: the swarm tracker (`benchmarks/_speed_swarm.py`).
 """
 
@@ -27,6 +28,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import cycle
 from pathlib import Path
 from time import perf_counter
@@ -37,6 +39,7 @@ import numpy as np
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
 from benchmarks._rows import settings_of
 from benchmarks._speed_swarm import swarm
+from benchmarks.rooms import RATES, ROOMS, annotations_of
 from tests.support import suite
 from tests.support.plain_pipeline import PlainTracker
 from tests.support.solo import Solo
@@ -59,6 +62,7 @@ from toolkit.simulation.simulate import CaptureSettings, simulate_scene
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking.multi_person import MultiPersonTracker
+from toolkit.tracks import EMPTY, Track
 from toolkit.tracks.runs import person_runs
 
 JITTER = np.radians(2.0)
@@ -150,7 +154,9 @@ def compare(recording: Recording, database: PoseDatabase, settings: HybridSettin
 
 
 MEASURED = """
-import resource, subprocess, sys
+import contextlib, os, resource, subprocess, sys
+with contextlib.suppress(AttributeError, OSError):  # needs a privilege, and Linux
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
 ended = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
 used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_maxrss, used.ru_utime + used.ru_stime)
@@ -162,10 +168,12 @@ process, because Linux counts the memory of the parent process too.
 """
 
 
-def tracked(recording: Path, database: Path, output: Path, *options: str) -> tuple[float, float]:
-    """Return the peak resident memory of `depthmocap track` over a recording, megabytes, and its processor time,
-    seconds; the
-    run folder goes to `output`.
+def tracked(
+    recording: Path, database: Path, output: Path, options: Sequence[str] = (), cache: Path | None = None
+) -> tuple[float, float]:
+    """Return peak memory, megabytes, and processor time, seconds, of `depthmocap track` over a recording into `output`.
+
+    `cache` is the folder of compiled kernels; default: that of the user.
     """
     command = [
         sys.executable,
@@ -179,7 +187,10 @@ def tracked(recording: Path, database: Path, output: Path, *options: str) -> tup
         output,
     ]
     words = [sys.executable, "-c", MEASURED, *map(str, (*command, *options))]
-    ended = subprocess.run(words, env={**os.environ, **ONE_THREAD}, stdout=subprocess.PIPE, text=True, check=False)
+    own = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
+    environment = {**os.environ, **ONE_THREAD, **own}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else each command compiles all sources
+    ended = subprocess.run(words, env=environment, stdout=subprocess.PIPE, text=True, check=False)
     if ended.returncode:
         raise SystemExit(f"depthmocap track of {recording} ended with {ended.returncode}")
     peak, seconds = map(float, ended.stdout.split())
@@ -360,40 +371,71 @@ def six_in_a_room(path: Path, frames: int) -> None:
     simulate_scene(people, path, shot)
 
 
-MADE: dict[str, Callable[[Path, int], None]] = {
-    "one": lambda path, frames: write_recording(path, PIXELS, frames),
-    "six": six_in_a_room,
+CLASSROOM = ROOMS / "um"
+"""Room with up to six people who sit, if its data is here."""
+MADE: dict[str, tuple[Callable[[Path, int], None], int, int]] = {
+    "one": (lambda path, frames: write_recording(path, PIXELS, frames), 300, 600),
+    "six": (six_in_a_room, 60, 150),
 }
-"""Recordings by the number of people, with their length in frames."""
+"""Recordings by the number of people, with the frames of a short and of a long one."""
 PASSES = {"two": (), "one": ("--online",)}
+TYPED_FRAMES = 76
+"""Frames of the recording of the first and second command: those of a recording of UTD-MHAD."""
 
 
 def passes(parser: argparse.ArgumentParser) -> None:
-    """Measure two passes beside one, print, write JSON."""
+    """Measure the command in new processes, print, write JSON."""
     parser.add_argument("database", type=Path)
-    parser.add_argument("--frames", default="60,180", help="of a short and of a long recording")
     options = parser.parse_args()
-    lengths = [int(frames) for frames in options.frames.split(",")]
     figures: dict[str, Any] = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for people, make in MADE.items():
+        track = partial(tracked, database=options.database)
+        figures["typed"] = typed(folder, track)
+        print("first and second command over 76 frames:", figures["typed"])
+        for people, (make, *lengths) in MADE.items():
             paths = [folder / f"{people}_{frames}.npz" for frames in lengths]
             for path, frames in zip(paths, lengths, strict=True):
                 make(path, frames)
             figures[people] = {}
+            everyone = ("--people", "1" if people == "one" else "all")
+            track(paths[0], output=folder / f"first_{people}", options=everyone)  # compiles what is not compiled yet
             for number, extra in PASSES.items():
                 runs = [folder / f"{path.stem}_{number}" for path in paths]
-                both = [
-                    tracked(path, options.database, run, "--people", "1" if people == "one" else "all", *extra)
-                    for path, run in zip(paths, runs, strict=True)
-                ]
-                more = 1000 * (both[1][1] - both[0][1]) / (lengths[1] - lengths[0])
+                (_, short), (peak, long) = (
+                    track(p, output=r, options=(*everyone, *extra)) for p, r in zip(paths, runs, strict=True)
+                )
+                each = (long - short) / (lengths[1] - lengths[0])
                 found = [len(person_runs(run)) for run in runs]
-                figures[people][number] = {"frame_ms": more, "peak_mb": both[1][0], "found": found}
-                print(f"{people} people, {number} passes: {more:.1f} ms a frame, {both[1][0]:.0f} MB, found {found}")
+                row = {"frame_ms": 1000 * each, "fixed_s": short - lengths[0] * each, "peak_mb": peak, "found": found}
+                figures[people][number] = row
+                print(people, "people,", number, "passes:", row)
             figures[people]["ratio"] = figures[people]["two"]["frame_ms"] / figures[people]["one"]["frame_ms"]
-    print("written:", save_figures("speed_passes", figures, {"frames": lengths}))
+        if CLASSROOM.is_dir():
+            figures["classroom"] = {
+                number: classroom(folder / number, track, extra) for number, extra in PASSES.items()
+            }
+            print("classroom:", figures["classroom"])
+    print("written:", save_figures("speed_passes", figures, {name: lengths for name, (_, *lengths) in MADE.items()}))
+
+
+def typed(folder: Path, track: Callable[..., tuple[float, float]]) -> dict[str, Any]:
+    """Return processor seconds and peak memory of a first command, with no kernel compiled, and of the second one."""
+    path, found = folder / "typed.npz", {}
+    write_recording(path, PIXELS, TYPED_FRAMES)
+    for number in ("first", "second"):
+        peak, seconds = track(path, output=folder / f"typed_{number}", cache=folder / "cache")
+        found[number] = {"processor_s": round(seconds, 2), "peak_mb": round(peak)}
+    return found
+
+
+def classroom(run: Path, track: Callable[..., tuple[float, float]], extra: Sequence[str]) -> dict[str, Any]:
+    """Return the processor seconds of the classroom for each frame in which a person is in view."""
+    camera = ",".join(map(str, annotations_of(CLASSROOM.name)["intrinsics"]))
+    words = ("--people", "all", "--intrinsics", camera, "--frame-rate", str(RATES[CLASSROOM.name]), *extra)
+    peak, seconds = track(CLASSROOM, output=run, options=words)
+    seen = sum(int((Track.load(folder).state != EMPTY).sum()) for folder in person_runs(run))
+    return {"processor_s": round(seconds, 2), "seen": seen, "each_s": seconds / seen, "peak_mb": round(peak)}
 
 
 def main() -> None:
