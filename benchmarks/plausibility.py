@@ -168,7 +168,7 @@ def limits(parser: argparse.ArgumentParser) -> None:
             command = f"{COMMAND} info {short} --output {picture} {redirection}; exit ${{PIPESTATUS[0]}}"
             done = subprocess.run(["bash", "-c", command], env={**os.environ, **environment}, capture_output=True)
             note(label, {"exit code": done.returncode, "picture written": picture.exists()})
-        note("track, files of at most 64 kB", _full_disk(short, folder))
+        note("track, files of at most 4 kB", _full_disk(short, folder))
         note("report while its run is written", _reported(long, folder))
     print(save_figures("plausibility_limits", figures, vars(arguments)))
 
@@ -293,9 +293,9 @@ def _first_runs(path: Path, folder: Path, count: int) -> dict[str, Any]:
 
 
 def _full_disk(path: Path, folder: Path) -> dict[str, Any]:
-    """A track that may write files of 64 kB at most, and the same again without that limit."""
+    """A track that may write files of 4 kB at most, and the same again without that limit."""
     typed = f"{COMMAND} track {path} --output {folder / 'full'}"
-    first = subprocess.run(["bash", "-c", f"ulimit -f 16; {typed}"], capture_output=True, text=True)
+    first = subprocess.run(["bash", "-c", f"ulimit -f 4; {typed}"], capture_output=True, text=True)
     again = subprocess.run(shlex.split(f"{typed} --resume"), capture_output=True)
     return {
         "exit code": first.returncode, "tracebacks": first.stderr.count("Traceback"),
