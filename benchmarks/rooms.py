@@ -39,9 +39,12 @@ ROOMS = data_folder() / "rooms"
 ANNOTATIONS = ROOT / "benchmarks" / "annotations" / "rooms"
 RATES = {"filinha": 5.0, "um": 3.5, "lab1_cam1": 1.7, "lab1_cam2": 1.7, "lab2_cam1": 1.7, "lab2_cam2": 1.7}
 """Frame rates of the sequences, within a quarter."""
-OFFSETS = {"filinha": (9.0, 2.5), "um": (9.0, 2.5), "lab1_cam1": (10.4, -4.8), "lab1_cam2": (5.4, 1.4)}
-OFFSETS |= {f"lab2_{view}": OFFSETS[f"lab1_{view}"] for view in ("cam1", "cam2")}
-"""Offset of the colour's edges from the depth's after calibration, pixels."""
+OFFSETS = {
+    **dict.fromkeys(("filinha", "um"), (9.0, 2.5)),
+    **dict.fromkeys(("lab1_cam1", "lab2_cam1"), (10.4, -4.8)),
+    **dict.fromkeys(("lab1_cam2", "lab2_cam2"), (5.4, 1.4)),
+}
+"""Sequence -> offset of the colour's edges from the depth's after calibration, pixels."""
 COLOR_CAMERA = (534.286, 534.745, 309.567, 243.072)
 COLOR_SHIFT = (-0.0263, 0.0003, -0.0008)
 """Intrinsics of the colour camera, and metres from depth to colour; both cameras have the same orientation."""

@@ -66,7 +66,7 @@ SAMPLING = Sampling()
 
 @dataclass(frozen=True)
 class BuildReport:
-    """What a build did.
+    """Result of a build.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class BuildReport:
     seconds: dict[str, float]
 
     def text(self) -> str:
-        """A few lines for people."""
+        """Return the summary that the command prints."""
         lines = [
             f"{self.path}: {len(self.database)} of {self.poses_read} poses from {len(self.database.sources)} sources"
         ]
@@ -233,7 +233,7 @@ def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip]
 def _sources(
     sources: Sequence[str | Path | PoseClip] | None, work: Path, body: Body
 ) -> tuple[list[MocapFile], list[PoseClip]]:
-    """Motion files and clips to read; the bundled motions where nothing is named."""
+    """Return the motion files and clips to read; the bundled motions if no source is given."""
     given = list(procedural_clips(body=body) if sources is None else sources)
     clips = [s for s in given if isinstance(s, PoseClip)]
     files = find_sources([Path(s) for s in given if not isinstance(s, PoseClip)], work)
@@ -243,7 +243,7 @@ def _sources(
 
 
 def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[str, float]]:
-    """How far the centre and facing seen in other views lie from the stored ones, over up to 400 poses.
+    """Return the differences of centre and facing between other views and the stored ones, over up to 400 poses.
 
     Parameters
     ----------

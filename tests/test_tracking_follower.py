@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.fake_regressor import (
+from tests.fake_tracker_parts import (
     IN_VIEW,
     FakeObjective,
     FakeObserver,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import small_database
-from tests.fake_regressor import FakeObjective, FakeRefiner, compared, observation, pose_at, says
+from tests.fake_tracker_parts import FakeObjective, FakeRefiner, compared, observation, pose_at, says
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase

@@ -188,9 +188,6 @@ class PosePrior:
         return self._conditioned[key]
 
 
-"""Number of sets of known variables with cached factors, half a megabyte each."""
-
-
 def _up_in_root(poses: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
