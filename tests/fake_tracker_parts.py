@@ -49,6 +49,7 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
         "extrema": SimpleNamespace(points=points),
         "free_extrema": points.astype(np.float64),
         "votes": votes,
+        "network_evidence": lambda _joints, before: before,
         "cloud": SimpleNamespace(rotation=np.diag([1.0, -1.0, -1.0])),
         "timestamp": 0.0,
         "look": lambda: None,

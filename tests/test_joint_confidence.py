@@ -19,6 +19,7 @@ from toolkit.fitting.joint_confidence import (
     group_of,
     joint_confidence,
     joint_features,
+    network_features,
 )
 from toolkit.fitting.scene import Scene
 from toolkit.landmarks.joint_network import JointEstimate
@@ -77,8 +78,8 @@ def test_the_network_and_the_prior_are_inputs(fit: Fit) -> None:
     moved, spread = joints.copy(), np.zeros(20)
     moved[LEFT] += (0.0, 0.1, 0.0)
     spread[RIGHT] = 0.1
-    estimate = JointEstimate(moved, np.full(20, 0.25))
-    found = features_of(fit, standing(), standing(), spread=spread, estimate=estimate)
+    network = network_features(joints, JointEstimate(moved, np.full(20, 0.25)))
+    found = features_of(fit, standing(), standing(), spread=spread, network=network)
     assert found["estimate"][[LEFT, RIGHT]] == pytest.approx([0.5, 0.0])
     assert found["precision"] == pytest.approx(0.5)
     assert found["spread"][[LEFT, RIGHT]] == pytest.approx([0.0, 0.5])

@@ -92,8 +92,20 @@ def joint_confidence() -> JointConfidence:
     return JointConfidence(json.loads(ASSET.read_text(encoding="utf-8")))
 
 
+def network_features(joints: np.ndarray, estimate: JointEstimate) -> np.ndarray:
+    """Return the inputs of the regressions from the joint network: float64 (20, 2), `precision` and `estimate`.
+
+    Parameters
+    ----------
+    joints : float64 (20, 3), of the pose, level frame, metres
+    estimate : joints of the network in the same frame
+    """
+    apart = bounded(linear.lengths(joints - estimate.points), SCALES["estimate"])
+    return np.stack([np.sqrt(estimate.confidence), apart], axis=1)
+
+
 def joint_features(
-    comparison: Comparison, joints: np.ndarray, spread: np.ndarray, estimate: JointEstimate | None = None
+    comparison: Comparison, joints: np.ndarray, spread: np.ndarray, network: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the inputs of the regressions: float64 (20, 8), in the order of `FEATURES`.
 
@@ -111,7 +123,7 @@ def joint_features(
     comparison : of the pose with the frame
     joints : float64 (20, 3), of that pose, level frame, metres
     spread : float64 (20,), metres, see `toolkit.tracking.occluded_limbs.Guess`
-    estimate : joints of the network in the same frame
+    network : float64 (20, 2), see `network_features`
     """
     placed, scene = comparison.placed, comparison.scene
     assert placed is not None and scene is not None  # an aborted comparison is never selected
@@ -129,9 +141,8 @@ def joint_features(
     features[:, 3] = bounded(uncovered / max(scene.plain_samples, 1), SCALES["uncovered"])
     features[:, 4] = bounded(np.array(max(comparison.energy, 0.0)), SCALES["energy"])
     features[:, 5] = bounded(spread, SCALES["spread"])
-    if estimate is not None:
-        features[:, 6] = np.sqrt(estimate.confidence)
-        features[:, 7] = bounded(linear.lengths(joints - estimate.points), SCALES["estimate"])
+    if network is not None:
+        features[:, WITHOUT_NETWORK:] = network
     return features
 
 

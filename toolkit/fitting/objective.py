@@ -16,7 +16,6 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import visible_chosen
 from toolkit.kernels.fit import pairs
-from toolkit.landmarks.joint_network import JointEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,14 +129,14 @@ class Objective:
         comparison: Comparison,
         joints: np.ndarray,
         spread: np.ndarray | None = None,
-        estimate: JointEstimate | None = None,
+        network: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return the probability that each reported joint of a compared pose is within 10 cm: float64 (20,), in [0, 1].
 
         See `joint_features` for the parameters.
         """
         known = np.zeros(len(joints)) if spread is None else spread
-        return self._regressions.of(joint_features(comparison, joints, known, estimate))
+        return self._regressions.of(joint_features(comparison, joints, known, network))
 
     def confidence_of_both(self, confidence: np.ndarray, apart: np.ndarray) -> np.ndarray:
         """Return the probabilities (20,) of joints that another pass has `apart` (20,) metres away, given their own."""

@@ -275,7 +275,9 @@ class Follower(FollowedPerson):
         joints = previous.joints if reported is guess.pose else body.joint_positions(reported)
         confidence = np.zeros(len(joints))
         if tracked:
-            confidence = self.objective.confidence(winner.comparison, joints, guess.spread, observation.votes)
+            network = observation.network_evidence(joints, state.network if continues else None)
+            confidence = self.objective.confidence(winner.comparison, joints, guess.spread, network)
+            following = replace(following, network=network)
         seen = TRACKED if tracked else LOST
         row = self.row(reported, joints, confidence, guess.observed, seen, winner.hypothesis.source)
         return row, following

@@ -11,6 +11,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.image_joints import SightedJoints
+from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.regressed_joints import VotedJoints, links_out_of_view
 from toolkit.fitting.scene import Scene
@@ -162,6 +163,16 @@ class Observation:
         """Joints estimated by the network; None without a network."""
         network = self.observer.network
         return None if network is None else network.estimate(self.cloud, self.unobserved)
+
+    def network_evidence(self, joints: np.ndarray, before: np.ndarray | None) -> np.ndarray | None:
+        """Return the confidence's inputs from the network for joints (20, 3), see `network_features`; None without one.
+
+        In most frames no search asks the network; those `before`, of an earlier frame, are then kept, because one
+        evaluation costs as much as half of the other steps together.
+        """
+        if before is not None and "votes" not in self.__dict__:
+            return before
+        return None if self.votes is None else network_features(joints, self.votes)
 
     @cached_property
     def in_view(self) -> np.ndarray | None:

@@ -75,6 +75,7 @@ class PersonState:
     lost : seconds since a pose last explained a frame; 0 while one does
     in_view : float64 (20,), probability that each reported joint was in view lately; None for a person who
         was never truncated
+    network : float64 (20, 2), last inputs of the confidence from the joint network, see `network_features`
     turn : tracked frames since the start; periodic searches count by it
     smoothed : pose (P,) last reported by the smoother, and its timestamp
     memory : state of each search, by its name
@@ -92,6 +93,7 @@ class PersonState:
     timestamp: float | None = None
     lost: float = 0.0
     in_view: np.ndarray | None = None
+    network: np.ndarray | None = None
     turn: int = 0
     smoothed: tuple[np.ndarray, float] | None = None
     memory: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
@@ -115,7 +117,6 @@ class PersonState:
         """Return the state as plain arrays, numbers and text."""
         state: State = {
             "body": body_state(self.body),
-            "sized": self.sized,
             # JSON keeps integers of any size only as text in every reader.
             "generator": {key: str(value) for key, value in _flat(self.generator).items()},
             "memory": {name: dict(kept) for name, kept in self.memory.items()},
@@ -123,8 +124,7 @@ class PersonState:
             "last_seen": None if self.last_seen is None else dict(vars(self.last_seen)),
             "smoothed": None if self.smoothed is None else {"pose": self.smoothed[0], "timestamp": self.smoothed[1]},
         }
-        plain = ("last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn")
-        return state | {name: getattr(self, name) for name in plain}
+        return state | {name: getattr(self, name) for name in _NUMBERS}
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> PersonState:
@@ -144,14 +144,13 @@ class PersonState:
         for name, kept in state["memory"].items():
             check_state(kept, {key: _remembered(kept[key]) for key in kept}, what=f"search {name}")
         smoothed = state["smoothed"]
-        plain = ("sized", "last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "memory")
         return cls(
             body=body_of(state["body"]),
             generator=_generator(state["generator"]),
             previous=None if state["previous"] is None else Previous(**state["previous"]),
             last_seen=None if state["last_seen"] is None else Previous(**state["last_seen"]),
             smoothed=None if smoothed is None else (smoothed["pose"], smoothed["timestamp"]),
-            **{name: state[name] for name in plain},
+            **{name: state[name] for name in (*_NUMBERS, "memory")},
         )
 
 
@@ -168,6 +167,7 @@ _NUMBERS = {
     "timestamp": Column("iuf", (), optional=True),
     "lost": Column("iuf", ()),
     "in_view": Column("f", _REPORTED, 0, 1, optional=True),
+    "network": Column("f", (*_REPORTED, 2), 0, 1, optional=True),
     "turn": Column("iu", (), 0),
 }
 _NESTED = ("body", "generator", "memory", "previous", "last_seen", "smoothed")

@@ -157,30 +157,31 @@ class SecondPass:
 
     def _follow_together(self, tasks: Sequence[PersonTask], stop: threading.Event, report: Callable[[], None]) -> None:
         """Follow people in worker processes; those of a process that dies are left."""
-        from joblib.externals.loky import get_reusable_executor
+        from joblib.externals.loky import ProcessPoolExecutor
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
         (self._folder / STOP_FILE).unlink(missing_ok=True)
         count = min(self._workers, len(tasks))
-        pool = get_reusable_executor(count, env=dict.fromkeys(THREADS, "1"))
         longest = sorted(tasks, key=lambda task: -np.count_nonzero(task.first_pass["state"] == TRACKED))
-        running = {pool.submit(Task.of(follow_in_worker), task, self._recipe): task for task in longest}
-        try:
-            while running:
-                report()
-                if stop.is_set():
-                    (self._folder / STOP_FILE).touch()
-                for future in wait(running, POLL_SECONDS, FIRST_COMPLETED).done:
-                    task = running.pop(future)
-                    try:
-                        plan, done = future.result()
-                    except TerminatedWorkerError:
-                        continue
-                    if done:
-                        self._put_in_place(task, plan)
-        except BaseException:
-            (self._folder / STOP_FILE).touch()  # the others end, too
-            raise
+        # A pool of its own: joblib keeps the reusable one for itself.
+        with ProcessPoolExecutor(count, env=dict.fromkeys(THREADS, "1")) as pool:
+            running = {pool.submit(Task.of(follow_in_worker), task, self._recipe): task for task in longest}
+            try:
+                while running:
+                    report()
+                    if stop.is_set():
+                        (self._folder / STOP_FILE).touch()
+                    for future in wait(running, POLL_SECONDS, FIRST_COMPLETED).done:
+                        task = running.pop(future)
+                        try:
+                            plan, done = future.result()
+                        except TerminatedWorkerError:
+                            continue
+                        if done:
+                            self._put_in_place(task, plan)
+            except BaseException:
+                (self._folder / STOP_FILE).touch()  # the others end, too
+                raise
 
     def _put_in_place(self, task: PersonTask, plan: Plan | None) -> None:
         """Replace the rows, the body and the evidence of a person who is done."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from toolkit.app.stabilise.source_run import SourceRun
 from toolkit.body import skeleton
+from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
 from toolkit.people.survey import find_person
@@ -151,6 +152,8 @@ def _compared(
         compared = follower.objective.compare(follower.body, moved, scene)
         distances[row] = compared.distance + penalty(moved)
         joints = follower.body.joint_positions(moved)
-        trust = follower.objective.confidence(compared, joints, estimate=follower.observation.votes)
+        votes = follower.observation.votes
+        network = None if votes is None else network_features(joints, votes)
+        trust = follower.objective.confidence(compared, joints, network=network)
         confidence[row] = trust[skeleton.OUTER[candidates.gap.limb]]
     return distances, confidence
