@@ -30,10 +30,11 @@ class HybridSettings:
     seed : of everything random
     passes : 2 adds forward and backward tracking from keyframes for each person; 1 finishes each frame when it arrives,
         as for a stream
-    hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed
-        joints, for extrema that merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on
-        first frames and after losses: hands at extrema of the cloud, and the best pose turned by 180 degrees), "swarm"
-        (likewise, with image joints, which are then evidence in each frame; settings as in configs/swarm.yaml)
+    hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by joints
+        of the joint network, for extrema that merge with the body), "arms" (the local one with arms of other poses),
+        "head_hands" (on first frames and after losses: hands at extrema of the cloud, and the best pose turned by 180
+        degrees), "swarm" (likewise, with image joints, which are then evidence in each frame; settings as in
+        configs/swarm.yaml)
     body : visible part of a person: "auto" (the joint network decides per frame), "whole" (all links, unless
         occluded), "upper" (no legs)
     extrema : number of geodesic extrema per frame, for the lookup and as correspondences of the local optimisation

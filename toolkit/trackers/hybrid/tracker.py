@@ -42,7 +42,7 @@ STILL_RESTARTS = 10
 
 
 class HybridTracker(SearchingTracker):
-    """Tracker of Baak 2013, 5.4, with regressed joints, arm search, pose prior and estimated shape; see `Tracker`.
+    """Tracker of Baak 2013, 5.4, with the joint network, arm search, pose prior and estimated shape; see `Tracker`.
 
     Parameters
     ----------
