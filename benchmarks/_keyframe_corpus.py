@@ -1,7 +1,7 @@
 """Clips and documents for the benchmarks of keyframe search and learning, from HDM05 and CMU motions.
 
 HDM05 has 188 cut clips of 11 classes by 3 actors, about 6 minutes. Larger corpora are put together from them: clips are
-mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table says so.
+mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table states this.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@
   chosen by learning templates and keyframes from each training actor alone and annotating documents of the other with
   both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins
   and unlabelled filler.
-- `events [--split report] [--queries FILE] [--threshold 0.06]`: motions told while they go on. True poses of the
+- `events [--split report] [--queries FILE] [--threshold 0.06]`: motion events during tracking. True poses of the
   sequences of `tests/support/labelled.py`, with other motions between the clips, on the neutral body's proportions;
   classes of the other actors. F over segments of the events against that of annotation of the whole, both without
   keyframes unless a file of queries is given; seconds from the end of a motion to its event; milliseconds of processor
