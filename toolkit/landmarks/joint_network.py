@@ -141,7 +141,7 @@ def _digest(*arrays: np.ndarray | None) -> bytes:
     for array in arrays:
         if array is not None:
             digest.update(repr(array.shape).encode())
-            digest.update(np.ascontiguousarray(array))
+            digest.update(np.ascontiguousarray(array).data)
     return digest.digest()
 
 

@@ -132,11 +132,12 @@ def _labelled(
     from toolkit.retrieval.annotation.model import MotionModel
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search_files import DOUBT, by_class, by_keyframes
+    from toolkit.retrieval.workflow.search_files import by_class, by_keyframes
 
     opened = KeyframeIndex.open(index)
     if classes is not None:
-        return by_class(opened, MotionModel.load(classes), labels, DOUBT if threshold is None else threshold)
+        given = {} if threshold is None else {"doubt": threshold}
+        return by_class(opened, MotionModel.load(classes), labels, **given)
     return by_keyframes(opened, choose_labels(load_queries(queries or Path()), labels))
 
 
