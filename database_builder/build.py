@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +20,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import RootView, observed_offsets
-from toolkit.io.errors import MocapError, UsageError
+from toolkit.io.errors import MocapError, PlausibilityWarning, UsageError
 from toolkit.io.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
 from toolkit.io.progress import Progress, silent
 from toolkit.io.workers import usable_processors
@@ -167,6 +168,7 @@ class _Build:
     ) -> tuple[PosePool, list[tuple[str, str]]]:
         """The poses of all sources, one at a time; name and reason of every source that could not be used."""
         pool, skipped = PosePool(self.sampling.threshold, self.sampling.max_poses), list[tuple[str, str]]()
+        doubts: list[str] = []
         added = []
         if self.sampling.seated:
             added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=self.body, variations=2)
@@ -176,6 +178,7 @@ class _Build:
             of_clips = (of_clip(clip, self.body, self.sampling.mirror) for clip in (*clips, *added))
             for done, one in enumerate(chain(of_files, of_clips), start=1):
                 self.report("read", done, total)
+                doubts += one.doubts
                 if not one.error:
                     pool.add(one)
                 elif strict:
@@ -185,6 +188,9 @@ class _Build:
                 else:
                     skipped.append((one.name, one.error))
         self.end("read")
+        if doubts:
+            others = f" (other warnings about sources: {len(doubts) - 1})" if len(doubts) > 1 else ""
+            warnings.warn(PlausibilityWarning(doubts[0] + others), stacklevel=2)
         return pool, skipped
 
     def database(self, pool: PosePool, skipped: Sequence[tuple[str, str]]) -> PoseDatabase:

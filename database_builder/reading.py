@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import as_stored
-from toolkit.io.errors import DepthMocapError
+from toolkit.io.errors import DepthMocapError, PlausibilityWarning
 from toolkit.io.files import sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
@@ -46,6 +47,7 @@ class CanonicalPoses:
     joints : float32 (N, 20, 3), metres, the reported joints of these poses
     frames : number of frames of the source (N, or N / 2 with mirroring)
     error : reason why the source cannot be used (no poses); empty = it can
+    doubts : texts of the warnings about the source when it was read
     """
 
     name: str
@@ -54,6 +56,7 @@ class CanonicalPoses:
     joints: np.ndarray
     frames: int
     error: str = ""
+    doubts: tuple[str, ...] = ()
 
 
 def find_sources(paths: Iterable[Path], work: Path) -> list[MocapFile]:
@@ -92,13 +95,16 @@ def read_source(source: MocapFile, body: Body, mirror: bool) -> CanonicalPoses:
         kept = KeptFile(source.kept, _key(digest, body, mirror))
         if (known := kept.load()) is not None:
             return CanonicalPoses(source.name, digest, known["poses"], known["joints"], int(known["frames"]))
-        result = _canonical(source.name, digest, retarget(read_clip(source.path), body).poses, body, mirror)
+        with warnings.catch_warnings(record=True) as doubts:  # the process of the build shows them
+            warnings.simplefilter("always", PlausibilityWarning)
+            poses = retarget(read_clip(source.path), body).poses
+        result = _canonical(source.name, digest, poses, body, mirror)
     except Exception as error:
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
         empty = np.zeros((0, skeleton.POSE_SIZE), np.float32), np.zeros((0, len(skeleton.REPORTED), 3), np.float32)
         return CanonicalPoses(source.name, "", *empty, 0, reason)
     kept.save({"poses": result.poses, "joints": result.joints, "frames": result.frames})
-    return result
+    return replace(result, doubts=tuple(str(doubt.message) for doubt in doubts))
 
 
 def _canonical(name: str, digest: str, world_poses: np.ndarray, body: Body, mirror: bool) -> CanonicalPoses:

@@ -20,7 +20,7 @@ from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
 from toolkit.io import files
-from toolkit.io.errors import MocapError, OutputError, UsageError
+from toolkit.io.errors import MocapError, OutputError, PlausibilityWarning, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS
 from toolkit.mocap.read import read_clip
@@ -122,6 +122,20 @@ def test_a_bad_file_is_named_skipped_and_counted(mocap: Path, tmp_path: Path) ->
     assert "skipped broken.bvh" in report.text()
     assert report.text().splitlines()[-2].startswith("2 of 4 sources skipped")
     assert [name for name, _ in PoseDatabase.load(report.path).notes["skipped"]] == ["broken.bvh", "empty.amc"]
+
+
+def test_doubts_about_sources_are_one_warning_from_any_process(
+    mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database_builder.build.MANY_FILES", 1)
+    for file in mocap.rglob("*.bvh"):
+        head, rows = file.read_text().split("Frame Time:")
+        first, *frames = rows.strip().splitlines()
+        file.write_text("\n".join([f"{head}Frame Time: {first}", *[frames[0]] * len(frames)]) + "\n")
+    for workers in (1, 2):
+        with pytest.warns(PlausibilityWarning, match="other warnings about sources") as shown:
+            build_database([mocap], tmp_path / f"{workers}.npz", workers=workers)
+        assert len(shown) == 1
 
 
 def test_a_full_disk_is_one_sentence_and_the_files_that_were_read_are_kept(
