@@ -23,6 +23,7 @@ from toolkit.app.cli.terminal import program
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.manifest import MANIFEST_FILE
 from toolkit.app.pipeline.run_summary import RunSummary, track_warnings
+from toolkit.body import skeleton
 from toolkit.io.errors import PlausibilityWarning, RecordingError
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.image_rotation import quarter_turns
@@ -136,6 +137,13 @@ def test_a_sensor_that_is_rolled_by_45_degrees_raises_no_concern(classifier: Per
     for up in ([0.7, -0.7, 0.0], [0.0, -0.7, -0.7]):
         depth = np.rint(1000 * render_depth(body, pose, KINECT, level_rotation(np.array(up)))).astype(np.uint16)
         assert kinds(np.stack([depth] * 2), classifier, up_camera=up) == {}
+
+
+def test_a_person_who_lies_has_the_size_of_a_person() -> None:
+    body, pose = neutral()[0], standing(0.0, 3.4, 0.0)
+    pose[skeleton.ROOT_ROTATION] = 0.0, 0.0, np.pi / 2
+    depth = np.rint(1000 * render_depth(body, pose, KINECT, level_rotation(np.array([0.0, -1.0, 0.0]))))
+    assert kinds(np.stack([depth.astype(np.uint16)] * 2), None) == {}
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])

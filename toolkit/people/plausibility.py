@@ -264,7 +264,7 @@ def person_evidence(
         depth = lens.coarse(frame if scale == 1.0 else np.minimum(np.rint(frame * scale), 65535.0))
         view, surroundings = _seen(depth, lens)
         cut_out += surroundings.cut_out
-        if (stature := _stature(depth, view.points[..., 1])) is not None:
+        if (stature := _stature(depth, view.points)) is not None:
             statures.append(stature)
         if classifier is not None:
             heads = find_heads(view, lens, cut_out=surroundings.cut_out)
@@ -277,9 +277,16 @@ def person_evidence(
     )
 
 
-def _stature(depth: np.ndarray, heights: np.ndarray) -> float | None:
-    """Metres from the top to the bottom of the largest surface of a coarse frame (h, w); None where the image border
-    cuts it off, as it does in a room, or where most of what is measured lies elsewhere.
+def _stature(depth: np.ndarray, points: np.ndarray) -> float | None:
+    """Return the largest extent along an axis of the largest surface, metres: the stature also of people who lie.
+
+    None where the image border truncates the surface, as it does in a room, or where most of what is measured lies
+    elsewhere.
+
+    Parameters
+    ----------
+    depth : of a coarse frame (h, w)
+    points : float64 (h, w, 3), of its pixels, level frame, metres
     """
     import cv2
 
@@ -292,8 +299,8 @@ def _stature(depth: np.ndarray, heights: np.ndarray) -> float | None:
         return None
     if top == 0 or left == 0 or top + height == depth.shape[0] or left + width == depth.shape[1]:
         return None
-    own = heights[labels == largest]
-    return float(np.percentile(own, 99) - np.percentile(own, 1))
+    own = points[labels == largest]
+    return float((np.percentile(own, 99, axis=0) - np.percentile(own, 1, axis=0)).max())
 
 
 def _people_concerns(
