@@ -28,6 +28,7 @@ import numpy as np
 from benchmarks._record import run_part, save_figures
 from tests.container_files import RosWriter
 from toolkit.io.errors import DepthMocapError
+from toolkit.io.files import OWN_MARK
 from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
@@ -128,12 +129,11 @@ SIGNALLED: dict[str, str] = {
     "joints": "joints {recording} --joints depth --output {out}.npz",
     "render": "render {run} --output {out}.webm",
     "report": "report {run} --output {out}.html",
-    "export": "export {run} {out}.glb",
+    "export": "export {run} --output {out}.glb",
     "evaluate": "evaluate {run} --output {out}.csv",
     "simulate": "simulate --output {out}.npz",
     "database build": "database build {mocap} --output {out}.npz",
     "index": "index {mocap} --output {out}.npz",
-    "bench": "bench --list",
 }
 """Long commands, by name."""
 
@@ -203,7 +203,14 @@ def signals(parser: argparse.ArgumentParser) -> None:
         names["mocap"] = Path(os.environ["DEPTHMOCAP_DATA"]) / "mocap" / "hdm05"
         subprocess.run(shlex.split(f"{COMMAND} track {recording} --output {names['run']}"), capture_output=True)
         for command in arguments.only:
-            counts = {"ended": 0, "finished before": 0, "tracebacks": 0, "temporary files left": 0}
+            counts = {
+                "ended": 0,
+                "exit 1": 0,
+                "finished before": 0,
+                "other exits": 0,
+                "tracebacks": 0,
+                "temporary files left": 0,
+            }
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 for after in arguments.after:
                     out = folder / "out" / f"{command.split()[0]}-{number.name}"
@@ -213,9 +220,12 @@ def signals(parser: argparse.ArgumentParser) -> None:
                         time.sleep(after)
                         child.send_signal(number)
                         told = child.communicate()[1]
-                    counts["ended" if child.returncode else "finished before"] += 1
+                    known = {128 + number: "ended", -number: "ended", 1: "exit 1", 0: "finished before"}
+                    counts[known.get(child.returncode, "other exits")] += 1
                     counts["tracebacks"] += "Traceback" in told
-                    counts["temporary files left"] += sum(1 for path in folder.rglob(".*") if path.is_file())
+                    counts["temporary files left"] += sum(
+                        path.is_file() and path.name != OWN_MARK for path in folder.rglob(".*")
+                    )
                     shutil.rmtree(out.parent)
             figures[command] = counts
             print(command, counts, flush=True)
