@@ -97,7 +97,7 @@ def test_a_sensor_loses_glass_black_grazing_and_far_surfaces() -> None:
 def test_an_exported_person_network_follows_its_weights(poses: np.ndarray, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
     pytest.importorskip("onnx")
-    from training.export_joints import ranges_of
+    from training.export import ranges_of
     from training.export_people import SHAPE, export
     from training.person_network import PersonNetwork, features
     from training.train_people import batch_of

@@ -2,22 +2,20 @@
 
     python -m training.export_people WEIGHTS.pt CALIBRATION.npz OUT.onnx
 
-Ranges of the activations come from the images of CALIBRATION.npz (`training.room_images`), as in
-`training.export_joints`.
+CALIBRATION.npz holds images of `training.room_images`; see `training.export`.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import torch
 from torch import nn
 
 from toolkit.people.person_network import INPUT_EXPONENT, INPUT_RANGE
-from toolkit.sensing.exact_network import write_digest
-from training.export_joints import HIGHEST, folded, ranges_of
+from training.export import HIGHEST, folded, run_export
 from training.person_network import FINE, PersonNetwork, features
 from training.room_images import HEIGHT, WIDTH
 from training.train_people import PADDING, batch_of, load_images
@@ -76,24 +74,12 @@ def export(net: PersonNetwork, ranges: dict[str, float], out: Path) -> float:
     return graph.largest
 
 
-def main() -> None:
-    """Calibrate and write."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in ("weights", "calibration", "out"):
-        parser.add_argument(name, type=Path)
-    options = parser.parse_args()
-    net = PersonNetwork()
-    net.load_state_dict(torch.load(options.weights))
-    net.eval()
-    data = load_images(options.calibration)
-    batches = [
-        features(batch_of(data, slice(k, k + 50), augment=False)[0])
-        for k in range(0, min(len(data[0]), CALIBRATED), 50)
-    ]
-    largest = export(net, ranges_of(net, batches), options.out)
-    write_digest(options.out, SHAPE, ("log_odds",))
-    print(f"{options.out}: {options.out.stat().st_size} bytes; largest partial sum {math.log2(largest):.2f} bits")
+def images_of(path: Path) -> Iterable[torch.Tensor]:
+    """Yield the inputs of the first `CALIBRATED` images of a file."""
+    data = load_images(path)
+    last = min(len(data[0]), CALIBRATED)
+    return (features(batch_of(data, slice(k, k + 50), augment=False)[0]) for k in range(0, last, 50))
 
 
 if __name__ == "__main__":
-    main()
+    run_export(__doc__, PersonNetwork(), images_of, export, SHAPE, ("log_odds",))

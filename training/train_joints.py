@@ -2,15 +2,12 @@
 
     python -m training.train_joints OUT.pt HELD.npz CROPS.npz... --minutes 27 [--start WEIGHTS.pt] [--bfloat16]
 
-One thread a process: two threads that share cores with other processes are ten times slower. `--bfloat16` halves the
-time on processors with AVX512-BF16. Prints loss and errors on the held-out crops every two minutes and at the end.
+`--bfloat16` halves the time on processors with AVX512-BF16. Prints loss and errors on the held-out crops every two
+minutes and at the end.
 """
 
 from __future__ import annotations
 
-import argparse
-import math
-import time
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +28,9 @@ from training.joint_network import (
     loss_of,
     sided,
 )
+from training.loop import Forward, Recipe, options_of, train
 
-BATCH, RATE, WARM_UP = 64, 2.5e-3, 200
-"""Crops of a step; largest learning rate; steps in which it rises. It then falls with a cosine."""
+RECIPE = Recipe(batch=64, rate=2.5e-3, warm_up=200, norm=2.0)
 MIN_PIXELS = 60
 WEIGHTS = torch.tensor([0.4, 0.8, 1.0])
 """Weight in the loss of joints that are outside, self-occluded and visible."""
@@ -42,7 +39,6 @@ ENDS = torch.tensor(
 )
 HELD_OUT = 1000
 """Crops on which the network is tested."""
-TEST_SECONDS = 120.0
 
 Crops = tuple[torch.Tensor, ...]
 """Depths int16 (N, 128, 128); joints (N, 20, 3) as pixels of the crop and depth in metres; centre (N, 4): column and
@@ -151,62 +147,18 @@ def held_out_text(net: JointNetwork, data: Crops, step: int = 250) -> str:
     )
 
 
-def train(
-    paths: list[Path], held: Path, out: Path, minutes: float, start: Path | None = None, bfloat16: bool = False
-) -> None:
-    """Train for some minutes and write the exponential average of the weights."""
-    torch.manual_seed(0)
-    net, average = JointNetwork().to(memory_format=torch.channels_last), JointNetwork()
-    if start is not None:
-        net.load_state_dict(torch.load(start))
-    average.load_state_dict(net.state_dict())
-    held_out = tuple(tensor[:HELD_OUT] for tensor in load_crops(held))
-    data = tuple(torch.cat(parts) for parts in zip(*(load_crops(path) for path in paths), strict=True))
-    optimiser = torch.optim.AdamW(net.parameters(), RATE, weight_decay=0.01)
-    begun, tested, step = time.monotonic(), 0.0, 0
-    order = torch.empty(0, dtype=torch.long)
-    while (elapsed := time.monotonic() - begun) < 60 * minutes:
-        if len(order) < BATCH:
-            order = torch.randperm(len(data[0]))
-        rows, order = order[:BATCH], order[BATCH:]
-        progress = elapsed / (60 * minutes)
-        for group in optimiser.param_groups:
-            group["lr"] = RATE * min(1.0, (step + 1) / WARM_UP) * 0.5 * (1 + math.cos(math.pi * progress)) + 1e-5
-        inputs, target, weight, _ = batch_of(data, rows, augment=True)
-        with torch.autocast("cpu", dtype=torch.bfloat16, enabled=bfloat16):
-            anchors, side = net(inputs.to(memory_format=torch.channels_last))
-        loss = loss_of(anchors, side, target, weight)[0]
-        optimiser.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(net.parameters(), 2.0)
-        optimiser.step()
-        step += 1
-        keep = min(0.998, step / (step + 20))
-        averages, current = average.state_dict(), net.state_dict()
-        for name, value in averages.items():
-            if value.dtype.is_floating_point:
-                value.lerp_(current[name], 1 - keep)
-            else:
-                value.copy_(current[name])
-        if elapsed > tested + TEST_SECONDS:
-            tested = elapsed
-            print(f"{elapsed:.0f} s, step {step}: {held_out_text(average, held_out)}", flush=True)
-    torch.save(average.state_dict(), out)
-    print(f"{step} steps of {BATCH} crops: {held_out_text(average, held_out)}")
-
-
 def main() -> None:
     """Train by the options of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("held", type=Path)
-    parser.add_argument("crops", type=Path, nargs="+")
-    parser.add_argument("--minutes", type=float, default=27.0)
-    parser.add_argument("--start", type=Path, help="weights to start from")
-    parser.add_argument("--bfloat16", action="store_true")
-    options = parser.parse_args()
-    torch.set_num_threads(1)
-    train(options.crops, options.held, options.out, options.minutes, options.start, options.bfloat16)
+    options = options_of(__doc__)
+    held_out = tuple(tensor[:HELD_OUT] for tensor in load_crops(options.held))
+    data = tuple(torch.cat(parts) for parts in zip(*(load_crops(path) for path in options.data), strict=True))
+
+    def loss_of_rows(forward: Forward, rows: torch.Tensor) -> torch.Tensor:
+        inputs, target, weight, _ = batch_of(data, rows, augment=True)
+        anchors, side = forward(inputs)
+        return loss_of(anchors, side, target, weight)[0]
+
+    train(JointNetwork, RECIPE, len(data[0]), loss_of_rows, lambda net: held_out_text(net, held_out), options)
 
 
 if __name__ == "__main__":
