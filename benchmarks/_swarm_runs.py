@@ -19,8 +19,7 @@ EVERY = 6
 
 class Tracked(NamedTuple):
     """One recording: errors (T, 20), metres, and confidences (T, 20) of the joints; milliseconds (T,) per frame, and
-    correct
-    frames, bool (T,).
+    correct frames, bool (T,).
     """
 
     errors: np.ndarray

@@ -196,8 +196,8 @@ def error_figures(
     tracks: Sequence[tuple[str, Track, Body, np.ndarray, Any]], pool: np.ndarray, method: str
 ) -> dict[str, Any]:
     """Return precision and recall of orientations off by over 45 degrees and of injected stretches, per kind of limb;
-    the
-    same over thresholds (Fig. 7.12), and the separation of wrong frames by orientations and raw signals (Fig. 7.13).
+    the same over thresholds (Fig. 7.12), and the separation of wrong frames by orientations and raw signals (Fig.
+    7.13).
     """
     swept = {name: nothing_swept() for name in GROUPS}
     told: list[dict[str, float | None]] = []

@@ -198,8 +198,7 @@ def mistakes(table: np.ndarray, names: Sequence[str], most: int = 6) -> None:
 
 class Measured(NamedTuple):
     """Results of each annotator and of searches per set of documents; seconds of training, and minutes annotated per
-    second,
-    of each model.
+    second, of each model.
     """
 
     rows: dict[str, dict[str, list[dict[str, Any]]]]

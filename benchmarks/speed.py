@@ -162,9 +162,8 @@ used = resource.getrusage(resource.RUSAGE_CHILDREN)
 print(used.ru_maxrss, used.ru_utime + used.ru_stime)
 sys.exit(ended)
 """
-"""Script that runs a command and prints its peak memory in kilobytes (Linux) and processor time in seconds. It has
-its own
-process, because Linux counts the memory of the parent process too.
+"""Script that runs a command and prints its peak memory in kilobytes (Linux) and processor time in seconds. It has its
+own process, because Linux counts the memory of the parent process too.
 """
 
 

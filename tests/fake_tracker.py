@@ -70,9 +70,8 @@ class FakeTracker:
 
 @dataclass(frozen=True)
 class FakeRecipe(TrackerRecipe):
-    """Recipe of a fake tracker. A process that builds one leaves a file, is killed if `deadly` names it, and can
-    write at
-    most `space` bytes to a file.
+    """Recipe of a fake tracker. A process that builds one leaves a file, is killed if `deadly` names it, and can write
+    at most `space` bytes to a file.
     """
 
     marks: str = ""

@@ -36,7 +36,7 @@ def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Com
     return Comparison(distance, distance, np.zeros(1), np.full(4, gaps), drawn, energy, None, None)
 
 
-def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
+def observation(extrema: int = 20, estimate: Any = None, **others: Any) -> Any:
     """Return an observation with extrema on a line and the given attributes."""
     points = np.arange(3.0 * extrema, dtype=np.float32).reshape(extrema, 3)
     seen = {
@@ -48,7 +48,7 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
         "yaw": float(np.arctan2(*FACING)),
         "extrema": SimpleNamespace(points=points),
         "free_extrema": points.astype(np.float64),
-        "votes": votes,
+        "estimate": estimate,
         "network_evidence": lambda _joints, before: before,
         "cloud": SimpleNamespace(rotation=np.diag([1.0, -1.0, -1.0])),
         "timestamp": 0.0,

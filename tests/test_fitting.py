@@ -168,7 +168,7 @@ def test_joints_stay_within_their_limits_even_where_the_image_does_not(body: Bod
     assert found[entry("right_knee_rx")] == pytest.approx(low[entry("right_knee_rx")])
 
 
-def test_regressed_joints_pull_an_arm_out_of_a_wrong_pose(body: Body, fit: Fit) -> None:
+def test_estimated_joints_pull_an_arm_out_of_a_wrong_pose(body: Body, fit: Fit) -> None:
     truth = standing(left_shoulder_rz=0.9, left_elbow_ry=-0.3)
     wrong = standing(left_shoulder_rz=-1.3, left_elbow_ry=-0.3)
     scene = scene_of(body, truth)

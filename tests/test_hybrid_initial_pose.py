@@ -133,7 +133,7 @@ def test_who_was_taken_back_to_front_is_turned_round_where_joints_were_estimated
     observation = observed(FORWARD)
     wrong = rival(other_ways_round(FORWARD)[1], observation)
     assert not any(abs(float(body_facing(one.hypothesis.pose))) < 1.0 for one in finished(observation, wrong))
-    observation.votes = JointEstimate(np.zeros((20, 3)), np.zeros(20))
+    observation.estimate = JointEstimate(np.zeros((20, 3)), np.zeros(20))
     found = finished(observation, wrong)
     best = min([wrong, *found], key=lambda one: one.comparison.distance)
     assert abs(float(body_facing(best.hypothesis.pose))) < 0.3
@@ -142,7 +142,7 @@ def test_who_was_taken_back_to_front_is_turned_round_where_joints_were_estimated
 
 def test_a_correct_heading_is_not_turned() -> None:
     observation = observed(FORWARD)
-    observation.votes = JointEstimate(np.zeros((20, 3)), np.zeros(20))
+    observation.estimate = JointEstimate(np.zeros((20, 3)), np.zeros(20))
     right = rival(FORWARD, observation)
     found = finished(observation, right)
     best = min([right, *found], key=lambda one: one.comparison.distance)

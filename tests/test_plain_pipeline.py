@@ -13,10 +13,10 @@ from tests.support.plain_landmarks import plain_centre, plain_extrema, plain_gra
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
+from toolkit.fitting.estimated_joints import EstimatedJoints
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.open3d_scene import Open3DScene
 from toolkit.fitting.placed import Placer
-from toolkit.fitting.regressed_joints import VotedJoints
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import JointTerm
 from toolkit.kernels.fit import twists
@@ -106,10 +106,10 @@ def test_the_plain_refiner_finds_the_pose_of_the_compiled_one(seed: int) -> None
         assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
     assert plain.distance(pose, plain_scene) == pytest.approx(fast.distance(pose, scene), abs=1e-9)
     away = JointEstimate(BODY.joint_positions(pose) + [0.25, 0.0, 0.0], np.ones(20))
-    known = [VotedJoints(away, cloud.rotation, 30.0)]
-    with_votes = fast.distance(pose, Scene(cloud, extrema, 200, evidence=known))
-    assert plain.distance(pose, Open3DScene(cloud, extrema, 200, known)) == pytest.approx(with_votes, abs=1e-9)
-    assert with_votes > fast.distance(pose, scene) + 0.1
+    known = [EstimatedJoints(away, cloud.rotation, 30.0)]
+    with_estimate = fast.distance(pose, Scene(cloud, extrema, 200, evidence=known))
+    assert plain.distance(pose, Open3DScene(cloud, extrema, 200, known)) == pytest.approx(with_estimate, abs=1e-9)
+    assert with_estimate > fast.distance(pose, scene) + 0.1
     shins = np.array([name.endswith(("knee", "ankle")) for name in skeleton.JOINT_NAMES])
     withheld, plainly = (kind(cloud, extrema, 200, withheld=shins) for kind in (Scene, Open3DScene))
     assert plain.distance(pose, plainly) == pytest.approx(fast.distance(pose, withheld), abs=1e-9)

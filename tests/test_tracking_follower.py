@@ -305,8 +305,8 @@ def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
 
 
 @pytest.mark.parametrize("shown", [0, 20])
-def test_a_joint_that_the_pose_shows_is_in_view_whatever_the_votes_say(shown: int) -> None:
-    """A hidden joint stays hidden until the votes see it; the votes do not remove a visible one."""
+def test_a_joint_that_the_pose_shows_is_in_view_whatever_the_estimate_says(shown: int) -> None:
+    """A hidden joint stays hidden until the estimate shows it; the estimate does not remove a visible one."""
     spread = np.where(np.arange(20) < shown, 0.0, 0.1)
     occluded_limbs = SimpleNamespace(guess=lambda pose, *_: Guess(pose, spread))
     search = FakeSearch("first", Proposal((says("local", pose_at(1.0)),)))

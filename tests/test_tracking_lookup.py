@@ -23,13 +23,13 @@ from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.facing import camera_yaw, estimate_facing, smoothed_facing
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.cloud import Cloud
+from toolkit.tracking.search.estimate_query import EstimatedJointsQuery, facing_of_joints
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import (
     LookupSettings,
     admissible_labelings,
     fused_scores,
 )
-from toolkit.tracking.search.regressed_query import RegressedJointsQuery, facing_of_joints
 from toolkit.tracking.state import FIRST_STEP, Previous
 
 # person with the left hand beside the head: left hand, right hand, left foot, right foot, head
@@ -86,7 +86,7 @@ class Seen:
     centre: np.ndarray
     yaw: float
     extrema: Extrema
-    votes: JointEstimate | None
+    estimate: JointEstimate | None
     scene: Scene
     elapsed: float = FIRST_STEP
 
@@ -176,25 +176,25 @@ def test_three_labelled_end_effectors_are_enough_with_estimated_joints(body: Bod
     pose = standing_at(77)
     view = view_of(body, pose, np.arange(5))
     few = replace(view.extrema, points=view.extrema.points[[4, 1, 2]])
-    votes = JointEstimate(body.joint_positions(pose), np.ones(20))
+    estimate = JointEstimate(body.joint_positions(pose), np.ones(20))
     query = ExtremaQuery(small_database(), LookupSettings(candidate_distance=0.25))
-    found = query.poses(replace(view, extrema=few, votes=votes), None, body, 3)
+    found = query.poses(replace(view, extrema=few, estimate=estimate), None, body, 3)
     errors = np.linalg.norm(body.joint_positions(found) - body.joint_positions(pose), axis=2).mean(axis=1)
     assert errors.min() < 0.03
     silent = ExtremaQuery(small_database(), LookupSettings(candidate_distance=0.0))
-    assert len(silent.poses(replace(view, extrema=few, votes=votes), None, body, 3)) == 0
+    assert len(silent.poses(replace(view, extrema=few, estimate=estimate), None, body, 3)) == 0
 
 
 @pytest.mark.parametrize("turn", [-120.0, 0.0, 60.0])
 def test_the_joints_of_a_pose_bring_it_back_whichever_way_it_faces(body: Body, turn: float) -> None:
     pose = standing_at(120, np.deg2rad(turn))
-    votes = JointEstimate(body.joint_positions(pose), np.ones(20))
-    view = replace(view_of(body, pose, np.arange(5)), votes=votes)
-    found = RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 3)
+    estimate = JointEstimate(body.joint_positions(pose), np.ones(20))
+    view = replace(view_of(body, pose, np.arange(5)), estimate=estimate)
+    found = EstimatedJointsQuery(small_database(), 0.0).poses(view, None, body, 3)
     assert found.shape == (3, skeleton.POSE_SIZE)
     assert found[0, 6:] == pytest.approx(pose[6:], abs=1e-6)
     # the query is that of the database's person in this pose
-    assert np.linalg.norm(body.joint_positions(found[0]) - votes.points, axis=1).mean() < 0.03
+    assert np.linalg.norm(body.joint_positions(found[0]) - estimate.points, axis=1).mean() < 0.03
 
 
 @pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 0.5, 2.0])

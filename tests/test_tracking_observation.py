@@ -12,6 +12,7 @@ import pytest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.joint_confidence import network_features
 from toolkit.landmarks.facing import FacingEstimate, smoothed_facing
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
@@ -83,17 +84,17 @@ def test_the_facing_follows_by_the_time_that_has_passed(
 def test_certain_votes_are_evidence_in_detection_and_body_learning(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, followed: bool, learning: bool, evidence: bool
 ) -> None:
-    observer = replace(OBSERVER, vote_pull=30.0, learning=learning)
-    monkeypatch.setattr(Observation, "votes", JointEstimate(np.zeros((20, 3)), np.ones(20)))
+    observer = replace(OBSERVER, estimate_pull=30.0, learning=learning)
+    monkeypatch.setattr(Observation, "estimate", JointEstimate(np.zeros((20, 3)), np.ones(20)))
     pose = np.zeros(skeleton.POSE_SIZE)
     previous = Previous.of_pose(load_body("neutral"), pose) if followed else None
     assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence
 
 
 def test_a_pose_from_before_a_gap_has_no_weight_in_the_frame(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Observation, "votes", JointEstimate(np.zeros((20, 3)), np.ones(20)))
+    monkeypatch.setattr(Observation, "estimate", JointEstimate(np.zeros((20, 3)), np.ones(20)))
     last = Previous.of_pose(load_body("neutral"), np.zeros(skeleton.POSE_SIZE))
-    observer = replace(OBSERVER, vote_pull=30.0)
+    observer = replace(OBSERVER, estimate_pull=30.0)
     out_of_view = np.where(np.arange(20) < 4, 0.0, 1.0)
     seen, after_gap = (
         observer.observe(cloud, 0.2, state(in_view=out_of_view, timestamp=0.1, last_seen_at=0.0, **known))
@@ -103,7 +104,7 @@ def test_a_pose_from_before_a_gap_has_no_weight_in_the_frame(cloud: Cloud, monke
     assert not after_gap.follows and after_gap.evidence and after_gap.withheld is None
 
 
-class Votes:
+class FakeNetwork:
     """Network with a fixed estimate of the joints in view."""
 
     def __init__(self, in_view: np.ndarray) -> None:
@@ -131,10 +132,10 @@ def test_links_out_of_view_get_no_measured_points(cloud: Cloud, legless: np.ndar
     assert learning.observe(cloud, 0.1, state(previous=before, in_view=legless)).withheld is None
 
 
-def test_what_is_in_view_is_learnt_from_the_votes_of_frames_that_cut_a_person_off(
+def test_what_is_in_view_is_learnt_from_the_estimates_of_frames_that_cut_a_person_off(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
-    observer, all_of_them = replace(OBSERVER, network=Votes(legless)), np.ones(20)
+    observer, all_of_them = replace(OBSERVER, network=FakeNetwork(legless)), np.ones(20)
     half = VIEW_TIME * math.log(2.0)
 
     def after(is_cut: bool, before: np.ndarray | None, elapsed: float = half) -> np.ndarray | None:
@@ -148,19 +149,33 @@ def test_what_is_in_view_is_learnt_from_the_votes_of_frames_that_cut_a_person_of
     assert after(False, None) is None
 
 
-def test_the_joints_in_view_do_not_depend_on_a_search_using_votes(
+def test_the_joints_in_view_do_not_depend_on_a_search_using_the_estimate(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
     monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([True]))
     before, found = np.ones(20), []
     for asked in (False, True):
-        seen = replace(OBSERVER, network=Votes(legless)).observe(cloud, 0.1, state(in_view=before, timestamp=0.0))
+        seen = replace(OBSERVER, network=FakeNetwork(legless)).observe(cloud, 0.1, state(in_view=before, timestamp=0.0))
         if asked:
-            assert seen.votes is not None
+            assert seen.estimate is not None
         found.append(seen.in_view)
     assert np.array_equal(*found)
     without = OBSERVER.observe(cloud, 0.1, state(in_view=before))
-    assert without.votes is None and without.in_view is before
+    assert without.estimate is None and without.in_view is before
+
+
+def test_the_evidence_of_the_network_is_kept_until_a_search_evaluates_it_again(
+    cloud: Cloud, legless: np.ndarray
+) -> None:
+    joints, before = np.ones((20, 3)), np.full((20, 2), 0.3)
+    seen = replace(OBSERVER, network=FakeNetwork(legless)).observe(cloud, 0.1, state())
+    assert seen.network_evidence(joints, before) is before
+    assert seen.estimate is not None
+    new = network_features(joints, seen.estimate)
+    np.testing.assert_array_equal(seen.network_evidence(joints, before), new)
+    first = replace(OBSERVER, network=FakeNetwork(legless)).observe(cloud, 0.1, state())
+    np.testing.assert_array_equal(first.network_evidence(joints, None), new)
+    assert OBSERVER.observe(cloud, 0.1, state()).network_evidence(joints, None) is None
 
 
 @pytest.mark.parametrize("learning", [False, True])

@@ -44,9 +44,9 @@ from toolkit.tracking.heading import (  # fmt: skip
     MAX_HEADING_PENALTY,
     directions_faced,
     directions_walked,
+    estimated_facing,
     heading,
     heading_disagreement,
-    voted_facing,
     weighed,
 )
 from toolkit.tracking.passes import JUMP, REPAIRED_SHARE, BidirectionalTracker, Jump
@@ -349,19 +349,19 @@ def test_walking_and_facing_directions_combine_with_bounded_certainty() -> None:
 def test_votes_have_a_body_face_where_it_does_as_far_as_they_are_reliable(yaw: float) -> None:
     pose = canonical.place(np.zeros(skeleton.POSE_SIZE), np.zeros(4), np.array([0.2, 0.9, -3.0]), yaw)
     points, sure = load_body("neutral").joint_positions(pose), np.zeros(len(skeleton.REPORTED))
-    votes = JointEstimate(points, sure, reliability=sure)
-    assert not voted_facing(votes).any() and not voted_facing(None).any()
+    estimate = JointEstimate(points, sure, reliability=sure)
+    assert not estimated_facing(estimate).any() and not estimated_facing(None).any()
     for name, reliability in (("left_shoulder", 0.8), ("right_shoulder", 0.5)):
         sure[skeleton.REPORTED.index(name)] = reliability
-    facing = voted_facing(replace(votes, reliability=sure))
+    facing = estimated_facing(replace(estimate, reliability=sure))
     np.testing.assert_allclose(facing, 0.9 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
     assert heading_disagreement(facing, pose) == pytest.approx(-0.9)
 
 
 def test_many_near_votes_outweigh_one_and_far_ones_have_no_weight() -> None:
-    times, voted = np.arange(0.0, 60.0, 0.1), np.tile([0.0, 0.4], (40, 1))
-    voted[3] = [0.0, -0.9]
-    faced = directions_faced(0.25 * np.arange(40), voted, times)
+    times, facings = np.arange(0.0, 60.0, 0.1), np.tile([0.0, 0.4], (40, 1))
+    facings[3] = [0.0, -0.9]
+    faced = directions_faced(0.25 * np.arange(40), facings, times)
     assert (faced[:100, 1] > 0.4).all() and not faced[140:].any()
     assert (np.linalg.norm(faced, axis=1) < 1.0).all()
     alone = directions_faced(np.array([5.0]), np.array([[HEADING_UNCERTAINTY, 0.0]]), np.array([5.0, 5.0 + AROUND]))

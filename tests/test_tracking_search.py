@@ -33,10 +33,10 @@ from toolkit.tracking.search.database_lookup import (
     LookupBudget,
     is_asked,
 )
+from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.search.local_search import LocalSearch
-from toolkit.tracking.search.regressed_query import VOTE_SIGMA, RegressedJointsQuery
 from toolkit.tracking.search.search_protocol import NOTHING, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
@@ -142,17 +142,17 @@ def test_on_a_first_frame_each_query_gives_the_nearest_of_its_refined_starts() -
 # Its queries
 
 
-def votes(confidence: float = 0.25) -> JointEstimate:
+def estimate(confidence: float = 0.25) -> JointEstimate:
     return JointEstimate(BODY.joint_positions(pose_at()), np.full(20, confidence))
 
 
-def test_regressed_joints_pull_in_the_camera_frame_by_the_root_of_their_confidence() -> None:
-    seen = observation(votes=votes())
-    pull = RegressedJointsQuery(small_database(), 30.0).pull(seen)
+def test_estimated_joints_pull_in_the_camera_frame_by_the_root_of_their_confidence() -> None:
+    seen = observation(estimate=estimate())
+    pull = EstimatedJointsQuery(small_database(), 30.0).pull(seen)
     assert isinstance(pull, JointTerm)
     assert pull.weights == pytest.approx(np.full(20, 30.0 * 0.5))
-    assert pull.targets == pytest.approx(votes().points * [1.0, -1.0, -1.0])
-    assert pull.sigma == VOTE_SIGMA
+    assert pull.targets == pytest.approx(estimate().points * [1.0, -1.0, -1.0])
+    assert pull.sigma == ESTIMATE_SIGMA
 
 
 class FakeDatabase:

@@ -128,7 +128,7 @@ def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, vertices: st
 
 @dataclass(frozen=True)
 class JointTerm:
-    """Pairs from joint centres and sites to given points, for regressed joints.
+    """Pairs from joint centres and sites to given points, for estimated joints.
 
     targets : float64 (20, 3), camera frame, metres; weights : float64 (20,); derived joints are left out
     """

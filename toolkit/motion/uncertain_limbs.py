@@ -12,7 +12,7 @@ from toolkit.io.spans import spans
 from toolkit.tracks import EMPTY, Track
 
 UNCERTAIN = 0.5
-"""Mean confidence of a limb's outer joints below which the limb is uncertain: it is rather wrong than right."""
+"""Mean confidence of a limb's outer joints below which the limb is uncertain: it is more likely wrong than right."""
 SHORTEST, JOINED = 0.2, 0.3
 """Seconds: shorter stretches are left out, after those of one limb with shorter pauses between them were joined."""
 NAMED = 6

@@ -75,9 +75,8 @@ def beside(place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
 def apart(head: np.ndarray, other: np.ndarray) -> bool:
     """Return True if two heads on one surface may be of two people."""
     aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
-    level = (
-        abs(head[1] - other[1]) <= aside
-    )  # pixels that exceed those beside the head belong to the back of a leaning person
+    # Pixels that exceed those beside the head belong to the back of a leaning person.
+    level = abs(head[1] - other[1]) <= aside
     # Horizontal distance, metres, within which a place below a head on its surface is a knee of a seated person (0.55 m
     # below) or the back of a leaning one.
     knee_reach = 0.75

@@ -27,9 +27,8 @@ SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a s
 SURFACE_GAP = 0.05  # m of depth between neighbours on one surface, besides the quantisation: a torso's side, at 3 m
 BRIDGE_CUT = 0.5  # m, largest depth step within a segmented person: an arm in front of the chest
 BRIDGE_ROOM = 0.12  # m, the same in a room: below the distance between a person and a shelf behind
-REACH_STILL = (
-    0.6  # m, the same where nothing has moved yet: a seated person's knees; a larger one would include the chair
-)
+REACH_STILL = 0.6
+"""Metres horizontally from the head of a person who has not moved yet: the knees of a seated one, without the chair."""
 SEED_RADIUS = 0.12  # m around a head's centre that certainly belong to the head
 HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
 CHEST_WIDTH = (0.2, 0.95)  # m: from a slim person seen from the side to an adult with spread elbows

@@ -12,9 +12,6 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 from toolkit.io.typed_values import Range
 
-JUDGED = 0.8
-"""Weight of the classifier's mean log odds, whose pixels are correlated."""
-
 NOBODYS = 0.035
 """Median energy of the pose prior over a track that fewer than one person in a hundred exceeds."""
 
@@ -61,7 +58,8 @@ class Evidence:
             return followed
         shaped = 6.0  # log odds between a track that never has a person's shape and one that always has it
         lifeless = 12.0  # log odds against a motionless track in an improbable pose: more than shape and pixels can add
-        pixels = JUDGED * self.judged / self.looks
+        pixel_weight = 0.8  # weight of the classifier's mean log odds, whose pixels are correlated
+        pixels = pixel_weight * self.judged / self.looks
         return followed + shaped * (self.shaped / self.looks - 0.5) + pixels - lifeless * self.lifeless
 
     def text(self) -> str:

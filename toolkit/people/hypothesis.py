@@ -24,7 +24,7 @@ ENOUGH, ENOUGH_HEAD = 0.02, 0.1
 """Fractions of moving pixels of a body (a hand) and of a head at which that evidence is complete."""
 SHAPED = 3.0
 """Log odds between a candidate that never has a person's shape and one that has it in all its frames."""
-JUDGED, UNDECIDED = 0.9, 1.3
+PIXEL_WEIGHT, UNDECIDED = 0.9, 1.3
 """Weight of the classifier's mean log odds, and the mean without evidence: a head candidate looks more like a person
 than the walls and desks of the training images."""
 ALONE = 0.7
@@ -106,7 +106,7 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
         + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
         + SHAPED * (mean([g.shaped for g in glimpses]) - 0.5)
         - LOW * mean([g.low for g in glimpses])
-        + JUDGED * mean(judged or [0.0])
+        + PIXEL_WEIGHT * mean(judged or [0.0])
     )
 
 

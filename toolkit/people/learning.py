@@ -35,13 +35,13 @@ SAME_PLACE = 0.2  # m between the heads of one figure
 HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there
 FIGURE = 0.5  # of the samples in which a thing that never moves has a person's shape, to be called a figure
 STILL = 0.98  # of the samples in which a pixel shows the same depth where nothing moves
-ANOTHER_ROOM = 0.5  # of the pixels whose background differs between two halves of a recording: the camera was moved
+ANOTHER_ROOM = 0.5  # of the pixels whose depth differs: two images show different rooms
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
 STANDS_WITHIN = 0.5  # m, horizontally, of the head of a person who stands: what is below it may be their legs
 BELOW = 0.4  # m, horizontally, of a head that stays: what is likely a person's there, and nearer the floor, is theirs
 ALONE = 0.1  # of the samples that show a person's legs: in so many the head is not found
-JUDGED = 8  # samples of which the judge is asked about every pixel
+JUDGED_SAMPLES = 8  # samples in which the classifier evaluates every pixel
 PATCH = 5  # pixels across, over which its answers are averaged: a forearm's width at 2 m
 LEAST_ODDS = -1.2  # of a still pixel that hangs on a person's head and is theirs: three in four of such pixels are
 
@@ -133,19 +133,19 @@ def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
     stack = np.stack(frames)
     halves = (stack[: len(stack) // 2], stack[len(stack) // 2 :])
     before, after = (farthest_lasting(half, LASTING, lens) for half in halves)
-    both = (before > 0) & (after > 0)
-    margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
-    return bool(np.count_nonzero(both & (np.abs(before - after) > margin)) > ANOTHER_ROOM * max(both.sum(), 1))
+    return _another_room(before, after, lens)
 
 
 def rooms_differ(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
     """Return True if most pairs of consecutive coarse frames float32 (h, w), metres, show different rooms."""
-    changed = []
-    for before, after in pairwise(frames):
-        both = (before > 0) & (after > 0)
-        margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
-        changed.append(share_of(np.abs(before - after) > margin, both) > ANOTHER_ROOM)
+    changed = [_another_room(before, after, lens) for before, after in pairwise(frames)]
     return 2 * sum(changed) > len(changed)
+
+
+def _another_room(before: np.ndarray, after: np.ndarray, lens: CoarseCamera) -> bool:
+    both = (before > 0) & (after > 0)
+    margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
+    return share_of(np.abs(before - after) > margin, both) > ANOTHER_ROOM
 
 
 def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.ndarray:
@@ -171,7 +171,7 @@ def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> n
     import cv2
 
     total, count = (np.zeros(stack.shape[1:], dtype=np.float32) for _ in range(2))
-    for depth in stack[:: -(-len(stack) // JUDGED)]:
+    for depth in stack[:: -(-len(stack) // JUDGED_SAMPLES)]:
         total += judge.log_odds(depth, lens.camera)
         count += depth > 0
     nearby, measured = (cv2.blur(image, (PATCH, PATCH)) for image in (total, count))

@@ -16,7 +16,7 @@ from toolkit.people.connection import HELD, connected
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.heading import voted_facing, weighed
+from toolkit.tracking.heading import estimated_facing, weighed
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import HEAD, FollowedPerson
@@ -174,18 +174,18 @@ class Follower(FollowedPerson):
         -------
         shown : expected number of joints in view, each weighted by its reliability; without a network, the share of
             the image that the person covers
-        facing : float64 (2,), see `voted_facing`
+        facing : float64 (2,), see `estimated_facing`
         top : y of the top of the head, see `head_top`
         whole : all joints are in view
         """
         cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
-        votes = observation.votes
-        if votes is None:
-            return len(cloud) / cloud.depth.size, voted_facing(None), math.nan, not observation.cut.any()
-        joints = float((votes.reliability * votes.in_view).sum())
-        whole = bool(votes.in_view.min() > 0.5)  # each joint is more likely in view than not
-        return joints, voted_facing(votes), head_top(cloud, votes.points[HEAD]), whole
+        estimate = observation.estimate
+        if estimate is None:
+            return len(cloud) / cloud.depth.size, estimated_facing(None), math.nan, not observation.cut.any()
+        joints = float((estimate.reliability * estimate.in_view).sum())
+        whole = bool(estimate.in_view.min() > 0.5)  # each joint is more likely in view than not
+        return joints, estimated_facing(estimate), head_top(cloud, estimate.points[HEAD]), whole
 
     def compared(self, body: Body, pose: np.ndarray, observation: Observation, context: StepContext) -> float:
         """Return the cost of a pose (P,) in an observed frame, metres, without priors."""
@@ -329,5 +329,5 @@ def _turn(state: PersonState) -> int:
 
 def _in_view(observation: Observation, guess: Guess) -> np.ndarray | None:
     """Return the probability that joints have been in view recently; joints that the pose shows are in view."""
-    voted = observation.in_view
-    return None if voted is None else np.where(guess.observed, 1.0, voted)
+    expected = observation.in_view
+    return None if expected is None else np.where(guess.observed, 1.0, expected)

@@ -18,9 +18,9 @@ from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.tracks import TRACKED
 
 AROUND = 0.75
-"""Time constant of the weight of a vote for a facing, seconds."""
+"""Time constant of the weight of an estimated facing, seconds."""
 HEADING_UNCERTAINTY = 0.5
-"""Sum of certain votes about a frame at which the heading has half of its full weight."""
+"""Sum of certain facings around a frame at which the heading has half of its full weight."""
 MAX_HEADING_PENALTY = 0.25
 """Maximum relative penalty on the cost of a pose that disagrees with the expected heading. It is relative because
 differences of distance are not informative where no pose explains the frame well.
@@ -66,27 +66,26 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
     return walked
 
 
-def voted_facing(votes: JointEstimate | None) -> np.ndarray:
-    """Return the facing by the votes for shoulders and hips: float64 (2,), x and z in the level frame; its length is
-    the
-    probability that one of the shoulders and one of the hips is correct, zero without votes.
+def estimated_facing(estimate: JointEstimate | None) -> np.ndarray:
+    """Return the facing by the estimates of shoulders and hips: float64 (2,), x and z in the level frame; its length is
+    the probability that one of the shoulders and one of the hips is correct, zero without estimates.
     """
     facing = np.zeros(2)
-    if votes is None:
+    if estimate is None:
         return facing
     for left, right in LINES:
-        across = votes.points[left] - votes.points[right]
-        sure = 1.0 - (1.0 - votes.reliability[left]) * (1.0 - votes.reliability[right])
+        across = estimate.points[left] - estimate.points[right]
+        sure = 1.0 - (1.0 - estimate.reliability[left]) * (1.0 - estimate.reliability[right])
         facing += sure * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
     return facing
 
 
-def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
-    """Return the facing directions of a person, from the votes in some frames.
+def directions_faced(moments: np.ndarray, facings: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
+    """Return the facing directions of a person, from the estimates in some frames.
 
     Parameters
     ----------
-    moments, voted : float64 (N,), seconds, rising, and (N, 2), see `voted_facing`
+    moments, facings : float64 (N,), seconds, rising, and (N, 2), see `estimated_facing`
     timestamps : float64 (T,), seconds, of all frames
 
     Returns
@@ -97,7 +96,7 @@ def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndar
     for frame, moment in enumerate(timestamps):
         near = slice(*np.searchsorted(moments, [moment - 4.0 * AROUND, moment + 4.0 * AROUND]))
         weights = np.exp(-np.abs(moments[near] - moment) / AROUND)
-        together = (weights[:, None] * voted[near]).sum(axis=0)
+        together = (weights[:, None] * facings[near]).sum(axis=0)
         faced[frame] = together / (HEADING_UNCERTAINTY + math.hypot(*together))
     return faced
 

@@ -23,8 +23,7 @@ from toolkit.tracks import FrameResult
 
 PAST_FRAMES = 3
 """Earlier frames that are tracked again with each new one, for all people together. A frame takes 3 to 5 ms, so these
-take
-less than 15 ms; at 30 frames a second, the 90 frames of 3 s of learning are processed within 1.5 s.
+take less than 15 ms; at 30 frames a second, the 90 frames of 3 s of learning are processed within 1.5 s.
 """
 ABSENT_FRAMES = 50
 """Frames without a sighting that take the time of one with it: 20 to 60 microseconds each."""

@@ -10,10 +10,10 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.estimated_joints import EstimatedJoints, links_out_of_view
 from toolkit.fitting.image_joints import SightedJoints
 from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.orientation import FrameEvidence
-from toolkit.fitting.regressed_joints import VotedJoints, links_out_of_view
 from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
@@ -46,9 +46,10 @@ class Observer:
     samples : measured points of the scene, see `Scene`
     network : estimates the joints of a person from one frame; None for no estimate
     guide : what is known besides the depth
-    vote_pull : weight of a certain vote relative to one correspondence while size or place of the person is unknown;
-        0 = none
-    learning : True while the body is learnt; votes then have this weight in all frames, because clothes hide the size
+    estimate_pull : weight of a certain estimate relative to one correspondence while size or place of the person is
+        unknown; 0 = none
+    learning : True while the body is learnt; estimates then have this weight in all frames, because clothes hide
+        the size
     body : how much of a person there is to see: "auto", "whole" or "upper", see `HybridSettings`
     scene : finds correspondences, see `open3d_scene.SCENES`
     told_joints : whether joints in the image are evidence in every frame, those on the person's own pixels
@@ -59,7 +60,7 @@ class Observer:
     samples: int
     network: JointNetwork | None
     guide: Guide = field(default_factory=NoGuide)
-    vote_pull: float = 0.0
+    estimate_pull: float = 0.0
     learning: bool = False
     body: str = "auto"
     told_joints: bool = False
@@ -159,7 +160,7 @@ class Observation:
         return self.extrema.points[~self.cut].astype(np.float64)
 
     @cached_property
-    def votes(self) -> JointEstimate | None:
+    def estimate(self) -> JointEstimate | None:
         """Joints estimated by the network; None without a network."""
         network = self.observer.network
         return None if network is None else network.estimate(self.cloud, self.unobserved)
@@ -170,9 +171,9 @@ class Observation:
         In most frames no search asks the network; those `before`, of an earlier frame, are then kept, because one
         evaluation costs as much as half of the other steps together.
         """
-        if before is not None and "votes" not in self.__dict__:
+        if before is not None and "estimate" not in self.__dict__:
             return before
-        return None if self.votes is None else network_features(joints, self.votes)
+        return None if self.estimate is None else network_features(joints, self.estimate)
 
     @cached_property
     def in_view(self) -> np.ndarray | None:
@@ -185,9 +186,9 @@ class Observation:
             return None
         now = np.ones(len(skeleton.REPORTED))
         if is_cut:
-            if self.votes is None:
+            if self.estimate is None:
                 return before
-            now = self.votes.in_view
+            now = self.estimate.in_view
         return now if before is None else before + (1.0 - math.exp(-self.elapsed / VIEW_TIME)) * (now - before)
 
     def look(self) -> None:
@@ -200,7 +201,8 @@ class Observation:
         """Joints whose links are out of view, bool (18,); None if there are none, or if the person is redetected.
 
         Without it, a leg below a desk would be attracted to unexplained measurements, such as those of a raised arm.
-        While the body is learnt, certain votes hold the legs instead. With a given `body` setting votes are not used.
+        While the body is learnt, certain estimates hold the legs instead. With a given `body` setting they are not
+        used.
         """
         if self.observer.body != "auto":
             return LEG_LINKS if self.observer.body == "upper" else None
@@ -223,8 +225,8 @@ class Observation:
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
         unsure = not self.follows or observer.learning
-        if observer.vote_pull > 0.0 and unsure and self.votes is not None:
-            evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
+        if observer.estimate_pull > 0.0 and unsure and self.estimate is not None:
+            evidence.append(EstimatedJoints(self.estimate, self.cloud.rotation, observer.estimate_pull))
         # Minimum fraction of the image joints on the person's pixels; with fewer the joints are another person's.
         own_share = 0.5
         if observer.told_joints and self.joints is not None:

@@ -108,7 +108,7 @@ class Survey:
     ----------
     frames : int64 (N,), rising
     shown : float64 (N,), expected number of joints in view, weighted by reliability
-    facing : float64 (N, 2), see `voted_facing`
+    facing : float64 (N, 2), see `estimated_facing`
     tops : float64 (N,), y of the top of the head, see `head_top`
     whole : bool (N,), all joints are in view
     """

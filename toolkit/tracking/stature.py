@@ -18,8 +18,7 @@ from toolkit.sensing.cloud import Cloud
 
 COST_PER_LOG_ODDS = 0.004
 """Metres of distance from a frame per natural unit of information about the size: neighbouring sizes of a person
-truncated
-at the waist differ by as much by chance.
+truncated at the waist differ by as much by chance.
 """
 SIZE_COST_SPREAD = 0.03
 """Metres by which a frame may fit a body of another size better than the person's."""
@@ -36,8 +35,7 @@ def stature_prior_cost(stature: float) -> float:
 
 def off_floor(lowest: float, floor: float | None) -> float:
     """Return the cost, metres, of a body's lowest point at `lowest` with a floor at `floor`: both y, metres, level
-    frame; 0
-    without a known floor.
+    frame; 0 without a known floor.
     """
     return 0.0 if floor is None else _missed_by(lowest - floor)
 
@@ -59,8 +57,7 @@ def _missed_by(away: float) -> float:
 
 def head_top(cloud: Cloud, head: np.ndarray) -> float:
     """Return y of the top of a head expected at `head` (3,): metres, level frame; NaN if nothing is measured there or
-    the image
-    border truncates the head.
+    the image border truncates the head.
     """
     away = cloud.points[:, [0, 2]] - head[[0, 2]]
     # Horizontal distance from the middle of a head to its top, metres; and the rank of the highest points that is
@@ -88,9 +85,8 @@ def height_stood(tops: np.ndarray, floor: float | None) -> float:
 
 
 def statures_of(stood: float, likely: float) -> tuple[float, float]:
-    """Return the range of statures, metres, of a person whose head was at the height `stood` with the `likely`
-    stature; a
-    seated person may have any.
+    """Return the range of statures, metres, of a person whose head was at the height `stood` with the `likely` stature;
+    a seated person may have any.
     """
     # Metres by which a stature may differ from the height of the head: if nearer, the person stood and this is the
     # stature; if farther, the person sat or was occluded.

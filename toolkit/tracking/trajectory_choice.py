@@ -20,8 +20,7 @@ from toolkit.tracks.track_writer import check_rows, row_type
 
 APART = 1.0
 """Cost of a switch between two trajectories per metre between them: ten frames in which the better one is 3 cm nearer
-to
-the measurements outweigh a jump of 30 cm.
+to the measurements outweigh a jump of 30 cm.
 """
 
 

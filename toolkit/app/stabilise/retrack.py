@@ -152,8 +152,8 @@ def _compared(
         compared = follower.objective.compare(follower.body, moved, scene)
         distances[row] = compared.distance + penalty(moved)
         joints = follower.body.joint_positions(moved)
-        votes = follower.observation.votes
-        network = None if votes is None else network_features(joints, votes)
+        estimate = follower.observation.estimate
+        network = None if estimate is None else network_features(joints, estimate)
         trust = follower.objective.confidence(compared, joints, network=network)
         confidence[row] = trust[skeleton.OUTER[candidates.gap.limb]]
     return distances, confidence

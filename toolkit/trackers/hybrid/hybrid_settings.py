@@ -52,8 +52,8 @@ class HybridSettings:
     smallest_person : minimum number of measured points; frames with fewer are empty. A person at 8 m in a 176x144 image
     lost_distance : maximum sparse distance of the winner, metres; frames above it are lost. Over twice the largest
         value of a correct pose on the tuning suite
-    vote_pull : weight of a confident regressed joint relative to one correspondence, in the refinement of poses found
-        by joints, in body estimation of truncated people and after losses; 0 = none
+    estimate_pull : weight of a confident estimated joint relative to one correspondence, in the refinement of poses
+        found by joints, in body estimation of truncated people and after losses; 0 = none
     patience : seconds of consecutive lost frames before the next one is treated as a first frame
     smoothing : time constant and lag of the smoothing of reported poses, seconds; 0 for still pictures
     """
@@ -72,7 +72,7 @@ class HybridSettings:
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
     smallest_person: int = 300
     lost_distance: float = 0.25
-    vote_pull: float = constant(30.0)
+    estimate_pull: float = constant(30.0)
     patience: float = 0.15
     smoothing: float = 0.0
     sensing: SensingSettings = field(default_factory=SensingSettings)

@@ -47,7 +47,7 @@ class InitialPoseVerifier:
         aimed = [self._arms.of(each, observation) for each in best_of_each_body(scored)]
         best = min(aimed, key=cost_of)
         others = facing_elsewhere(best, scored)
-        if observation.votes is not None:
+        if observation.estimate is not None:
             others.append(self._turned(best, observation))
         return aimed + [self._arms.of(each, observation) for each in others]
 

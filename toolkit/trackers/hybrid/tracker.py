@@ -30,9 +30,9 @@ from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arm_search import ArmSearch
 from toolkit.tracking.search.database_lookup import DatabaseLookup, LookupBudget, Query
+from toolkit.tracking.search.estimate_query import EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.local_search import LocalSearch
-from toolkit.tracking.search.regressed_query import RegressedJointsQuery
 from toolkit.tracking.search.search_protocol import Search
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.tracker_protocol import Wanted
@@ -139,7 +139,7 @@ class HybridTracker(SearchingTracker):
         if "extrema" in self.settings.hypotheses:
             queries.append(ExtremaQuery(self._poses, self.settings.lookup))
         if self._network is not None:
-            queries.append(self._votes)
+            queries.append(self._estimates)
         return queries
 
     @property
@@ -148,7 +148,7 @@ class HybridTracker(SearchingTracker):
         s = self.settings
         return Observer(
             s.landmarks, s.extrema, s.fitting.cloud_samples, self._network,
-            self.guide, s.vote_pull, body=s.body, told_joints=bool(self._swarm),
+            self.guide, s.estimate_pull, body=s.body, told_joints=bool(self._swarm),
             scene=SCENES[s.fitting.correspondences],
         )  # fmt: skip
 
@@ -169,8 +169,8 @@ class HybridTracker(SearchingTracker):
         return ("swarm",) if "swarm" in self.settings.hypotheses else ()
 
     @cached_property
-    def _votes(self) -> RegressedJointsQuery:
-        return RegressedJointsQuery(self._poses, self.settings.vote_pull)
+    def _estimates(self) -> EstimatedJointsQuery:
+        return EstimatedJointsQuery(self._poses, self.settings.estimate_pull)
 
     @cached_property
     def _arms(self) -> ArmPoses | None:

@@ -65,7 +65,7 @@ class ExtremaQuery:
             before = None if previous is None else previous.extrema
             points = extrema[labelings(extrema[:EFFECTORS], effectors, before, observation.elapsed, settings)]
             present = np.ones(points.shape[:2], dtype=np.bool_)
-        expected = [] if observation.votes is None else [observation.votes.points[TIPS]]
+        expected = [] if observation.estimate is None else [observation.estimate.points[TIPS]]
         expected += [] if previous is None else [previous.effectors]
         fewest_known = 3  # minimum number of end effectors of a partial query: with two, any pose fits
         for effectors in expected if settings.candidate_distance > 0.0 else ():

@@ -1,4 +1,4 @@
-"""Evidence from regressed joints, which prevents a fit with a wrong body size before the body is estimated."""
+"""Evidence from estimated joints, which prevents a fit with a wrong body size before the body is estimated."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from toolkit.kernels import linear
 from toolkit.landmarks.joint_network import JointEstimate
 
 WITHIN = 0.1
-"""Error for which the reliability of a vote is defined, metres; a pose within it has no cost."""
+"""Error for which the reliability of an estimate is defined, metres; a pose within it has no cost."""
 CAP = 0.2
 """Maximum excess distance of a joint, metres, as `FittingSettings.unexplained` for a point."""
 OUT_OF_VIEW = 0.2
 """Probability of being in view below which a joint counts as out of view."""
 
 
-class VotedJoints:
-    """Evidence that reliable joints lie within 10 cm of their votes.
+class EstimatedJoints:
+    """Evidence that reliable joints lie within 10 cm of their estimates.
 
     Parameters
     ----------
-    votes : level frame
+    estimate : level frame
     rotation : R_level_camera, float64 (3, 3)
     weight : of one sure joint against one correspondence
     """
 
-    def __init__(self, votes: JointEstimate, rotation: np.ndarray, weight: float) -> None:
-        sure = 0.8  # minimum reliability of a vote that is used as evidence
+    def __init__(self, estimate: JointEstimate, rotation: np.ndarray, weight: float) -> None:
+        sure = 0.8  # minimum reliability of an estimate that is used as evidence
         self._rows = [
-            row for row, (carrier, _) in enumerate(CARRIERS) if carrier >= 0 and votes.reliability[row] >= sure
+            row for row, (carrier, _) in enumerate(CARRIERS) if carrier >= 0 and estimate.reliability[row] >= sure
         ]
-        self._targets = linear.rotated(votes.points, rotation)
+        self._targets = linear.rotated(estimate.points, rotation)
         self._weight = weight
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
-        """See `FrameEvidence.attract`: joints are attracted to within 10 cm of their votes."""
+        """See `FrameEvidence.attract`: joints are attracted to within 10 cm of their estimates."""
         sigma = 0.3  # scale of the Geman-McClure weight of the excess distance, metres
         for row in self._rows:
             point, beyond = self._beyond(placed, row)
@@ -54,7 +54,7 @@ class VotedJoints:
         return sum(min(math.hypot(*self._beyond(placed, row)[1]), CAP) for row in self._rows) / len(self._rows)
 
     def _beyond(self, placed: PlacedBody, row: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return a reported joint (3,) and its excess vector from its vote (3,), camera frame, metres."""
+        """Return a reported joint (3,) and its excess vector from its estimate (3,), camera frame, metres."""
         point = carried(placed, *CARRIERS[row])
         away = point - self._targets[row]
         length = math.hypot(*away)
@@ -63,7 +63,7 @@ class VotedJoints:
 
 def links_out_of_view(in_view: np.ndarray) -> np.ndarray:
     """Return joints whose links and all their descendants end out of view, bool (18,), by the `in_view` (20,) of
-    votes."""
+    estimates."""
     return np.asarray(((in_view < OUT_OF_VIEW) | ~_ENDS).all(axis=1))
 
 

@@ -8,8 +8,8 @@ import pytest
 from tests.placed_bodies import normal, pose
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
+from toolkit.fitting.estimated_joints import CAP, OUT_OF_VIEW, WITHIN, EstimatedJoints, links_out_of_view
 from toolkit.fitting.placed import PlacedBody, Placer
-from toolkit.fitting.regressed_joints import CAP, OUT_OF_VIEW, WITHIN, VotedJoints, links_out_of_view
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 
@@ -23,8 +23,8 @@ def placed(**angles: float) -> PlacedBody:
     return PLACER.place(BODY, pose(**angles))
 
 
-def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstimate:
-    """Return votes at the joints of the standing body, some of them shifted, the others uncertain."""
+def estimate(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstimate:
+    """Return estimates of the joints of the standing body, some of them shifted, the others uncertain."""
     points = BODY.joint_positions(pose())
     sure = np.zeros(20)
     for joint, by in shift.items():
@@ -33,20 +33,20 @@ def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstima
     return JointEstimate(points, sure, np.ones(20), sure)
 
 
-def test_within_ten_centimetres_a_vote_has_no_pull() -> None:
-    evidence = VotedJoints(votes({HEAD: np.array([0.0, 0.9 * WITHIN, 0.0])}), LEVEL, 30.0)
+def test_within_ten_centimetres_an_estimate_has_no_pull() -> None:
+    evidence = EstimatedJoints(estimate({HEAD: np.array([0.0, 0.9 * WITHIN, 0.0])}), LEVEL, 30.0)
     assert evidence.cost(placed()) == 0.0
     assert not normal(evidence, placed()).vector.any()
 
 
 def test_a_pose_costs_what_its_sure_joints_are_too_far_on_average() -> None:
     shifts = {HEAD: np.array([0.0, 0.15, 0.0]), HAND: np.array([2.0, 0.0, 0.0])}
-    assert VotedJoints(votes(shifts), LEVEL, 1.0).cost(placed()) == pytest.approx((0.15 - WITHIN + CAP) / 2)
+    assert EstimatedJoints(estimate(shifts), LEVEL, 1.0).cost(placed()) == pytest.approx((0.15 - WITHIN + CAP) / 2)
 
 
-def test_the_pull_of_a_vote_is_the_gradient_of_its_cost() -> None:
+def test_the_pull_of_an_estimate_is_the_gradient_of_its_cost() -> None:
     """Near 10 cm the Geman-McClure weight is 1: half the squared excess distance."""
-    evidence = VotedJoints(votes({HAND: np.array([0.02, 0.11, -0.03])}), LEVEL, 4.0)
+    evidence = EstimatedJoints(estimate({HAND: np.array([0.02, 0.11, -0.03])}), LEVEL, 4.0)
     vector, step = normal(evidence, placed()).vector, 1e-5
 
     def energy(**entries: float) -> float:

@@ -17,8 +17,8 @@ from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.database_lookup import placed_poses
 from toolkit.tracking.state import Previous
 
-VOTE_SIGMA = 0.3
-"""Metres at which a regressed joint loses its pull: the spread of an uncertain vote."""
+ESTIMATE_SIGMA = 0.3
+"""Metres at which an estimated joint loses its pull: the spread of an uncertain estimate."""
 
 PELVIS = skeleton.REPORTED.index("pelvis")
 QUERIED: np.ndarray = np.array(
@@ -30,7 +30,7 @@ QUERIED: np.ndarray = np.array(
 )
 
 
-class RegressedJointsQuery:
+class EstimatedJointsQuery:
     """Lookup of the poses whose joints lie nearest to the estimated ones, weighted by their confidence.
 
     Parameters
@@ -47,13 +47,13 @@ class RegressedJointsQuery:
 
     def poses(self, observation: Observation, previous: Previous | None, body: Body, count: int) -> np.ndarray:
         """See `Query.poses`."""
-        if observation.votes is None:
+        if observation.estimate is None:
             return np.empty((0, skeleton.POSE_SIZE))
-        points = observation.votes.points
+        points = observation.estimate.points
         size = canonical.torso_length(body) / self._database.torso_length
         yaw, pelvis = facing_of_joints(points), points[PELVIS]
         query = canonical.normalise(points, pelvis, yaw)[QUERIED] / size
-        weights = np.repeat(observation.votes.confidence[QUERIED], 3)
+        weights = np.repeat(observation.estimate.confidence[QUERIED], 3)
         count = min(count, len(self._database))
         distances, best = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int64)
         nearest.weighted_nearest(
@@ -63,12 +63,12 @@ class RegressedJointsQuery:
 
     def pull(self, observation: Observation) -> JointTerm | None:
         """See `Query.pull`: answers are first drawn to the joints that were seen."""
-        votes = observation.votes
-        if votes is None or self._pull == 0.0:
+        estimate = observation.estimate
+        if estimate is None or self._pull == 0.0:
             return None
-        targets = linear.rotated(votes.points, observation.cloud.rotation)
+        targets = linear.rotated(estimate.points, observation.cloud.rotation)
         # The confidence is an inverse variance; a term takes an inverse standard deviation.
-        return JointTerm(targets, self._pull * np.sqrt(votes.confidence), VOTE_SIGMA)
+        return JointTerm(targets, self._pull * np.sqrt(estimate.confidence), ESTIMATE_SIGMA)
 
 
 def facing_of_joints(joints: np.ndarray) -> float:
