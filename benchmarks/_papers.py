@@ -58,8 +58,8 @@ def papers() -> dict[str, list[dict[str, Any]]]:
 
 def published(paper: str, source: str) -> dict[str, float]:
     """Return the numbers that a table, figure or section of a paper gives, by name."""
-    values: dict[str, float] = next(group["values"] for group in papers()[paper] if group["source"] == source)
-    return values
+    groups = [group["values"] for group in papers()[paper] if group["source"] == source]
+    return {name: number for values in groups for name, number in values.items()}
 
 
 def results_of(paper: str) -> list[str]:
@@ -78,7 +78,7 @@ def value_at(figures: Any, keys: str) -> Any:
     return figures
 
 
-def compared(paper: str, results: Path = RESULTS) -> Iterator[Comparison]:
+def compared(paper: str, results: Path | None = None) -> Iterator[Comparison]:
     """Yield the numbers of a paper beside those of the results in a folder."""
     for group in papers()[paper]:
         figures = _figures(group, results)
@@ -95,32 +95,34 @@ def compared(paper: str, results: Path = RESULTS) -> Iterator[Comparison]:
             )
 
 
-def plots(paper: str, drawn: Path, results: Path = RESULTS) -> Iterator[tuple[str, Path]]:
-    """Yield source and path of each picture of a paper's figures; curves are drawn into the folder `drawn`."""
+def plots(paper: str, results: Path | None = None) -> Iterator[tuple[str, Path]]:
+    """Yield source and path of each picture of a paper's figures; those that are curves are drawn first."""
     for group in papers()[paper]:
-        figures = _figures(group, results)
-        if figures is not None and "curves" in group:
-            path = drawn / f"{group['result']}_curves.png"
-            _draw_curves(group, figures, path)
-        elif (path := results / group.get("plot", "")) == results or not path.is_file():
-            continue
-        yield group["source"], path
+        path = (results or RESULTS) / group.get("plot", "")
+        if "curves" in group:
+            _draw(group, _figures(group, results), path)
+        if path.is_file():
+            yield group["source"], path
 
 
-def _draw_curves(group: Mapping[str, Any], figures: Any, path: Path) -> None:
+def _draw(group: Mapping[str, Any], figures: Any, path: Path) -> None:
+    """Draw the curves of a group into a file, if the results have all of them."""
     from matplotlib.figure import Figure
 
+    curves = group["curves"]
+    x, lines = value_at(figures, curves["x"]), {name: value_at(figures, keys) for name, keys in curves["y"].items()}
+    if x is None or None in lines.values():
+        return
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     axes = figure.add_subplot()
-    curves = group["curves"]
-    for name, keys in curves["y"].items():
-        axes.plot(value_at(figures, curves["x"]), value_at(figures, keys), lw=1.4, label=name)
-    axes.set(xlabel=curves["x"].split("/")[-1], title=f"{group['source']}: {group['says']}")
+    for name, values in lines.items():
+        axes.plot(x, values, lw=1.4, label=name)
+    axes.set(xlabel=curves["xlabel"], ylabel=curves["ylabel"], title=f"{group['source']}: {group['says']}")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
     save_bytes(path, png_of(figure))
 
 
-def _figures(group: Mapping[str, Any], results: Path) -> Any:
-    path = results / f"{group.get('result')}.json"
+def _figures(group: Mapping[str, Any], results: Path | None) -> Any:
+    path = (results or RESULTS) / f"{group.get('result')}.json"
     return json.loads(path.read_text(encoding="utf-8"))["figures"] if path.is_file() else None

@@ -1,30 +1,33 @@
-"""The tables of Qammaz, 3.3, on our four sequences: parts of `depthmocap bench swarm`."""
+"""The tables and figures of Qammaz, 3.3, on our four sequences: parts of `depthmocap bench swarm`."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks._papers import published
-from benchmarks._record import RESULTS, save_figures
-from benchmarks._rows import swarm_settings
+from benchmarks._record import save_figures
+from benchmarks._rows import make_tracker, swarm_settings
 from benchmarks._swarm_runs import Tracked, follow, print_row, swarm_figures
 from benchmarks._takes import SOURCES, scanned, sequence
+from benchmarks.all import PACKAGED
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.sequences import FRAMES, SEQUENCES, sequence_body
 from tests.support.suite import WORK
 from toolkit.app.config import parse_overrides
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.evaluation.joint_errors import CURVE
-from toolkit.io.display_names import shown
-from toolkit.io.files import save_bytes
-from toolkit.io.html import png_of
+from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.joint_errors import CURVE, accuracy
+from toolkit.sensing.recording import Recording
+from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 PAPER: dict[str, dict[str, float]] = {
     "sequences": {name: published("qammaz", "Table 4")[f"{name} with {name}"] for name in SEQUENCES},
@@ -39,6 +42,10 @@ BUDGETS = (16, 32, 64, 128)
 """Numbers of particles, and of generations (Fig. 3)."""
 TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints")
 PRIMITIVES = {"discrepancy.figure": "balls"}
+SECOND_VIEW = 60.0
+"""Angle between the two cameras of Fig. 6, degrees (the paper: wide baseline)."""
+CENTRES = {"neck": ("shoulder",), "pelvis": ("hip",), "spine": ("shoulder", "hip")}
+"""Joints that no detector reports -> the joints of both sides whose mean replaces them."""
 
 
 class Bench:
@@ -52,7 +59,6 @@ class Bench:
     def __init__(self, options: argparse.Namespace) -> None:
         self.frames, self.work, self.joints = options.frames, options.work, options.joints
         self.names: list[str] = options.sequences.split(",")
-        self.seeds = range(options.seeds)
         self.overrides = parse_overrides(options.set)
         self.figures: dict[str, Any] = {}
         self.runs: dict[str, list[Tracked]] = {}
@@ -61,41 +67,37 @@ class Bench:
         """Return the scanned body of a subject."""
         return scanned(name, self.work)
 
-    def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> list[Tracked]:
-        """Track sequences with the settings of a row once per seed; store and print the figures as `label`.
+    def recording(self, name: str, yaw: float = 0.0) -> Recording:
+        """Return a sequence with its image joints, seen from the front or by another camera."""
+        return sequence(name, self.joints, self.work, self.frames, yaw)
+
+    def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> None:
+        """Track sequences with the settings of a row; store and print the figures as `label`.
 
         `body` is the same for all; None takes the person's own.
         """
-        tracked, deltas = [], []
-        for seed in self.seeds:
-            settings = swarm_settings(row, {"seed": seed, **self.overrides, **more})
-            runs = [
-                follow(
-                    settings,
-                    sequence(name, self.joints, self.work, self.frames),
-                    body=body or self.body(name),
-                )  # fmt: skip
-                for name in names
-            ]
-            deltas.append(1000.0 * np.mean([run.errors.mean() for run in runs]))
-            tracked += runs
-        self.runs[label] = tracked
-        spread = {
-            "seed_low_mm": float(min(deltas)),
-            "seed_middle_mm": float(np.median(deltas)),
-            "seed_high_mm": float(max(deltas)),
-        }
-        self.figures[label] = swarm_figures(tracked) | spread
+        settings = swarm_settings(row, {**self.overrides, **more})
+        self.store(label, [follow(SwarmTracker(settings, body=body or self.body(n)), self.recording(n)) for n in names])
+
+    def store(self, label: str, tracked: list[Tracked]) -> None:
+        """Store and print the figures of some runs as `label`."""
+        self.runs[label], self.figures[label] = tracked, swarm_figures(tracked)
         print_row(label, self.figures[label])
-        return tracked
 
     def compare(self, first: str, others: Sequence[str]) -> None:
-        """Compare rows with the first one, over sequences and seeds."""
+        """Compare rows with the first one, over sequences."""
         for other in others:
             mine, its = ([1000.0 * t.errors.mean() for t in self.runs[name]] for name in (first, other))
             worse = paired_bootstrap(np.array(its), np.array(mine), np.random.default_rng(0))
             self.figures[other]["worse_mm"] = asdict(worse)
             print(f"{other} is worse than {first} by {worse.mean:.1f} mm ({worse.low:.1f} to {worse.high:.1f})")
+
+    def accuracy(self, labels: Sequence[str]) -> None:
+        """Store the accuracy curves A(t), in per cent, of some rows."""
+        self.figures["accuracy"] = {"t_mm": np.round(1000 * CURVE).tolist()}
+        for label in labels:
+            shares = accuracy(np.concatenate([t.errors.ravel() for t in self.runs[label]]), CURVE)
+            self.figures["accuracy"][label] = np.round(100 * shares, 2).tolist()
 
 
 def sequences(bench: Bench) -> None:
@@ -103,15 +105,17 @@ def sequences(bench: Bench) -> None:
     for row in ("swarm", "qammaz"):
         for name in bench.names:
             bench.row(f"{row}, {name}", row, [name])
+    bench.accuracy(tuple(bench.runs))
 
 
 def table2(bench: Bench) -> None:
-    """Measure depth alone and joints alone (Table 2)."""
+    """Measure depth alone and joints alone (Table 2, Fig. 5)."""
     for row in TABLE_2:
-        bench.runs[row] = [t for name in bench.names for t in bench.row(f"{row}, {name}", row, [name])]
-        bench.figures[row] = swarm_figures(bench.runs[row])
-        print_row(row, bench.figures[row])
+        for name in bench.names:
+            bench.row(f"{row}, {name}", row, [name])
+        bench.store(row, [t for name in bench.names for t in bench.runs[f"{row}, {name}"]])
     bench.compare(TABLE_2[0], TABLE_2[1:])
+    bench.accuracy(TABLE_2)
 
 
 def models(bench: Bench) -> None:
@@ -125,20 +129,15 @@ def models(bench: Bench) -> None:
             bench.row(f"{name} with {model}", "qammaz", [name], scaled)
         bench.row(f"{name} with neutral", "qammaz", [name], sized)
         bench.row(f"{name} with balls", "qammaz", [name], sized, **PRIMITIVES)
-    for kind in (*SEQUENCES, "neutral", "balls"):
-        others = [name for name in bench.names if name != kind]
-        bench.runs[f"all with {kind}"] = [t for name in others for t in bench.runs[f"{name} with {kind}"]]
-    bench.runs["all with their own"] = [t for name in bench.names for t in bench.runs[f"{name} with {name}"]]
-    for label in ("all with their own", "all with neutral", "all with balls"):
-        bench.figures[label] = swarm_figures(bench.runs[label])
-        print_row(label, bench.figures[label])
-    # A seed with a lost person has no information about bodies.
-    middle = {
-        label: figures["seed_middle_mm"] for label, figures in bench.figures.items() if "seed_middle_mm" in figures
+    all_with = {
+        "their own": [bench.runs[f"{name} with {name}"] for name in bench.names],
+        "other bodies": [bench.runs[f"{n} with {m}"] for n in bench.names for m in bodies if m != n],
+        "neutral": [bench.runs[f"{name} with neutral"] for name in bench.names],
+        "balls": [bench.runs[f"{name} with balls"] for name in bench.names],
     }
-    own = [middle[f"{name} with {name}"] for name in bench.names]
-    other = [middle[f"{name} with {model}"] for name in bench.names for model in bodies if model != name]
-    print(f"middle seeds: own body {np.mean(own):.1f} mm, another's scaled to size {np.mean(other):.1f} mm")
+    for kind, runs in all_with.items():
+        bench.store(f"all with {kind}", sum(runs, []))
+    bench.accuracy([f"all with {kind}" for kind in all_with])
 
 
 def table3(bench: Bench) -> None:
@@ -148,52 +147,87 @@ def table3(bench: Bench) -> None:
         for weight in WEIGHTS:
             weighed = {**settings, "discrepancy.depth": weight / 3.0}
             bench.row(f"{kind} {weight}", "qammaz", bench.names, **weighed)
-    deltas = {kind: [bench.figures[f"{kind} {weight}"]["delta_mm"] for weight in WEIGHTS] for kind in kinds}
-    bench.figures["over weights"] = {"weight of the depth term": list(WEIGHTS), **deltas}
+    bench.accuracy([f"perturbed {weight}" for weight in WEIGHTS])
 
 
 def budget(bench: Bench) -> None:
     """Measure numbers of particles and generations (Fig. 3)."""
+    deltas: dict[str, list[float]] = {}
     for particles in BUDGETS:
         for generations in BUDGETS:
+            label = f"{particles} in {generations}"
             sizes: dict[str, Any] = {"swarm.particles": particles, "swarm.generations": generations}
-            bench.row(f"{particles} in {generations}", "qammaz", bench.names, **sizes)
-    deltas = {
-        f"{n} particles": [bench.figures[f"{n} in {m}"]["delta_mm"] for m in BUDGETS] for n in BUDGETS
-    }  # fmt: skip
+            bench.row(label, "qammaz", bench.names, **sizes)
+            deltas.setdefault(f"{particles} particles", []).append(bench.figures[label]["delta_mm"])
     bench.figures["over generations"] = {"generations": list(BUDGETS), **deltas}
 
 
-def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
-    """Return errors (N,), metres, of the rows in the plot of a part."""
-    drawn = {
-        "table2": TABLE_2,
-        "models": ("all with their own", "all with neutral", "all with balls"),
-        "sequences": tuple(bench.runs),
-    }.get(part, ())
-    return {row: np.concatenate([t.errors.ravel() for t in bench.runs[row]]) for row in drawn}
+def cameras(bench: Bench) -> None:
+    """Measure this tracker beside a tracker of depth alone, with one and with two cameras, and beside joints in two
+    colour images (Fig. 6).
+    """
+    bench.row("qammaz", "qammaz", bench.names)
+    runs = []
+    for name in bench.names:
+        neutral = load_body("neutral")
+        bench.row(name, "qammaz", [name], neutral.scaled(sequence_body(name).height / neutral.height), **PRIMITIVES)
+        runs += bench.runs[name]
+        del bench.figures[name]
+    bench.store("qammaz with balls", runs)
+    views = [[(name, yaw) for yaw in (0.0, SECOND_VIEW)] for name in bench.names]
+    tracked = [[_by_depth(bench, *view) for view in pair] for pair in views]
+    bench.store("depth, one camera", [first for first, _ in tracked])
+    bench.store("depth, two cameras", [_mean_of(*pair) for pair in tracked])
+    seen = [[bench.recording(*view) for view in pair] for pair in views]
+    bench.store("joints, two cameras", [Tracked(triangulated(pair), pair[0].joints) for pair in seen])
+    bench.accuracy([label for label in bench.runs if label not in bench.names])
 
 
-def plot_curves(errors: Mapping[str, np.ndarray], path: Path) -> None:
-    """Plot A(t) of several sets of distances (N,), metres, in one picture."""
-    from matplotlib.figure import Figure
+def _by_depth(bench: Bench, name: str, yaw: float) -> Tracked:
+    """Track a sequence with the hybrid tracker, whose database has no actor of the sequences, without colour."""
+    recording = sequence(name, "none", bench.work, bench.frames, yaw)
+    return follow(make_tracker("hybrid", PoseDatabase.load(PACKAGED)), recording)
 
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    for name, distances in errors.items():
-        axes.plot(CURVE * 1000, 100 * (distances <= CURVE[:, None]).mean(axis=1), lw=1.4, label=shown(name, "plot"))
-    axes.set(xlabel="t, mm", ylabel="joints within t, %", xlim=(0, CURVE[-1] * 1000), ylim=(0, 100), title="A(t)")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, loc="lower right")
-    save_bytes(path, png_of(figure))
+
+def _mean_of(first: Tracked, second: Tracked) -> Tracked:
+    """Return the means of joints that two cameras give, in the frame of the first one."""
+    rotation, translation = between(second.truth, first.truth)
+    return Tracked(0.5 * (first.joints + second.joints @ rotation.T + translation), first.truth)
+
+
+def between(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotation (3, 3) and translation (3,), metres, from one camera to another, by the true joints in both."""
+    a, b = source.reshape(-1, 3).astype(float), target.reshape(-1, 3).astype(float)
+    rotation = Rotation.align_vectors(b - b.mean(axis=0), a - a.mean(axis=0))[0].as_matrix()
+    return rotation, b.mean(axis=0) - rotation @ a.mean(axis=0)
+
+
+def triangulated(views: Sequence[Recording]) -> np.ndarray:
+    """Return the joints with the smallest squared distances to the rays of their pixels, (T, 20, 3), metres.
+
+    They are in the frame of the first camera. Distances are weighted by the detector's confidence.
+    """
+    matrix, right = np.zeros((3, 3)), np.zeros(3)
+    for view in views:
+        rotation, place = between(view.joints, views[0].joints)
+        u, v, confidence = np.moveaxis(view.image_joints[0].astype(float), -1, 0)
+        camera = view.camera
+        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ rotation.T
+        across = confidence[..., None, None] * (np.eye(3) - rays[..., :, None] * rays[..., None, :])
+        matrix, right = matrix + across, right + across @ place
+    joints: np.ndarray = np.linalg.solve(matrix, right[..., None])[..., 0]
+    for name, parts in CENTRES.items():
+        both = [skeleton.REPORTED.index(f"{side}_{part}") for part in parts for side in ("left", "right")]
+        joints[:, skeleton.REPORTED.index(name)] = joints[:, both].mean(axis=1)
+    return joints
 
 
 def paper(parser: argparse.ArgumentParser) -> None:
-    """Track, print, write JSON and a plot."""
+    """Track, print, write JSON."""
     parser.add_argument("--sequences", default=",".join(SEQUENCES), help="with commas between them")
     parser.add_argument("--frames", type=int, default=FRAMES, help="of each sequence, a third of each motion")
     parser.add_argument("--joints", choices=SOURCES, default="colour")
-    parser.add_argument("--seeds", type=int, default=1, help="runs with different seeds")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all rows")
     parser.add_argument("--work", type=Path, default=WORK)
     options = parser.parse_args()
@@ -202,11 +236,12 @@ def paper(parser: argparse.ArgumentParser) -> None:
     TABLES[options.part](bench)
     if paper := PAPER.get(options.part, {}):
         print("the paper:", ", ".join(f"{label} {delta}" for label, delta in paper.items()))
+    settings = {key: getattr(options, key) for key in ("sequences", "frames", "joints", "set")}
     name = f"qammaz_{options.part}"
-    if curves := curves_of(bench, options.part):
-        plot_curves(curves, RESULTS / f"{name}.jpg")
-    settings = {key: getattr(options, key) for key in ("sequences", "frames", "joints", "seeds", "set")}
     print("written:", save_figures(name, {"ours": bench.figures, "paper_mm": paper}, settings))
 
 
-TABLES = {"sequences": sequences, "table2": table2, "table3": table3, "budget": budget, "models": models}
+TABLES = {
+    "sequences": sequences, "table2": table2, "table3": table3, "budget": budget, "models": models, "cameras": cameras,
+}  # fmt: skip
+"""Part -> its function."""

@@ -1,8 +1,9 @@
 """Tables and figures of a paper beside the paper's own numbers: `depthmocap reproduce PAPER`.
 
-Results that are missing or of other code are measured first, as by `bench --all`, so the same command resumes. Figures
-that are curves are drawn. `--list` prints the pending benchmarks with the CPU time of their last run.
-`benchmarks/papers.yaml` has the papers' numbers, each with its table, figure or section.
+Results that are missing or of other code are measured first, as by `bench --all`, so the same command resumes;
+`--stored` takes the stored ones, of any code. Figures that are curves are drawn into `benchmarks/results/`. `--list`
+prints the pending benchmarks with the CPU time of their last run. `benchmarks/papers.yaml` has the papers' numbers,
+each with its table, figure or section.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ def row_of(one: Comparison) -> tuple[str, str, str, str]:
     return one.source, f"{one.figure}: {one.name}", *one.cells()
 
 
-def print_tables(paper: str, drawn: Path) -> None:
-    """Print the numbers of a paper beside the last results, and the paths of its pictures, drawn into a folder."""
+def print_tables(paper: str) -> None:
+    """Print the numbers of a paper beside the last results, draw its curves, and print the paths of the pictures."""
     rows = [("source", "figure", "paper", "here"), *(row_of(one) for one in compared(paper))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for source, figure, own, here in rows:
         print(f"{source:<{widths[0]}}  {figure:<{widths[1]}}  {own:>{widths[2]}}  {here:>{widths[3]}}")
-    for source, path in plots(paper, drawn):
+    for source, path in plots(paper):
         print(f"{source}: {path}")
 
 
@@ -39,6 +40,7 @@ def main() -> None:
     )
     parser.add_argument("paper", choices=papers())
     parser.add_argument("--list", action="store_true", help="print the pending benchmarks, measure nothing")
+    parser.add_argument("--stored", action="store_true", help="compare with the stored results, measure nothing")
     parser.add_argument("--data", type=Path, default=data_folder(), help="mocap and recordings")
     add_database_options(parser)
     options = parser.parse_args()
@@ -46,8 +48,8 @@ def main() -> None:
     if options.list:
         list_pending(names)
         return
-    failed = measure(names, options.data, lambda: poses_of(options))
-    print_tables(options.paper, options.work)
+    failed = [] if options.stored else measure(names, options.data, lambda: poses_of(options))
+    print_tables(options.paper)
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")
 

@@ -5,11 +5,13 @@
   --fetch`), or which are the true ones with the errors of such a network (`truth`, `tests/support/image_joints.py`).
   `--rows` chooses settings of `benchmarks/_rows.py`, compared with the first one by a paired bootstrap over the
   recordings. With `--cold` every sixth frame is a first frame: right is one of which 18 of 20 joints are within 150 mm.
-- `sequences`, `table2`, `table3`, `budget`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
-  `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (its curves are the paper's figure 5),
-  and a second phase on the depth alone, which gained the paper less than 5 mm; a plain and a perturbed swarm over the
-  weight of the depth term (Table 3, figure 4); particles and generations (figure 3); Table 4, every sequence with the
-  bodies scanned from all four subjects, with balls and with the neutral body (figure 6).
+- `sequences`, `table2`, `table3`, `budget`, `models`, `cameras`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
+  `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (Table 2, Fig. 5); a plain and a
+  perturbed swarm over the weight of the depth term (Table 3, Fig. 4); particles and generations (Fig. 3); each sequence
+  with the bodies scanned from all four subjects, with balls and with the neutral body (Table 4); other methods, also
+  with two cameras (Fig. 6): the hybrid tracker on depth alone, the mean of two such tracks, and joints of the network
+  triangulated from the colour images of two cameras. The second camera is simulated 60 degrees to the side, and is
+  calibrated by the true joints.
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 
 Delta is the mean distance of the joints, not capped; A(t) the share of them within t millimetres. In the sequences the
@@ -42,6 +44,7 @@ from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline.scan import scan_recordings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 
 def suite(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +68,7 @@ def suite(parser: argparse.ArgumentParser) -> None:
             tracked = []
             for take in takes:
                 recording = prepared(take, source, options.work, options.frames)
-                tracked.append(follow(settings, recording, cold=options.cold, frames=options.first))
+                tracked.append(follow(SwarmTracker(settings), recording, cold=options.cold, frames=options.first))
                 print_row(f"  {take.name[:25]}", swarm_figures(tracked[-1:]))
             groups = {
                 group: swarm_figures([t for t, take in zip(tracked, takes, strict=True) if take.group == group])

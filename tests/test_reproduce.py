@@ -5,13 +5,20 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks import _papers
+from benchmarks._qammaz_tables import CENTRES, triangulated
 from benchmarks.all import COMMANDS
 from toolkit.app.cli import bench
 from toolkit.app.cli.main import main
+from toolkit.body.skeleton import REPORTED
+from toolkit.sensing.camera import Camera
 
 pytestmark = pytest.mark.quick
 
@@ -63,9 +70,26 @@ def test_a_result_that_is_absent_is_not_measured(thesis_results: Path) -> None:
     assert cells["3.6.2"] == ("12.5", "not measured")
 
 
-def test_curves_are_drawn_and_absent_pictures_left_out(thesis_results: Path, tmp_path: Path) -> None:
-    (picture,) = _papers.plots("thesis", tmp_path / "drawn", thesis_results)
+def test_curves_are_drawn_and_absent_pictures_left_out(thesis_results: Path) -> None:
+    (picture,) = _papers.plots("thesis", thesis_results)
     assert picture[0] == "Fig. 4.3" and picture[1].read_bytes().startswith(b"\x89PNG")
+
+
+def test_two_rays_meet_at_the_joint() -> None:
+    truth = np.random.default_rng(0).normal((0.0, 0.0, 3.0), 0.3, (4, 20, 3))
+    camera = Camera(285.0, 285.0, 159.5, 119.5, 320, 240)
+    turn = Rotation.from_euler("y", 60, degrees=True).as_matrix()
+    seen = [truth, (truth - [0.0, 0.0, 3.0]) @ turn.T + [0.0, 0.0, 3.0]]
+    views = [view_of(points, camera) for points in seen]
+    with_a_detector = [i for i, name in enumerate(REPORTED) if name not in CENTRES]
+    assert triangulated(views)[:, with_a_detector] == pytest.approx(truth[:, with_a_detector])
+
+
+def view_of(points: np.ndarray, camera: Camera) -> Any:
+    """Return a view with exact image joints of points (T, 20, 3)."""
+    pixels = points[..., :2] / points[..., 2:] * [camera.fx, camera.fy] + [camera.cx, camera.cy]
+    rows = np.concatenate([pixels, np.ones((*pixels.shape[:2], 1))], axis=2)
+    return SimpleNamespace(joints=points, image_joints=rows[None], camera=camera)
 
 
 def test_the_list_names_the_results_of_one_paper(capsys: pytest.CaptureFixture[str]) -> None:
@@ -73,6 +97,16 @@ def test_the_list_names_the_results_of_one_paper(capsys: pytest.CaptureFixture[s
     lines = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"of (\d) results \1 say their processor time: .* min together, .*", lines[-1])
     assert all(line.startswith("upper_") for line in lines[:-1])
+
+
+def test_stored_results_are_compared_without_measuring(
+    monkeypatch: pytest.MonkeyPatch, thesis_results: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(_papers, "RESULTS", thesis_results)
+    assert run("reproduce", "thesis", "--stored") == 0
+    out = capsys.readouterr().out
+    assert re.search(r"Fig\. 4\.3 .*: recall +drawn +0\.80\n", out)
+    assert out.splitlines()[-1] == f"Fig. 4.3: {thesis_results / 'keyframe_learning.png'}"
 
 
 def test_an_unknown_paper_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:

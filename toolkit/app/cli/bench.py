@@ -64,6 +64,9 @@ def reproduce(
     listed: Annotated[
         bool, typer.Option("--list", help="Print the pending benchmarks with their minutes; measure nothing.")
     ] = False,
+    stored: Annotated[
+        bool, typer.Option("--stored", help="Take the stored results, also of older code; measure nothing.")
+    ] = False,
 ) -> None:
     """Measure the tables and figures of a paper, and print them beside the paper's own numbers."""
-    _run_benchmark("reproduce", [paper, *(["--list"] if listed else [])])
+    _run_benchmark("reproduce", [paper, *(["--list"] if listed else []), *(["--stored"] if stored else [])])
