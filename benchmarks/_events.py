@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import save_figures
+from benchmarks._record import save_figures, show
 from tests.support.labelled import SEQUENCES, class_clips, perform
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
@@ -59,8 +59,7 @@ def told_events(parser: argparse.ArgumentParser) -> None:
         "ms of processor per frame": 1000 * spent / frames,
         "frames": frames,
     }
-    for name, value in figures.items():
-        print(name, value)
+    show(figures)
     name = "_".join(["events", *["tune"] * (options.split == "tune"), *["keyframes"] * bool(queries)])
     print("written:", save_figures(name, figures, {"threshold": options.threshold, "hold": HOLD}))
 

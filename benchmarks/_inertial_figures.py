@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._record import drawn
 from toolkit.body.rotations import quaternions as quat
 from toolkit.evaluation.orientations import THRESHOLDS
 from toolkit.inertial.calibrate import CalibrationSequence
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.stream import GRAVITY
-from toolkit.io.files import save_bytes
-from toolkit.io.html import png_of
 from toolkit.retrieval.annotation.measures import Scores
 
 SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
@@ -31,14 +30,18 @@ def nothing_swept() -> Swept:
     return {truth: [Scores(0, 0, 0, 0) for _ in THRESHOLDS] for truth in TRUTHS}
 
 
+def frame_counts(full: np.ndarray, wrong: np.ndarray, threshold: float) -> Scores:
+    """Return the scores of frames of a curve (T,) above a threshold, degrees, against the wrong ones, bool (T,)."""
+    known, found = np.isfinite(full), np.nan_to_num(full) > threshold
+    both = int((wrong & found & known).sum())
+    return Scores(both, int((found & known).sum()), both, int((wrong & known).sum()))
+
+
 def add_frames(swept: Swept, full: np.ndarray, truths: Mapping[str, np.ndarray]) -> None:
     """Count frames of one curve (T,), degrees, NaN where unknown, against the wrong frames, bool (T,)."""
-    known = np.isfinite(full)
     for name, wrong in truths.items():
         for place, threshold in enumerate(THRESHOLDS):
-            found = np.nan_to_num(full) > threshold
-            both = int((wrong & found & known).sum())
-            swept[name][place] += Scores(both, int((found & known).sum()), both, int((wrong & known).sum()))
+            swept[name][place] += frame_counts(full, wrong, float(threshold))
 
 
 def swept_figures(swept: Swept) -> dict[str, Any]:
@@ -48,17 +51,14 @@ def swept_figures(swept: Swept) -> dict[str, Any]:
 
 def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Plot Fig. 7.12: precision, recall and F over thresholds, one panel per kind of limb."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(4.0 * len(kinds), 3.4), layout="constrained")
-    for panel, (kind, truths) in zip(np.atleast_1d(figure.subplots(1, len(kinds))), kinds.items(), strict=True):
-        for truth, line in TRUTHS.items():
-            for key, colour in SWEPT.items():
-                panel.plot(THRESHOLDS, truths[truth][key], line, color=colour, label=f"{key}, {truth}")
-        panel.set(title=kind, xlabel="threshold, degrees", ylim=(0, 1.02))
-        panel.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=6)
-    _save(figure, path)
+    with drawn(path, (4.0 * len(kinds), 3.4), 1, len(kinds)) as panels:
+        for panel, (kind, truths) in zip(panels, kinds.items(), strict=True):
+            for truth, line in TRUTHS.items():
+                for key, colour in SWEPT.items():
+                    panel.plot(THRESHOLDS, truths[truth][key], line, color=colour, label=f"{key}, {truth}")
+            panel.set(title=kind, xlabel="threshold, degrees", ylim=(0, 1.02))
+            panel.grid(alpha=0.3)
+        panels[0].legend(fontsize=6)
 
 
 def signals_of(
@@ -103,18 +103,14 @@ def plot_signals(
     times: np.ndarray, signals: Mapping[str, tuple[np.ndarray, np.ndarray]], wrong: np.ndarray, path: Path
 ) -> None:
     """Plot Fig. 7.13: three components of each signal of sensor (red) and track (black), wrong frames shaded."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 9), layout="constrained")
-    panels = figure.subplots(3 * len(signals), 1, sharex=True)
-    for row, (name, (sensor, track)) in enumerate(signals.items()):
-        for axis, panel in enumerate(panels[3 * row : 3 * row + 3]):
-            panel.plot(times, sensor[:, axis], color="tab:red", lw=0.9)
-            panel.plot(times, track[:, axis], color="black", lw=0.9)
-            panel.fill_between(times, *panel.get_ylim(), where=wrong, color="0.85", lw=0, zorder=0)
-            panel.set_ylabel(f"{name}, {'xyz'[axis]}", fontsize=7)
-    panels[-1].set_xlabel("time, s")
-    _save(figure, path)
+    with drawn(path, (11, 9), 3 * len(signals), sharex=True) as panels:
+        for row, (name, (sensor, track)) in enumerate(signals.items()):
+            for axis, panel in enumerate(panels[3 * row : 3 * row + 3]):
+                panel.plot(times, sensor[:, axis], color="tab:red", lw=0.9)
+                panel.plot(times, track[:, axis], color="black", lw=0.9)
+                panel.fill_between(times, *panel.get_ylim(), where=wrong, color="0.85", lw=0, zorder=0)
+                panel.set_ylabel(f"{name}, {'xyz'[axis]}", fontsize=7)
+        panels[-1].set_xlabel("time, s")
 
 
 def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
@@ -145,34 +141,20 @@ def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
 
 def plot_offsets(curves: Mapping[str, np.ndarray], right: np.ndarray, path: Path) -> None:
     """Plot the curves in rows, wrong frames shaded."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 5), layout="constrained")
-    for panel, (name, values) in zip(figure.subplots(len(curves), 1, sharex=True), curves.items(), strict=True):
-        panel.plot(values, color="black", lw=1.0)
-        panel.fill_between(np.arange(len(values)), 0.0, 180.0, where=~right, color="0.85", lw=0, zorder=0)
-        panel.set(ylim=(0, 180), ylabel="degrees")
-        panel.set_title(name, fontsize=9, loc="left")
-    figure.axes[-1].set_xlabel("frame")
-    _save(figure, path)
+    with drawn(path, (9, 5), len(curves), sharex=True) as panels:
+        for panel, (name, values) in zip(panels, curves.items(), strict=True):
+            panel.plot(values, color="black", lw=1.0)
+            panel.fill_between(np.arange(len(values)), 0.0, 180.0, where=~right, color="0.85", lw=0, zorder=0)
+            panel.set(ylim=(0, 180), ylabel="degrees")
+            panel.set_title(name, fontsize=9, loc="left")
+        panels[-1].set_xlabel("frame")
 
 
 def offset_figures(curves: Mapping[str, np.ndarray], right: np.ndarray) -> dict[str, Any]:
-    """Return the separation of wrong frames by a threshold, and the value of frame 200, which is off by 70 degrees."""
-    return {
-        name: {
-            "told apart": told_apart(np.round(values, 6), ~right),
-            "right frames, degrees": [float(values[right].mean()), float(values[right].std())],
-            "frame 200, over right frames": float(values[200] - values[right].mean()),
-        }
-        for name, values in curves.items()
-    }
+    """Return the separation of wrong frames by a threshold."""
+    return {name: {"told apart": told_apart(np.round(values, 6), ~right)} for name, values in curves.items()}
 
 
 def mean_told(told: Sequence[dict[str, float | None]]) -> dict[str, float]:
     """Return the means over limbs and recordings of each signal."""
     return {name: float(np.mean([row[name] for row in told if row[name] is not None])) for name in SIGNALS}
-
-
-def _save(figure: Any, path: Path) -> None:
-    save_bytes(path, png_of(figure))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from filelock import FileLock
 
+from benchmarks._record import parser_of
 from tests.support.suite import WORK, motion_of
 from tests.support.walking import Rising, Walk, rising, walking
 from toolkit.app.pipeline import TrackerRecipe
@@ -121,8 +122,8 @@ def _poses(take: Take, body: Body) -> np.ndarray:
 
 
 def movement_options(description: str | None) -> argparse.ArgumentParser:
-    """Add the options of benchmarks with these recordings: database and work folder."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Return the parser of benchmarks with these recordings: database and work folder."""
+    parser = parser_of(description)
     parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE, help="another than the package's own")
     parser.add_argument("--work", type=Path, default=WORK / "movement")
     return parser

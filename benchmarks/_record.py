@@ -7,7 +7,8 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -22,14 +23,35 @@ CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")
 """Paths whose changes invalidate results."""
 
 
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """Return the parser of a benchmark, whose help keeps the lines of the description."""
+    return argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
 def run_part(description: str | None, parts: Mapping[str, Callable[[argparse.ArgumentParser], None]]) -> None:
     """Run the part that the first argument names; the part adds its options to the parser."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(description)
     parser.add_argument("part", choices=parts)
     named = " ".join(sys.argv[1:2])
     if named not in parts:
         parser.parse_args(sys.argv[1:2])  # prints the help, or the list of parts
     parts[named](parser)
+
+
+def part_suffix(parser: argparse.ArgumentParser, options: argparse.Namespace, *names: str) -> str:
+    """Return an empty string if these options have their defaults, else `_part`, for the name of a result."""
+    return "" if all(getattr(options, name) == parser.get_default(name) for name in names) else "_part"
+
+
+def show(figures: Mapping[str, Any], name: str = "") -> None:
+    """Print nested figures: one line for each mapping with values, under the names of the mappings around it."""
+    values = {key: value for key, value in figures.items() if not isinstance(value, Mapping)}
+    if values:
+        cells = (f"{key} {f'{value:.4g}' if isinstance(value, float) else value}" for key, value in values.items())
+        print(f"{name}:" if name else "", ", ".join(cells), flush=True)
+    for key, value in figures.items():
+        if isinstance(value, Mapping):
+            show(value, f"{name} {key}".strip())
 
 
 def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
@@ -62,6 +84,16 @@ def save_jpeg(path: Path, picture: np.ndarray) -> None:
     if image.width > 1600:
         image = image.resize((1600, round(image.height * 1600 / image.width)))
     image.save(path, quality=78, optimize=True)
+
+
+@contextmanager
+def drawn(path: Path, size: tuple[float, float], rows: int = 1, columns: int = 1, **grid: Any) -> Iterator[list[Any]]:
+    """Yield the axes of a new plot of `size` inches, row by row, and write it; `grid` are options of `subplots`."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    yield figure.subplots(rows, columns, squeeze=False, **grid).ravel().tolist()
+    figure.savefig(path, dpi=110)
 
 
 def processor_seconds() -> float:

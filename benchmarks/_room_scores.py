@@ -16,18 +16,21 @@ joints
     Per group: annotated joints of matched people within 100 and 150 mm, the same with left and right of the whole body
     exchanged where that fits better, and their number.
 stature
-    Matched people whose stature is within `STATURE`, all with a stature, and those without.
+    Matched people whose stature is within `STATURE`, and all matched people.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+
+from toolkit.body.skeleton import REPORTED
+from toolkit.tracks import TRACKED, Track
+from toolkit.tracks.runs import load_people
 
 HEAD_RADIUS, DEPTH_GATE, DEPTH_GATE_SMALL = 0.25, 0.75, 1.5
 """Metres between a tracked and an annotated head: in the image plane, along the ray, along the ray for small people."""
@@ -44,26 +47,14 @@ GROUPS = {
 _GROUP_OF = {joint: group for group, joints in GROUPS.items() for joint in joints}
 
 
-def load_run(folder: Path) -> list[dict[str, Any]]:
-    """Return the tracks of a run folder: name, stature, joint names, and joints (20, 3) by frame where tracked."""
-    people = {entry.get("folder", ""): entry for entry in _read_json(folder / "people.json").get("people", [])}
-    folders = sorted(path.parent for path in folder.glob("person_*/track.npz")) or [folder]
+def load_run(run: Path) -> list[dict[str, Any]]:
+    """Return the tracks of a run of several people: name, stature, joint names, and joints (20, 3) by tracked frame."""
     tracks = []
-    for own in folders:
-        if not (own / "track.npz").exists():
-            continue
-        with np.load(own / "track.npz", allow_pickle=False) as data:
-            joints, state = data["joints"], data["state"]
-            frames = data["frame"] if "frame" in data.files else np.arange(len(joints))
-            names = [str(name) for name in data["joint_names"]]
-        entry = people.get(own.name) or (next(iter(people.values())) if own == folder and len(people) == 1 else {})
-        valid = (state == 0) & np.isfinite(joints).all((1, 2)) & (joints[:, :, 2] > 0.05).all(1)
-        tracks.append({
-            "name": own.name if own != folder else "single",
-            "stature": entry.get("stature", _read_json(own / "run.json").get("stature")),
-            "names": names,
-            "frames": {int(f): j for f, j, ok in zip(frames, joints, valid, strict=True) if ok},
-        })  # fmt: skip
+    for person in load_people(run).people:
+        track = Track.load(run / person.folder)
+        shown = np.flatnonzero((track.state == TRACKED) & (track.joints[:, :, 2] > 0.05).all(axis=1)).tolist()
+        frames = {frame: track.joints[frame].astype(np.float64) for frame in shown}
+        tracks.append({"name": person.folder, "stature": person.stature, "names": REPORTED, "frames": frames})
     return tracks
 
 
@@ -84,37 +75,11 @@ def add(total: dict[str, Any], counts: Mapping[str, Any]) -> dict[str, Any]:
     for key, value in counts.items():
         if isinstance(value, dict):
             add(total.setdefault(key, {}), value)
-        elif key == "head_error":
-            total[key] = total.get(key, []) + value
         elif isinstance(value, list):
             total[key] = [a + b for a, b in zip(total.get(key, [0] * len(value)), value, strict=True)]
         else:
             total[key] = total.get(key, 0) + value
     return total
-
-
-def show(name: str, counts: Mapping[str, Any]) -> None:
-    """Print the counts of a sequence."""
-    print(f"{name}: {counts['frames']} annotated frames, {counts['tracked']} tracked people-frames")
-    errors = counts["head_error"]
-    error = f"; median head error of these {1000 * np.median(errors):.0f} mm" if errors else ""
-    kinds = ("heads", "clear", "occluded", "small", "optional")
-    heads, clear, occluded, small, optional = (_part(*counts[kind]) for kind in kinds)
-    print(f"  heads found {heads} [clear {clear}, occluded {occluded}, small {small}; optional {optional}]{error}")
-    false = counts["false"]
-    print(f"  false people {false['furniture'] + false['elsewhere']} [furniture {false['furniture']}, "
-          f"elsewhere {false['elsewhere']}]; head off or second track {false['person']}")  # fmt: skip
-    print(f"  identity switches {counts['switches']} (tracks handed on to another person {counts['handed']})")
-    cells = []
-    groups = {group: counts["joints"][group] for group in GROUPS}
-    groups["trunk+arms+legs"] = np.sum([groups[group] for group in ("trunk", "arms", "legs")], axis=0).tolist()
-    for group, (near, far, near_free, far_free, count) in groups.items():
-        if count:
-            shares = [f"{100 * value / count:.0f}" for value in (near, far, near_free, far_free)]
-            cells.append(f"{group} {shares[0]} / {shares[1]} % (sides free {shares[2]} / {shares[3]}) of {count}")
-    print("  joints within 100 / 150 mm:", "; ".join(cells) or "-")
-    plausible, known, unknown = counts["stature"]
-    print(f"  stature {STATURE[0]} to {STATURE[1]} m: {_part(plausible, known)}", f"unknown {unknown}" * bool(unknown))
 
 
 class _Scorer:
@@ -128,7 +93,7 @@ class _Scorer:
         self._counts: dict[str, Any] = {
             "frames": 0, "heads": [0, 0], "clear": [0, 0], "occluded": [0, 0], "small": [0, 0], "optional": [0, 0],
             "false": {"furniture": 0, "elsewhere": 0, "person": 0}, "tracked": 0, "switches": 0, "handed": 0,
-            "stature": [0, 0, 0], "joints": {group: [0] * 5 for group in GROUPS}, "head_error": [],
+            "stature": [0, 0], "joints": {group: [0] * 5 for group in GROUPS}
         }  # fmt: skip
 
     def score(self, tracks: list[dict[str, Any]]) -> dict[str, Any]:
@@ -145,16 +110,15 @@ class _Scorer:
             self._counts["tracked"] += len(present)
             pairs = self._matches(people, present)
             for index, person in enumerate(people):
-                track, error = pairs.get(index, (None, 0.0))
-                self._count_head(frame, person, None if track is None else present[track], error)
-            matched = {track for track, _ in pairs.values()}
+                self._count_head(frame, person, present[pairs[index]] if index in pairs else None)
+            matched = set(pairs.values())
             headless = [person["box"] for person in entries if "box" in person]
             for index, other in enumerate(present):
                 if index not in matched:
                     self._count_false(frame, other, people, headless)
         return self._counts
 
-    def _matches(self, people: list[dict[str, Any]], present: list[dict[str, Any]]) -> dict[int, tuple[int, float]]:
+    def _matches(self, people: list[dict[str, Any]], present: list[dict[str, Any]]) -> dict[int, int]:
         impossible = 1e4
         cost = np.full((len(people), len(present)), impossible)
         for a, person in enumerate(people):
@@ -167,9 +131,9 @@ class _Scorer:
                     cost[a, b] = distance
         rows, columns = linear_sum_assignment(cost)
         pairs = zip(rows.tolist(), columns.tolist(), strict=True)
-        return {a: (b, float(cost[a, b])) for a, b in pairs if cost[a, b] < impossible}
+        return {a: b for a, b in pairs if cost[a, b] < impossible}
 
-    def _count_head(self, frame: int, person: dict[str, Any], found: dict[str, Any] | None, error: float) -> None:
+    def _count_head(self, frame: int, person: dict[str, Any], found: dict[str, Any] | None) -> None:
         counts = self._counts
         kind = next((kind for kind in ("edge", "small", "occluded") if person.get(kind)), "clear")
         kind = "optional" if kind == "edge" else kind
@@ -179,14 +143,9 @@ class _Scorer:
         if found is None:
             self._events.append(f"frame {frame}: missed {person['id']} ({kind})")
             return
-        counts["head_error"].append(error)
         self._count_identity(frame, person["id"], found["track"]["name"])
-        stature = found["track"]["stature"]
-        if stature is None:
-            counts["stature"][2] += 1
-        else:
-            counts["stature"][0] += STATURE[0] <= stature <= STATURE[1]
-            counts["stature"][1] += 1
+        counts["stature"][0] += STATURE[0] <= found["track"]["stature"] <= STATURE[1]
+        counts["stature"][1] += 1
         self._count_joints(person, found["joints"])
 
     def _count_identity(self, frame: int, person: int, track: str) -> None:
@@ -258,10 +217,6 @@ class _Scorer:
         return float(np.hypot((a[0] - b[0]) / self._fx, (a[1] - b[1]) / self._fy) * z)
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
-
-
 def _inside(point: Any, box: Any, margin: float) -> bool:
     return bool(box[0] - margin <= point[0] <= box[2] + margin and box[1] - margin <= point[1] <= box[3] + margin)
 
@@ -270,7 +225,3 @@ def _other_side(name: str) -> str:
     exchange = {"left": "right", "right": "left"}
     side, _, rest = name.partition("_")
     return f"{exchange[side]}_{rest}" if side in exchange else name
-
-
-def _part(found: int, count: int) -> str:
-    return f"{found}/{count} ({100 * found / count:.0f} %)" if count else "0/0 (-)"

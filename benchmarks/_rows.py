@@ -1,4 +1,4 @@
-"""Trackers of the benchmarks by row name: hybrid, its parts, ablations, swarm."""
+"""Trackers of the benchmarks by row name: hybrid, its parts, the published tracker, swarm."""
 
 from __future__ import annotations
 
@@ -10,34 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from database_builder.build import THRESHOLD
 from tests.support.suite import LONGEST, WORK, database
 from toolkit.app.config import load_settings
 from toolkit.app.pipeline import track_recording
 from toolkit.app.pipeline.joint_choice import JointChoice
-from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.io.errors import DepthMocapError
-from toolkit.kernels import linear
-from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_upright
-from toolkit.sensing.camera import Camera
 from toolkit.trackers.baak2013 import Baak2013Tracker
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
-from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.database_lookup import DatabaseLookup
-from toolkit.tracking.search.local_search import LocalSearch
 from toolkit.tracking.search.search_protocol import NOTHING, Proposal, ScoredHypothesis, Search
 from toolkit.tracking.state import PersonState
 from toolkit.tracking.tracker_protocol import Tracker
-from toolkit.tracks import FrameResult
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
@@ -64,73 +55,6 @@ SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "qammaz joints": ("qammaz", NO_IMAGE),
 }
 """Row -> shipped settings that it starts from, and overrides."""
-
-
-class WatchedSearch(LocalSearch):
-    """Local search that stores its last pose.
-
-    Attributes
-    ----------
-    said : pose (P,) of the last frame, None without a previous pose
-    """
-
-    said: np.ndarray | None = None
-
-    def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
-    ) -> Proposal:
-        """See `Search.propose`."""
-        proposal = super().propose(observation, state, rng, best)
-        self.said = proposal.hypotheses[0].pose if proposal.hypotheses else None
-        return proposal
-
-
-class WatchedFollower(Follower):
-    """Follower that stores the joints of each frame's local hypothesis.
-
-    Attributes
-    ----------
-    local_joints : per step float64 (20, 3), camera frame, or None where there was no local hypothesis
-    """
-
-    def __init__(self, *parts: Any) -> None:
-        super().__init__(*parts)
-        self.local_joints: list[np.ndarray | None] = []
-
-    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
-        """See `Follower.step`."""
-        watched = next(search for search in self.searches if isinstance(search, WatchedSearch))
-        watched.said = None
-        result = super().step(sighting, timestamp, clock)
-        pose = watched.said
-        self.local_joints.append(
-            None if pose is None else linear.rotated(self.body.joint_positions(pose), self.level_rotation)
-        )
-        return result
-
-
-class WatchedTracker(HybridTracker):
-    """Hybrid tracker that exposes the local joints of its last follower.
-
-    Attributes
-    ----------
-    local_joints : local hypotheses of the last follower, see `WatchedFollower`
-    """
-
-    kind = WatchedFollower
-
-    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
-        """See `HybridTracker.searches`."""
-        local = WatchedSearch(refiner, self.settings.momentum)
-        members = super().searches(objective, refiner)
-        return tuple(local if isinstance(member, LocalSearch) else member for member in members)
-
-    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
-        """See `Tracker.follower`."""
-        follower = super().follower(camera, level_rotation, body)
-        assert isinstance(follower, WatchedFollower)
-        self.local_joints = follower.local_joints
-        return follower
 
 
 class FirstFrames:
@@ -160,34 +84,25 @@ class LocalBaak2013Tracker(LocalTracker, Baak2013Tracker):
 
 
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:
-    """Return the settings of a row with overrides."""
+    """Return the settings of a row; the row takes precedence over the overrides."""
     config, own = ROWS[row]
     return load_settings(HybridSettings, config, {**(overrides or {}), **own})
 
 
 def swarm_settings(row: str, overrides: Mapping[str, Any] | None = None) -> SwarmTrackerSettings:
-    """Return the settings of a row; the row takes precedence over the overrides."""
+    """Return the settings of a row of `SWARM_ROWS`; the row takes precedence over the overrides."""
     config, own = SWARM_ROWS[row]
     return load_settings(SwarmTrackerSettings, config, {**(overrides or {}), **own})
 
 
-def make_tracker(
-    row: str, database: PoseDatabase, overrides: Mapping[str, Any] | None = None, path: str = ""
-) -> HybridTracker:
-    """Return the tracker of a row; the row takes precedence over the overrides."""
-    kind = KINDS.get(row, HybridTracker)
-    return kind(database, settings_of(row, overrides), database_path=path)
+def make_tracker(row: str, poses: Path, overrides: Mapping[str, Any] | None = None) -> HybridTracker:
+    """Return the tracker of a row with the pose database of a file."""
+    kind = KINDS.get(row, Baak2013Tracker if row.startswith("baak2013") else HybridTracker)
+    return kind(PoseDatabase.load(poses), settings_of(row, overrides), database_path=str(poses))
 
 
-KINDS: dict[str, type[HybridTracker]] = {
-    "one pass": WatchedTracker,
-    "local": LocalTracker,
-    "baak2013": Baak2013Tracker,
-    "baak2013 mixed": Baak2013Tracker,
-    "baak2013 local": LocalBaak2013Tracker,
-    "baak2013 lookup": Baak2013Tracker,
-}
-"""Tracker class of each row that is not a plain hybrid tracker."""
+KINDS: dict[str, type[HybridTracker]] = {"local": LocalTracker, "baak2013 local": LocalBaak2013Tracker}
+"""Tracker class of the rows without lookup after the first frame."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:
@@ -198,24 +113,28 @@ def figures_of(scores: RunScores) -> dict[str, Any]:
     return {name: None if name in unknown else value for name, value in figures.items()}
 
 
-def add_take_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that select a part of the simulated suite."""
+def add_split_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that selects people: those of tuning, or those of published figures."""
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+
+
+def add_take_options(parser: argparse.ArgumentParser, frames: int = LONGEST) -> None:
+    """Add the options that select a part of the simulated suite."""
+    add_split_option(parser)
     parser.add_argument("--takes", type=int, help="at most so many takes of each group")
-    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
+    parser.add_argument("--frames", type=int, default=frames, help="at most so many frames of each take")
 
 
 def add_database_options(parser: argparse.ArgumentParser) -> None:
     """Add the options for database, tracker settings and work folder; see `poses_of`."""
     parser.add_argument("--database", type=Path, help="another database than the simulated suite's own")
-    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
     parser.add_argument("--work", type=Path, default=WORK)
 
 
 def poses_of(options: argparse.Namespace) -> Path:
     """Return the requested database, or build that of the suite if it is missing."""
-    return options.database or database(options.work, options.threshold)
+    return options.database or database(options.work)
 
 
 def track_each(
@@ -241,6 +160,7 @@ def track_each(
                 raise SystemExit(f"stopped in {path.name}")
         except DepthMocapError as error:
             failed[run] = str(error)
+            print(f"\n{run.name} was not tracked: {error}")
         print(f"\r{i + 1} of {len(runs)} tracked", end="", flush=True)
     print()
     return failed

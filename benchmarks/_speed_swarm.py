@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import percentiles, save_figures
+from benchmarks._record import percentiles, save_figures, show
 from benchmarks._rows import swarm_settings
 from benchmarks._takes import joints_of, prepared
 from tests.support.solo import Solo
@@ -97,24 +97,16 @@ def _shortest(call: Callable[[], Any], times: int = 5) -> float:
 def swarm(parser: argparse.ArgumentParser) -> None:
     """Measure, print, write JSON."""
     parser.add_argument("--frames", type=int, default=60)
-    parser.add_argument("--rows", default="swarm,qammaz", help="see `bench swarm`")
     parser.add_argument("--network", action="store_true", help="also the joints in the shaded depth")
     parser.add_argument("--work", type=Path, default=WORK)
     options = parser.parse_args()
     take = next((take for take in takes("tune") if take.name == TAKE), takes("tune")[1])
-    recording = prepared(take, "truth", options.work, options.frames)
-    figures: dict[str, Any] = {"times": {}, "hypothesis_us": {}}
-    for row in options.rows.split(","):
-        found = figures["times"][row] = stages(row, recording, options.frames)
-        parts = ", ".join(f"{name} {part['median_ms']:.1f}" for name, part in found["stages"].items())
-        frame = found["frame"]
-        print(f"{row}: {frame['median_ms']:.1f} ms, p99 {frame['p99_ms']:.1f} ({parts})")
-    for figure in FIGURES:
-        row = {f"{w}x{h}": hypothesis_us(load_body("neutral"), figure, (w, h), recording) for w, h in IMAGES}
-        figures["hypothesis_us"][figure] = row
-        print(f"{figure:8}", ", ".join(f"{size} {value:.1f} us" for size, value in row.items()))
+    recording, body = prepared(take, "truth", options.work, options.frames), load_body("neutral")
+    figures: dict[str, Any] = {"times": {row: stages(row, recording, options.frames) for row in ("swarm", "qammaz")}}
+    figures["hypothesis_us"] = {
+        figure: {f"{w}x{h}": hypothesis_us(body, figure, (w, h), recording) for w, h in IMAGES} for figure in FIGURES
+    }
     if options.network:
         figures["network"] = network_ms(recording, options.frames)
-        print(", ".join(f"{name} {part['median_ms']:.1f} ms" for name, part in figures["network"].items()))
-    settings = {"rows": options.rows, "frames": options.frames}
-    print("written:", save_figures("speed_swarm", figures, settings))
+    show(figures)
+    print("written:", save_figures("speed_swarm", figures, {"frames": options.frames}))

@@ -71,7 +71,6 @@ COMMANDS: dict[str, str] = {
     "confidence": "confidence judge",
     "inertial": f"inertial simulated --split report --database {PACKAGED}",
     "stabilise_report": f"stabilise classes --split report --database {PACKAGED}",
-    "plausibility_faults": "plausibility faults",
     "plausibility_limits": "plausibility limits",
     "plausibility_long": "plausibility long",
     "plausibility_signals": "plausibility signals",

@@ -9,13 +9,12 @@ expected calibration error at even odds (people and the rest weigh alike), and t
 
 from __future__ import annotations
 
-import argparse
-import time
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import save_figures
+from benchmarks._record import parser_of, save_figures, show
+from benchmarks._rows import add_split_option
 from tests.support.scenes import people_of
 from tests.support.suite import BODIES, RATE, takes
 from toolkit.body.shape import subject_body
@@ -72,13 +71,11 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
 
 
 def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Return probabilities and truth of the pixels and surfaces of one view, and the milliseconds of the network."""
+    """Return probabilities and truth of the pixels and surfaces of one view."""
     frame, simulation = view(kind, poses, rng)
     lens = CoarseCamera(simulation.sensor.camera, np.array(DEFAULT_UP), SensingSettings())
     depth = lens.coarse(frame.depth)
-    started = time.perf_counter()
     odds = network.log_odds(depth, lens.camera)
-    milliseconds = 1000 * (time.perf_counter() - started)
     pixels = np.flatnonzero(depth > 0)
     found = 1.0 / (1.0 + np.exp(-odds.ravel()[pixels].astype(np.float64)))
     truth = frame.person[:: lens.step, :: lens.step].ravel()[pixels] >= 0
@@ -90,7 +87,7 @@ def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.
     enough = count >= MIN_PIXELS
     return {
         "pixel": found, "pixel_truth": truth, "surface": means[enough],
-        "surface_truth": np.bincount(number, weights=truth)[enough] > 0, "milliseconds": np.array([milliseconds]),
+        "surface_truth": np.bincount(number, weights=truth)[enough] > 0,
     }  # fmt: skip
 
 
@@ -123,8 +120,8 @@ def figures_of(columns: dict[str, np.ndarray], name: str) -> dict[str, float]:
 
 def main() -> None:
     """Draw views of all kinds, score them, print and write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser = parser_of(__doc__)
+    add_split_option(parser)
     parser.add_argument("--views", type=int, default=25, help="of each kind")
     options = parser.parse_args()
     poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "empty": np.empty(0)}
@@ -133,14 +130,7 @@ def main() -> None:
     views = [scored(network, kind, own, rng) for kind, own in poses.items() for _ in range(options.views)]
     columns = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
     figures: dict[str, Any] = {name: figures_of(columns, name) for name in ("pixel", "surface")}
-    for name, row in figures.items():
-        print(
-            f"{name}s: {row['count']}, {100 * row['people']:.1f} % of people; AUC {row['auc']:.4f}, "
-            f"ECE {row['ece']:.3f}; over one half: people {100 * row['people_over_half']:.1f} %, "
-            f"rest {100 * row['rest_over_half']:.1f} %"
-        )
-    figures["median_ms"] = float(np.median(columns["milliseconds"]))
-    print(f"{figures['median_ms']:.1f} ms an image")
+    show(figures)
     print("written:", save_figures(f"classifier_{options.split}", figures, vars(options)))
 
 

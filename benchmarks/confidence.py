@@ -17,13 +17,13 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import run_part, save_figures
+from benchmarks._record import drawn, part_suffix, run_part, save_figures, show
 from benchmarks.real import SHIFTS
 from tests.support.calibration import BINS, calibration_error
 from tests.support.scenes import GROUPS, chosen_scenes, record_scene
@@ -34,22 +34,9 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import shifted, torso_frames
-from toolkit.fitting.joint_confidence import (
-    APART,
-    ASSET,
-    FEATURES,
-    WITHIN,
-    WITHOUT_NETWORK,
-    JointConfidence,
-    bounded,
-    group_of,
-    joint_confidence,
-)
-from toolkit.fitting.joint_confidence import (
-    GROUPS as JOINT_GROUPS,
-)
-from toolkit.io.files import save_bytes, save_json
-from toolkit.io.html import png_of
+from toolkit.fitting import joint_confidence as model
+from toolkit.fitting.joint_confidence import FEATURES, WITHIN, WITHOUT_NETWORK, JointConfidence
+from toolkit.io.files import save_json
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
@@ -73,6 +60,9 @@ SIGNS = tuple(1 if name in ("support", "observed", "precision") else -1 for name
 """Direction in which each input changes the odds; the others raise doubt."""
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "confidence.png"
 WRISTS = [skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "right")]
+
+
+EMPTY: np.ndarray = np.empty(0)
 
 
 class WatchedConfidence(JointConfidence):
@@ -107,7 +97,7 @@ class WatchedTracker(HybridTracker):
     """Hybrid tracker with the default settings and database, and watched regressions."""
 
     def __init__(self) -> None:
-        self.watched = WatchedConfidence(joint_confidence().content)
+        self.watched = WatchedConfidence(model.joint_confidence().content)
         super().__init__(PoseDatabase.load(DEFAULT_DATABASE), database_path=str(DEFAULT_DATABASE))
 
     @property
@@ -132,10 +122,10 @@ class Rows:
 
     source: str
     person: str
-    inputs: np.ndarray
-    apart: np.ndarray
-    plain: np.ndarray
-    confidence: np.ndarray
+    inputs: np.ndarray = EMPTY
+    apart: np.ndarray = EMPTY
+    plain: np.ndarray = EMPTY
+    confidence: np.ndarray = EMPTY
 
 
 def real_files(part: str, every: int) -> Iterator[tuple[str, Path]]:
@@ -159,30 +149,26 @@ def rows_of(tracker: WatchedTracker, source: str, file: Path, work: Path) -> lis
     recording = open_recording(file)
     if source == "simulated":
         truth = np.asarray(recording.joints, dtype=np.float64).reshape(-1, len(recording), 20, 3)
-        return tracked_rows(tracker, source, "", open_upright(file), truth, truth, work, people=None)
+        return tracked_rows(tracker, Rows(source, ""), open_upright(file), (truth, truth), work, people=None)
     plain = np.asarray(recording.reference_joints, dtype=np.float64)
-    in_time, person = shifted(plain, SHIFTS[source]), f"{source} {file.stem.split('_')[1]}"
-    found = tracked_rows(tracker, source, person, recording, plain[None], in_time[None], work)
+    references, person = (plain, shifted(plain, SHIFTS[source])), f"{source} {file.stem.split('_')[1]}"
     chosen = np.linspace(0, len(recording) - 1, STILLS + 2).astype(np.int64)[1:-1]
     stills, depth = work / "runs" / "confidence" / "stills.npz", [recording.depth(i) for i in chosen.tolist()]
     save_recording(stills, depth=depth, camera=recording.camera, timestamps=APART_SECONDS * np.arange(STILLS))
-    alone = open_recording(stills)
-    return found + tracked_rows(tracker, "photographs", person, alone, plain[None, chosen], in_time[None, chosen], work)
+    films: dict[str, Any] = {source: (recording, slice(None)), "photographs": (open_recording(stills), chosen)}
+    return [
+        row
+        for kind, (film, rows) in films.items()
+        for row in tracked_rows(tracker, Rows(kind, person), film, tuple(r[None, rows] for r in references), work)
+    ]
 
 
 def tracked_rows(
-    tracker: WatchedTracker,
-    source: str,
-    name: str,
-    recording: Recording,
-    reference: np.ndarray,
-    in_time: np.ndarray,
-    work: Path,
-    people: int | None = 1,
+    tracker: WatchedTracker, about: Rows, recording: Recording, references: Any, work: Path, people: int | None = 1
 ) -> list[Rows]:
-    """Track a recording and return the tracked rows of its people beside the nearest person of the reference.
+    """Track a recording; return the tracked rows of its people beside the nearest person of the reference.
 
-    `reference` and `in_time` : float64 (N, T, 20, 3), metres
+    `references` : plain and in time, float64 (N, T, 20, 3) each, metres
     """
     run = work / "runs" / "confidence" / recording.name
     shutil.rmtree(run, ignore_errors=True)
@@ -193,16 +179,16 @@ def tracked_rows(
         track = person.track
         inputs = [tracker.watched.inputs.get(row.tobytes()) for row in track.confidence]
         ours = track.joints.astype(np.float64)
-        distances = np.linalg.norm(reference[:, : len(track)] - ours, axis=3).mean(axis=2)
+        distances = np.linalg.norm(references[0][:, : len(track)] - ours, axis=3).mean(axis=2)
         nearest = np.argmin(np.where(np.isfinite(distances), distances, np.inf), axis=0)
-        plain, theirs = (each[nearest, np.arange(len(track))] for each in (reference, in_time))
+        plain, theirs = (each[nearest, np.arange(len(track))] for each in references)
         known = (track.state == TRACKED) & np.isfinite(plain + theirs).all(axis=(1, 2))
         rows = [t for t in np.flatnonzero(known).tolist() if inputs[t] is not None]
         if rows:
             apart = np.einsum("tca,tjc->tja", torso_frames(ours[rows]), theirs[rows] - ours[rows])
             distance = np.linalg.norm(plain[rows] - ours[rows], axis=2)
             seen = np.stack([inputs[t] for t in rows])
-            found.append(Rows(source, name, seen, apart, distance, track.confidence[rows]))
+            found.append(replace(about, inputs=seen, apart=apart, plain=distance, confidence=track.confidence[rows]))
     shutil.rmtree(run)
     return found
 
@@ -248,7 +234,7 @@ def fitted(inputs: np.ndarray, right: np.ndarray, weights: np.ndarray, signs: Se
 
 
 def regressions(rows: Sequence[Rows]) -> dict[str, Any]:
-    """Fit all regressions: the content of `ASSET`."""
+    """Fit all regressions: the content of `joint_confidence.ASSET`."""
     offsets = offsets_of(rows)
     counts = {kind: sum(len(r.inputs) for r in rows if kind_of(r) == kind) for kind in WEIGHTS}
     total = sum(counts.values())
@@ -256,8 +242,8 @@ def regressions(rows: Sequence[Rows]) -> dict[str, Any]:
     inputs = np.concatenate([r.inputs for r in rows])
     right = np.concatenate([distances(r, offsets) <= WITHIN for r in rows])
     content: dict[str, Any] = {"network": {}, "depth": {}, "passes": {}}
-    for group in JOINT_GROUPS:
-        columns = [k for k, name in enumerate(skeleton.REPORTED) if group_of(name) == group]
+    for group in model.GROUPS:
+        columns = [k for k, name in enumerate(skeleton.REPORTED) if model.group_of(name) == group]
         own, labels = inputs[:, columns].reshape(-1, inputs.shape[2]), right[:, columns].ravel()
         weights = np.repeat(weight, len(columns))
         features, apart = own[:, : len(FEATURES)], own[:, -1]
@@ -265,7 +251,7 @@ def regressions(rows: Sequence[Rows]) -> dict[str, Any]:
             content[name][group] = fitted(features[:, :count], labels, weights, SIGNS[:count]).round(4).tolist()
         table = content["network"][group]
         odds, both = table[0] + features @ table[1:], np.isfinite(apart)
-        pairs = np.stack([odds, bounded(apart, APART)], axis=1)[both]
+        pairs = np.stack([odds, model.bounded(apart, model.APART)], axis=1)[both]
         content["passes"][group] = fitted(pairs, labels[both], weights[both], (1, -1)).round(4).tolist()
     return content
 
@@ -280,16 +266,16 @@ def fit(parser: argparse.ArgumentParser) -> None:
         "features": list(FEATURES),
         "frames": {source: sum(len(r.inputs) for r in rows if r.source == source) for source in sources(rows)},
     }
-    save_json(ASSET, {"about": about, **content})
-    print("written:", ASSET)
+    save_json(model.ASSET, {"about": about, **content})
+    print("written:", model.ASSET)
 
 
 def judge(parser: argparse.ArgumentParser) -> None:
     """Measure the calibration on other people, print and draw it."""
     options = parsed(parser, 3)
     figures = judged(all_rows("judge", options), options.picture)
-    whole = all(getattr(options, name) == parser.get_default(name) for name in ("every", "takes"))
-    print("written:", save_figures("confidence" if whole else "confidence_part", figures, {"every": options.every}))
+    name = "confidence" + part_suffix(parser, options, "every", "takes")
+    print("written:", save_figures(name, figures, {"every": options.every}))
 
 
 def judged(rows: Sequence[Rows], picture: Path) -> dict[str, dict[str, float]]:
@@ -305,17 +291,15 @@ def judged(rows: Sequence[Rows], picture: Path) -> dict[str, dict[str, float]]:
             "frames": len(confidence),
             "confidence": float(confidence.mean()),
             "ece": calibration_error(*curves[source]),
-            "ece_in_time": calibration_error(confidence.ravel(), in_time.ravel() <= WITHIN),
             "ece_plain": calibration_error(confidence.ravel(), plain.ravel() <= WITHIN),
             "within_100_mm": float((true <= WITHIN).mean()),
-            "within_100_mm_in_time": float((in_time <= WITHIN).mean()),
             "within_100_mm_plain": float((plain <= WITHIN).mean()),
         } | {
             f"{name}{which}": value
             for which, measured in (("_in_time", in_time), ("_plain", plain))
             for name, value in gross_wrists(confidence, measured).items()
         }
-        print(source, ", ".join(f"{name} {value:.3f}" for name, value in figures[source].items()))
+    show(figures)
     draw(curves, picture)
     return figures
 
@@ -339,26 +323,19 @@ def sources(rows: Sequence[Rows]) -> list[str]:
 
 def draw(curves: dict[str, tuple[np.ndarray, np.ndarray]], path: Path) -> None:
     """Draw the fraction of joints that are right against the confidence, with the number of joints below."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(5.2, 5.4), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    above.plot([0, 1], [0, 1], color="0.7", lw=0.8)
     middles = (np.arange(BINS) + 0.5) / BINS
-    for name, (confidence, right) in curves.items():
-        number = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
-        counts = np.bincount(number, minlength=BINS)
-        mean, share = (
-            np.bincount(number, weights=values, minlength=BINS) / np.maximum(counts, 1)
-            for values in (confidence, right)
-        )
-        enough = counts >= 50
-        (line,) = above.plot(mean[enough], share[enough], "o-", ms=4, lw=1.2, label=LABELS[name])
-        below.step(middles, counts / counts.sum(), where="mid", color=line.get_color(), lw=1.2)
-    above.set(ylabel="joints within 10 cm", xlim=(0, 1), ylim=(0, 1))
-    above.legend(frameon=False, loc="lower right", fontsize=9)
-    below.set(xlabel="confidence", ylabel="share of joints", ylim=(0, 1))
-    save_bytes(path, png_of(figure))
+    with drawn(path, (5.2, 5.4), 2, sharex=True, height_ratios=(3, 1)) as (above, below):
+        above.plot([0, 1], [0, 1], color="0.7", lw=0.8)
+        for name, (confidence, right) in curves.items():
+            number = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
+            counts, said, found = (np.bincount(number, w, minlength=BINS) for w in (None, confidence, right))
+            enough = counts >= 50
+            mean, share = said[enough] / counts[enough], found[enough] / counts[enough]
+            (line,) = above.plot(mean, share, "o-", ms=4, lw=1.2, label=LABELS[name])
+            below.step(middles, counts / counts.sum(), where="mid", color=line.get_color(), lw=1.2)
+        above.set(ylabel="joints within 10 cm", xlim=(0, 1), ylim=(0, 1))
+        above.legend(frameon=False, loc="lower right", fontsize=9)
+        below.set(xlabel="confidence", ylabel="fraction of joints", ylim=(0, 1))
 
 
 LABELS = {

@@ -16,6 +16,7 @@ errors of all joints. `--real` adds every fifth recording of UTD-MHAD without tr
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks._movement import TAKES, Tracked, movement_options, tracked, tracked_run, tracked_shot
-from benchmarks._record import save_figures
+from benchmarks._record import save_figures, show
 from tests.support import suite
 from tests.support.casting import Scene
 from tests.support.scenes import people_of, shot_of
@@ -102,8 +103,6 @@ def row(feet: Feet, contact: np.ndarray, still: np.ndarray, times: np.ndarray) -
     steps = sliding_mm(feet.soles, contact)
     return {
         "sliding_mm": float(np.mean(steps)) if steps else None,
-        "worst_step_mm": max(steps, default=None),
-        "steps": len(steps),
         "jitter_mm": jitter_mm(feet.ankles, still, times),
     }
 
@@ -122,7 +121,6 @@ def simulated(found: Tracked) -> dict[str, Any]:
             "sliding_beside_truth_mm": beside["sliding_mm"],
             "jitter_beside_truth_mm": beside["jitter_mm"],
             "error_mm": float(errors.mean()),
-            "joints_mm": dict(zip(skeleton.REPORTED, errors.mean(axis=0).round(2).tolist(), strict=True)),
             "contacts_right": float((person.track.contact == truth.track.contact).mean()),
         }
     return figures
@@ -151,13 +149,14 @@ def real(person: Person) -> dict[str, Any]:
     return {way: row(Feet.of(own), contact, still, times) for way, own in ways.items()}
 
 
-def measured(work: Path, database: Path, recordings: Path | None) -> Iterator[tuple[str, str, dict[str, Any]]]:
+def measured(options: argparse.Namespace) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Yield kind, name and figures of each take."""
+    work, database = options.work, options.database
     for made in TAKES:
         yield "made", made.name, simulated(tracked(made, work, database))
     for take in filter(on_floor, suite.takes("report")):
         yield "suite", take.name, simulated(of_suite(take, work, database))
-    for file in sorted(recordings.glob("*_depth.mat"))[::STRIDE] if recordings else []:
+    for file in sorted(options.real.glob("*_depth.mat"))[::STRIDE] if options.real else []:
         yield "utd_mhad", file.stem, real(tracked_run(file, work / "utd_mhad" / file.stem, database))
 
 
@@ -173,20 +172,17 @@ def means(takes: dict[str, dict[str, Any]]) -> dict[str, dict[str, float]]:
 
 
 def main() -> None:
+    """Track, filter, compare, print and write JSON."""
     parser = movement_options(__doc__)
     parser.add_argument("--real", type=Path, metavar="FOLDER", help="that holds the recordings of UTD-MHAD")
     options = parser.parse_args()
     takes: dict[str, dict[str, Any]] = {}
-    for kind, name, figures in measured(options.work, options.database, options.real):
+    for kind, name, figures in measured(options):
         takes.setdefault(kind, {})[name] = figures
-        for way, own in figures.items():
-            shown = {k: round(v, 2) for k, v in own.items() if isinstance(v, float)}
-            print(f"{kind:8} {name:40} {way:8}", shown, flush=True)
+        show(figures, f"{kind} {name}")
     figures = {kind: {"means": means(own), "takes": own} for kind, own in takes.items()}
-    for kind, all_of_them in figures.items():
-        for way, own in all_of_them["means"].items():
-            print(f"{kind:8} mean of {len(takes[kind]):2} {way:8}", {k: round(v, 2) for k, v in own.items()})
-    print(save_figures("feet", figures, vars(options)))
+    show({kind: own["means"] for kind, own in figures.items()})
+    print("written:", save_figures("feet", figures, vars(options)))
 
 
 if __name__ == "__main__":

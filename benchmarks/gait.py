@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks._movement import RATE, TAKES, Take, Tracked, movement_options, tracked
 from benchmarks._plain_gait import planned_rises, planned_walk, walk_on_ground
-from benchmarks._record import save_figures
+from benchmarks._record import save_figures, show
 from tests.support.walking import Rising, Walk
 from toolkit.motion.angles import COLUMNS
 from toolkit.motion.motion_summary import Summary, summary_of
@@ -80,28 +80,16 @@ def range_errors(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
 
 
 def main() -> None:
+    """Track, filter, compare, print and write JSON."""
     options = movement_options(__doc__).parse_args()
-    takes = {}
-    for take in TAKES:
-        own = takes[take.name] = compared(take, tracked(take, options.work, options.database))
-        print(take.name, "strides, tracked and true poses", own["strides"], flush=True)
-        for name, known in own["known"].items():
-            print(f"   {name:22} known {known:.3f}", *(f"{w} {own['gait'][k][name]:.3f}" for k, w in enumerate(WAYS)))
-        if own["known_rises"]:
-            print("   rises, known", own["known_rises"], "tracked", own["rises"][0], "true poses", own["rises"][1])
-    rms = {c: float(np.mean([t["angles_rms_deg"][c] for t in takes.values()])) for c in COLUMNS}
-    errors = {way: known_errors(takes, k) for k, way in enumerate(WAYS)}
+    takes = {take.name: compared(take, tracked(take, options.work, options.database)) for take in TAKES}
     figures: dict[str, Any] = {
-        "mean_absolute_errors": errors,
+        "mean_absolute_errors": {way: known_errors(takes, k) for k, way in enumerate(WAYS)},
         "ranges": range_errors(takes),
-        "angles_rms_deg": rms,
-        "takes": takes,
+        "angles_rms_deg": {c: float(np.mean([t["angles_rms_deg"][c] for t in takes.values()])) for c in COLUMNS},
     }
-    for name in ("tracked", "true poses"):
-        print("mean absolute errors against what is known,", name, {k: round(v, 4) for k, v in errors[name].items()})
-    for name in ("ranges", "angles_rms_deg"):
-        print(name, {k: round(v, 3) for k, v in figures[name].items()})
-    print(save_figures("gait", figures, vars(options)))
+    show(figures)
+    print("written:", save_figures("gait", figures | {"takes": takes}, vars(options)))
 
 
 if __name__ == "__main__":

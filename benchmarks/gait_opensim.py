@@ -7,14 +7,13 @@ export `--format opensim` is solved by OpenSim, and the angles are compared: bia
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import depthmocap
-from benchmarks._record import save_figures
+from benchmarks._record import parser_of, save_figures, show
 from tests.support import suite
 from toolkit.body.body import Body
 from toolkit.body.rotations.matrices import vectors_of
@@ -79,7 +78,7 @@ def solved_angles(person: Person, model: Path, folder: Path) -> dict[str, np.nda
 
 def main() -> None:
     """Simulate, track, solve, compare, print and write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("--database", type=Path, help="pose database; default: that of the package")
     parser.add_argument("--work", type=Path, default=suite.WORK / "gait_opensim")
     options = parser.parse_args()
@@ -95,7 +94,7 @@ def main() -> None:
     figures: dict[str, Any] = {}
     for row in angle_agreement(solved_angles(track.person, model, options.work / "solved"), truth):
         figures[row.angle] = {"bias": row.bias, "rms": row.rms, "r": row.correlation, "range": row.range_reference}
-        print(f"{row.angle:18} bias {row.bias:6.1f}  RMS {row.rms:5.1f}  r {row.correlation:5.2f}")
+    show(figures)
     print("written:", save_figures("gait_opensim", figures, {"database": str(options.database or "package")}))
 
 

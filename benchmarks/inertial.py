@@ -1,29 +1,28 @@
-"""Tracks and inertial sensors: `depthmocap bench inertial PART`, which is one of
+"""Tracks and inertial sensors: `depthmocap bench inertial simulated [--split report] [--tracks 8]`.
 
-- `simulated [--split report] [--tracks 8]`: simulated sensors on real motions.
-
-The latter has three parts. Calibration: true poses of the split's clips of HDM05, two sensors of 3 degrees of noise
-each, with and without one stretch of 30 % wrong frames, by how far the vertical moves about in the limb. Clock: the
-offset against true poses, one sensor by acceleration and all five by both signals. Errors: takes of the suite are
-tracked, one stretch per arm and leg replaced by the angles of another pose, calibrated on that very take and checked;
-so is the noise floor of the torso. Drawn are the thesis's figures 7.12 (precision and recall over thresholds, the two
-kinds of truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is
-actor bk, `report` actor dg.
+Simulated sensors on real motions, in three parts. Calibration: true poses of the split's clips of HDM05, two sensors of
+3 degrees of noise each, with and without one stretch of 30 % wrong frames, by the spread of the vertical in the limb.
+Clock: the offset against true poses and tracks, of five sensors. Errors: takes of the suite are tracked, one or two
+stretches per arm and leg replaced by the angles of another pose, calibrated on that very take and checked; so is the
+noise floor of the torso. Drawn are the thesis's figures 7.12 (precision and recall over thresholds, the two kinds of
+truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor bk,
+`report` actor dg.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
-from typing import Any
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks._inertial_figures import (
     add_frames,
     example_of_offsets,
+    frame_counts,
     mean_told,
     nothing_swept,
     offset_figures,
@@ -34,7 +33,7 @@ from benchmarks._inertial_figures import (
     swept_figures,
     told_apart,
 )
-from benchmarks._record import RESULTS, run_part, save_figures
+from benchmarks._record import RESULTS, part_suffix, run_part, save_figures, show
 from benchmarks._rows import add_database_options, poses_of
 from tests.support.scenes import people_of, shot_of
 from tests.support.suite import MOCAP, RATE, takes
@@ -44,9 +43,9 @@ from toolkit.body.body import Body
 from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
-from toolkit.evaluation.orientations import RunCheck, frame_scores
+from toolkit.evaluation.orientations import frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
-from toolkit.inertial.distance import distances, errors_of
+from toolkit.inertial.distance import Distances, distances
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
 from toolkit.inertial.workflow import clock_of
@@ -80,6 +79,7 @@ PAIR = ("left_forearm", "right_shin")
 FIVE = ("left_shin", "right_shin", "left_forearm", "right_forearm", "pelvis")
 LIMBS = (*FIVE[:4], "left_hand", "right_hand", "chest")
 GROUPS = {"shins": "shin", "forearms": "forearm", "hands": "hand"}
+NOTHING = Scores(0, 0, 0, 0)
 CHAINS = {
     f"{side}_{limb}": [i for i, n in enumerate(skeleton.POSE_NAMES) if any(n.startswith(f"{side}_{j}") for j in joints)]
     for side in ("left", "right")
@@ -87,8 +87,10 @@ CHAINS = {
 }  # fmt: skip
 DRAWN = "left_shin"
 """Limb whose signals are plotted, of the first take that its sensor nearly covers; a wrong clock does not."""
-TURNED = np.radians(45.0)
-"""Minimum error of a wrong orientation."""
+TURNED = 45.0
+"""Minimum error of a wrong orientation, degrees."""
+EASED = 5 / RATE
+"""Duration of the change to and from an injected pose, seconds."""
 
 
 def clips_of(split: str, body: Body, count: int) -> list[np.ndarray]:
@@ -116,58 +118,43 @@ def wrong_stretch(motion: TrackedMotion, rng: np.random.Generator) -> TrackedMot
 
 
 def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, Any]:
-    """Return errors of psi and q_L in degrees, median and 90 %, by wrong frames and spread, and the number of
-    refusals.
-    """
-    rows = []
+    """Return errors of psi and q_L in degrees, median and 90 %, by method, wrong frames and spread."""
+    rows: dict[str, list[list[float]]] = {}
     for seed, poses in enumerate(clips):
-        rng = np.random.default_rng(seed)
         simulated = simulate_sensors(body, poses, RATE, PAIR, THREE_DEGREES, seed)
-        motion = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name="clip")
-        for wrong in (False, True):
-            take = CalibrationSequence(wrong_stretch(motion, rng) if wrong else motion, simulated.sensors, Clock(0.0))
-            for method in ("robust", "thesis"):
-                found = calibrate([take], CalibrationSettings(method=method, refine_clock=False, refuse=False))
-                worlds = found.takes["clip"].worlds
-                for limb in PAIR:
-                    psi = float(np.degrees(quat.angle(np.array(worlds[limb]), simulated.world)))
-                    grip = float(np.degrees(quat.angle(found.mounting(limb), simulated.mounting[limb])))
-                    spread = max(s.spread for s in found.sensors.values())
-                    rows.append((method, wrong, spread, psi, grip))
-    table: dict[str, Any] = {}
-    for method in ("robust", "thesis"):
-        for wrong in (False, True):
-            for name, low, high in (("15 and more", 15.0, 999.0), ("5 to 15", 5.0, 15.0), ("below 5", 0.0, 5.0)):
-                own = np.array([r[3:] for r in rows if r[:2] == (method, wrong) and low <= r[2] < high])
-                if len(own):
-                    middle, most = np.median(own, axis=0), np.quantile(own, 0.9, axis=0)
-                    key = f"{method}, {'30 % wrong' if wrong else 'all right'}, spread {name}"
-                    table[key] = {"sensors": len(own), "psi": [middle[0], most[0]], "q_L": [middle[1], most[1]]}
+        right = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name="clip")
+        motions = {"all right": right, "30 % wrong": wrong_stretch(right, np.random.default_rng(seed))}
+        for (kind, motion), method in product(motions.items(), ("robust", "thesis")):
+            take = CalibrationSequence(motion, simulated.sensors, Clock(0.0))
+            found = calibrate([take], CalibrationSettings(method=method, refine_clock=False, refuse=False))
+            spread = max(s.spread for s in found.sensors.values())
+            name = "15 and more" if spread >= 15.0 else "5 to 15" if spread >= 5.0 else "below 5"
+            for limb in PAIR:
+                psi = quat.angle(np.array(found.takes["clip"].worlds[limb]), simulated.world)
+                grip = quat.angle(found.mounting(limb), simulated.mounting[limb])
+                rows.setdefault(f"{method}, {kind}, spread {name}", []).append(np.degrees([psi, grip]).tolist())
+    table = {}
+    for key, errors in rows.items():
+        middle, most = np.median(errors, axis=0), np.quantile(errors, 0.9, axis=0)
+        table[key] = {"sensors": len(errors), "psi": [middle[0], most[0]], "q_L": [middle[1], most[1]]}
     return table
 
 
 def clock_errors(motions: Sequence[tuple[TrackedMotion, Any]]) -> dict[str, Any]:
-    """Return errors of the offset in milliseconds: one sensor by acceleration only, and all sensors by both signals."""
-    both, one = [], []
+    """Return errors of the offset of all sensors together after refinement, milliseconds."""
+    found = []
     for motion, simulated in motions:
         truth = simulated.offset + 0.5 * motion.times[-1] * (simulated.rate - 1.0)
         try:
             clock = synchronise(motion, simulated.sensors, SyncSettings())
             take = CalibrationSequence(motion, simulated.sensors, clock)
-            refined = calibrate([take]).takes[motion.name].offset
-            both.append((1000 * abs(clock.offset - truth), 1000 * abs(refined - truth)))
+            found.append(1000 * abs(calibrate([take]).takes[motion.name].offset - truth))
         except InertialError as error:
             print(f"{motion.name}: {error}")
-        single = replace(simulated.sensors, streams=simulated.sensors.streams[:1])
-        by_acceleration = synchronise(motion, single, SyncSettings(), check=False)
-        one.append(1000 * abs(by_acceleration.offset - truth))
-    found = np.array(both)
     return {
         "takes": len(motions),
-        "refused": len(motions) - len(both),
-        "all five, signals: median, worst ms": [float(np.median(found[:, 0])), float(found[:, 0].max())],
-        "all five, refined: median, worst ms": [float(np.median(found[:, 1])), float(found[:, 1].max())],
-        "one sensor: median, worst ms": [float(np.median(one)), float(np.max(one))],
+        "refused": len(motions) - len(found),
+        "all five, refined: median, worst ms": [float(np.median(found)), float(max(found))],
     }
 
 
@@ -185,66 +172,85 @@ def injected(poses: np.ndarray, pool: np.ndarray, rng: np.random.Generator) -> t
                     break
             ease = np.clip(np.minimum(np.arange(1, length + 1), np.arange(length, 0, -1)) / 5.0, 0, 1)[:, None]
             rows = slice(start, start + length)
-            poses[np.arange(start, start + length)[:, None], entries] = (1 - ease) * poses[rows][
-                :, entries
-            ] + ease * other
-            segments.append(Segment((start + 5) / RATE, (start + length - 5) / RATE, chain))
+            poses[rows, entries] = (1 - ease) * poses[rows, entries] + ease * other
+            segments.append(Segment(start / RATE + EASED, (start + length) / RATE - EASED, chain))
     return poses, segments
 
 
-def error_figures(
-    tracks: Sequence[tuple[str, Track, Body, np.ndarray, Any]], pool: np.ndarray, method: str
-) -> dict[str, Any]:
+class TrackedTake(NamedTuple):
+    """Tracked take of the suite with its true body, poses (T, P) in the level frame, and simulated sensors."""
+
+    track: Track
+    body: Body
+    poses: np.ndarray
+    simulated: Any
+
+    def motion(self, poses: np.ndarray, name: str) -> TrackedMotion:
+        """Return the motion of some poses (T, P) at the tracked frames."""
+        return TrackedMotion.of_poses(self.body, poses, self.track.timestamps, self.track.state == 0, name)
+
+
+class Checked(NamedTuple):
+    """Curve of one limb with wrong frames, bool (T,), injected segments, and magnitudes of its raw signals."""
+
+    curve: Distances
+    wrong: np.ndarray
+    injected: list[Segment]
+    signals: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    @property
+    def kind(self) -> str:
+        """Name of the group of the limb."""
+        return next(kind for kind, part in GROUPS.items() if self.curve.limb.endswith(part))
+
+    def without_ramps(self) -> Distances:
+        """Return the curve without the frames that change to and from an injected pose."""
+        times = self.curve.times
+        ramps = np.zeros(len(times), dtype=bool)
+        for s in self.injected:
+            ramps |= (times >= s.start - EASED) & (times < s.start) | (times >= s.end) & (times < s.end + EASED)
+        return replace(self.curve, full=np.where(ramps, np.nan, self.curve.full))
+
+
+def checked(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) -> Iterator[Checked]:
+    """Inject wrong stretches into each take, calibrate on it, and yield the check of each limb."""
+    for seed, own in enumerate(tracks):
+        poses, segments = injected(own.track.pose, pool, np.random.default_rng(seed))
+        motion, true = own.motion(poses, "take"), own.motion(own.poses, "truth")
+        clock = synchronise(motion, own.simulated.sensors, SyncSettings(), check=False)
+        take = CalibrationSequence(motion, own.simulated.sensors, clock)
+        found = calibrate([take], CalibrationSettings(method=method, refuse=False))
+        take = replace(take, clock=clock_of(found.takes["take"], clock))
+        for curve in distances(found, take):
+            wrong = np.degrees(quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb))) > TURNED
+            chain = curve.limb.split("_")[0] + ("_leg" if curve.limb.endswith("shin") else "_arm")
+            stretches = [Segment(s.start, s.end, curve.limb) for s in segments if s.label == chain]
+            yield Checked(curve, wrong, stretches, signals_of(take, found, curve.limb))
+
+
+def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) -> dict[str, Any]:
     """Return precision and recall of orientations off by over 45 degrees and of injected stretches, per kind of limb;
     the same over thresholds (Fig. 7.12), and the separation of wrong frames by orientations and raw signals (Fig.
     7.13).
     """
     swept = {name: nothing_swept() for name in GROUPS}
-    told: list[dict[str, float | None]] = []
-    drawn = False
-    off = {name: Scores(0, 0, 0, 0) for name in GROUPS}
-    stretches = {name: Scores(0, 0, 0, 0) for name in GROUPS}
-    torso: list[np.ndarray] = []
-    takes: dict[str, dict[str, list[float]]] = {}
-    for seed, (name, track, body, truth, simulated) in enumerate(tracks):
-        own_off = dict.fromkeys(GROUPS, Scores(0, 0, 0, 0))
-        poses, segments = injected(track.pose, pool, np.random.default_rng(seed))
-        motion = TrackedMotion.of_poses(body, poses, track.timestamps, track.state == 0, "take")
-        true = TrackedMotion.of_poses(body, truth, track.timestamps, name="truth")
-        clock = synchronise(motion, simulated.sensors, SyncSettings(), check=False)
-        take = CalibrationSequence(motion, simulated.sensors, clock)
-        found = calibrate([take], CalibrationSettings(method=method, refuse=False))
-        take = replace(take, clock=clock_of(found.takes["take"], clock))
-        for curve in distances(found, take):
-            if curve.limb == "chest":
-                torso.append(curve.full[np.isfinite(curve.full)])
-                continue
-            kind = next(kind for kind, part in GROUPS.items() if curve.limb.endswith(part))
-            wrong = quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb)) > TURNED
-            above = np.nan_to_num(curve.full) > 45.0
-            known = np.isfinite(curve.full)
-            both = int((wrong & above & known).sum())
-            own_off[kind] += Scores(both, int((above & known).sum()), both, int((wrong & known).sum()))
-            chain = curve.limb.split("_")[0] + ("_leg" if kind == "shins" else "_arm")
-            own = [Segment(s.start, s.end, curve.limb) for s in segments if s.label == chain]
-            check = RunCheck("take", found, (curve,), tuple(errors_of(curve, 30.0)), tuple(own))
-            ramps = np.zeros(len(curve.times), dtype=bool)
-            for s in own:
-                ramps |= (curve.times >= s.start - 5 / RATE) & (curve.times < s.start)
-                ramps |= (curve.times >= s.end) & (curve.times < s.end + 5 / RATE)
-            kept = replace(curve, full=np.where(ramps, np.nan, curve.full))
-            inside = np.any([(curve.times >= s.start) & (curve.times < s.end) for s in own], axis=0)
-            add_frames(swept[kind], kept.full, {"off by 45 degrees": wrong, "injected": inside})
-            signals = signals_of(take, found, curve.limb)
-            apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in signals.items()}
-            told.append({name: told_apart(v, wrong) for name, v in {"orientation": curve.full, **apart}.items()})
-            if method == "robust" and curve.limb == DRAWN and not drawn and known.mean() > 0.9:
-                drawn = True
-                plot_signals(curve.times, signals, wrong, RESULTS / "inertial_signals.jpg")
-            stretches[kind] += frame_scores(kept, check.truth or (), np.nan_to_num(kept.full) > 30.0)
-        off = {kind: scores + own_off[kind] for kind, scores in off.items()}
-        takes[name] = {kind: [scores.precision, scores.recall] for kind, scores in own_off.items()}
-        takes[name]["torso, mean and deviation"] = [float(torso[-1].mean()), float(torso[-1].std())]
+    off, stretches = dict.fromkeys(GROUPS, NOTHING), dict.fromkeys(GROUPS, NOTHING)
+    told, torso, drawn = [], [], method != "robust"
+    for own in checked(tracks, pool, method):
+        curve, known = own.curve, np.isfinite(own.curve.full)
+        if curve.limb == "chest":
+            torso.append(curve.full[known])
+            continue
+        off[own.kind] += frame_counts(curve.full, own.wrong, TURNED)
+        kept = own.without_ramps()
+        stretches[own.kind] += frame_scores(kept, own.injected, np.nan_to_num(kept.full) > 30.0)
+        inside = np.any([(curve.times >= s.start) & (curve.times < s.end) for s in own.injected], axis=0)
+        add_frames(swept[own.kind], kept.full, {"off by 45 degrees": own.wrong, "injected": inside})
+        apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in own.signals.items()}
+        told.append({name: told_apart(v, own.wrong) for name, v in {"orientation": curve.full, **apart}.items()})
+        if curve.limb == DRAWN and not drawn and known.mean() > 0.9:
+            drawn = True
+            plot_signals(curve.times, own.signals, own.wrong, RESULTS / "inertial_signals.jpg")
     floor = np.concatenate(torso)
     return {
         "off by 45 degrees, P, R": {name: [s.precision, s.recall] for name, s in off.items()},
@@ -252,21 +258,21 @@ def error_figures(
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
         "over thresholds": {name: swept_figures(own) for name, own in swept.items()},
         "wrong frames told apart": mean_told(told),
-        "takes": takes,
     }
 
 
-def tracked(split: str, count: int, work: Path, poses: PoseDatabase) -> list[Any]:
-    """Yield tracked takes of the suite: name, run folder and simulated person."""
-    actor = ACTORS[split]
-    chosen = [take for take in takes(split) if take.actor.clip.startswith(actor)][:count]
-    found = []
-    for take in chosen:
-        (person,) = people_of(take, take.frames)
-        run, path = work / "inertial" / take.name, work / "inertial" / f"{take.name}.npz"
+def tracked(options: argparse.Namespace) -> list[TrackedTake]:
+    """Simulate and track takes of the suite, and return them with simulated sensors."""
+    tracker, found = HybridTracker(PoseDatabase.load(poses_of(options))), []
+    chosen = [take for take in takes(options.split) if take.actor.clip.startswith(ACTORS[options.split])]
+    for seed, take in enumerate(chosen[: options.tracks]):
+        person: Any = people_of(take, take.frames)[0]
+        run, path = options.work / "inertial" / take.name, options.work / "inertial" / f"{take.name}.npz"
         simulate_scene([person], path, replace(shot_of(take, [person]), furnished=False))
-        track_recording(open_recording(path), HybridTracker(poses), run, warm_up=False)
-        found.append((take.name, run, person))
+        track_recording(open_recording(path), tracker, run, warm_up=False)
+        poses = levelled(person.clip.poses, person.yaw)
+        sensors = simulate_sensors(person.body, poses, RATE, LIMBS, NOISE, seed)
+        found.append(TrackedTake(Track.load(run), person.body, poses, sensors))
     return found
 
 
@@ -274,48 +280,30 @@ def simulated(parser: argparse.ArgumentParser) -> None:
     """Simulate, calibrate, compare, print, write JSON."""
     parser.add_argument("--split", choices=tuple(ACTORS), default="tune", help="report is not for tuning")
     parser.add_argument("--clips", type=int, default=40, help="of the calibration part")
-    parser.add_argument("--tracks", type=int, default=8, help="takes that are tracked for the other parts; 0 for none")
+    parser.add_argument("--tracks", type=int, default=8, help="takes that are tracked for the other parts")
     add_database_options(parser)
     options = parser.parse_args()
     body = subject_body("neutral")
     clips = clips_of(options.split, body, options.clips)
-    figures: dict[str, Any] = {"calibration": calibration_figures(clips, body)}
     motions = []
     for seed, poses in enumerate(clips):
         motion = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name=f"clip {seed}")
         motions.append((motion, simulate_sensors(body, poses, RATE, FIVE, NOISE, seed)))
-    figures["clock against true poses"] = clock_errors(motions)
-    if options.tracks:
-        figures |= _tracked_figures(options)
-    for name, part in figures.items():
-        print(name)
-        for key, value in part.items():
-            print("  ", key, value)
-    offsets = example_of_offsets()
-    plot_offsets(*offsets, RESULTS / "inertial_offsets.jpg")
-    figures["wrong offsets"] = offset_figures(*offsets)
-    if options.tracks:
-        plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.jpg")
-    name = "inertial" if options.split == "report" else f"inertial_{options.split}"
-    print("written:", save_figures(name, figures, asdict(NOISE)))
-
-
-def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
-    database = PoseDatabase.load(poses_of(options))
-    found = tracked(options.split, options.tracks, options.work, database)
-    rows, motions = [], []
-    for seed, (name, run, person) in enumerate(found):
-        track, body, poses = Track.load(run), person.body, levelled(person.clip.poses, person.yaw)
-        simulated = simulate_sensors(body, poses, RATE, LIMBS, NOISE, seed)
-        rows.append((name, track, body, poses, simulated))
-        motion = TrackedMotion.of_poses(body, track.pose, track.timestamps, track.state == 0, name)
-        motions.append((motion, simulated))
-    pool = np.concatenate(clips_of(options.split, subject_body("neutral"), 20))
-    return {
-        "clock against own tracks": clock_errors(motions),
-        "errors, robust": error_figures(rows, pool, "robust"),
-        "errors, thesis": error_figures(rows, pool, "thesis"),
+    tracks, offsets = tracked(options), example_of_offsets()
+    pool = np.concatenate(clips_of(options.split, body, 20))
+    figures: dict[str, Any] = {
+        "calibration": calibration_figures(clips, body),
+        "clock against true poses": clock_errors(motions),
+        "clock against own tracks": clock_errors([(own.motion(own.track.pose, "t"), own.simulated) for own in tracks]),
+        "errors, robust": error_figures(tracks, pool, "robust"),
+        "errors, thesis": error_figures(tracks, pool, "thesis"),
+        "wrong offsets": offset_figures(*offsets),
     }
+    plot_offsets(*offsets, RESULTS / "inertial_offsets.jpg")
+    plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.jpg")
+    show(figures)
+    name = f"inertial{'' if options.split == 'report' else '_tune'}{part_suffix(parser, options, 'clips', 'tracks')}"
+    print("written:", save_figures(name, figures, asdict(NOISE)))
 
 
 def main() -> None:

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import argparse
 import shutil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import run_part, save_figures
+from benchmarks._record import run_part, save_figures, show
 from benchmarks._rows import add_database_options, poses_of
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe, track_recording
@@ -28,10 +27,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.tracks import TRACKED, Track
 from toolkit.tracks.runs import load_people
 
-DEPTH = data_folder() / "depth"
-
-
-CLIP = DEPTH / "realsense" / "images_n40"
+CLIP = data_folder() / "depth" / "realsense" / "images_n40"
 
 
 def apart_mm(track: Track, recording: Recording) -> np.ndarray:
@@ -56,13 +52,12 @@ def _off(seen: Joints2D, pixels: np.ndarray, focal: tuple[float, float], z: np.n
 
 def followed(parser: argparse.ArgumentParser) -> None:
     """Track, compare, print, write JSON."""
-    parser.add_argument("--clip", type=Path, default=CLIP)
     parser.add_argument("--rows", default="swarm", help="names of settings files, or `not told`, with commas")
     add_database_options(parser)
     options = parser.parse_args()
     stored = options.work / "joints" / "realsense.npz"
     stored.unlink(missing_ok=True)
-    recording = store_joints(open_recording(options.clip), stored, JointChoice("colour"), people=None)
+    recording = store_joints(open_recording(CLIP), stored, JointChoice("colour"), people=None)
     figures: dict[str, Any] = {}
     for row in options.rows.split(","):
         run = options.work / "runs" / "realsense" / row
@@ -79,7 +74,7 @@ def followed(parser: argparse.ArgumentParser) -> None:
                 "stature_m": person.stature,
                 "apart_median_mm": float(np.median(off)) if len(off) else None,
             }
-            print(f"{row}, {person.folder}:", figures[f"{row}, {person.folder}"], flush=True)
+        show(figures)
     print("written:", save_figures("realsense", figures, {"rows": options.rows, "set": options.set}))
 
 

@@ -3,14 +3,11 @@
 Six sequences of a structured-light camera: a classroom, five people in a row, two views of people who cross a
 laboratory. Each is tracked with `--people all` and no other option, and scored by `_room_scores.py` against
 `annotations/rooms/`. The figures hold the counts of each sequence, of all, and of each frame, with a line for each
-miss, false person and switch. `--sheets` draws the annotated frames into the work folder: they show
-people who can be recognised and belong nowhere else. `--joints colour` registers the colour to the depth by the
-calibration that is written beside the annotations. Never tune on these sequences: they judge.
+miss, false person and switch. `--joints colour` registers the colour to the depth by the calibration below.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,21 +16,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks import _room_scores
-from benchmarks._record import save_figures
+from benchmarks._record import parser_of, part_suffix, save_figures, show
 from benchmarks._rows import add_database_options, poses_of, track_each
-from benchmarks.scenes import frame_picture, frame_times, tracks_of
 from tests.support.suite import ROOT
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.datasets.folder import data_folder
-from toolkit.output.rendering.film import contact_sheet, save_png
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.tracker_protocol import Tracker
-from toolkit.tracks import Track
 
 ROOMS = data_folder() / "rooms"
 ANNOTATIONS = ROOT / "benchmarks" / "annotations" / "rooms"
@@ -109,73 +103,31 @@ def scored(truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any
     return {"counts": counts, "frames": frames}
 
 
-def write_sheet(name: str, run: Path, truth: dict[str, Any], reader: dict[str, Any], options: Any) -> Path:
-    """Draw the annotated frames of a sequence with tracks and annotated joints; return the path in the work folder."""
-    recording = open_recording(options.rooms / name, **reader)
-    tracks, pictures = tracks_of(run), []
-    for key in sorted(truth["frames"], key=int):
-        people = [person for person in truth["frames"][key]["people"] if "joints" in person]
-        points = [pixel for person in people for pixel in person["joints"].values()]
-        pixels = np.array(points, dtype=np.float64).reshape(-1, 2)
-        pictures.append(frame_picture(recording, int(key), tracks, pixels, f"{name}  frame {key}"))
-    path: Path = options.work / "rooms" / f"{name}.png"
-    save_png(path, contact_sheet(pictures, columns=4))
-    return path
-
-
-def print_times(runs: dict[str, Path]) -> dict[int, float]:
-    """Print milliseconds per frame by the number of tracked people."""
-    tracks: list[list[Track]] = [tracks_of(run) for run in runs.values()]
-    times = frame_times(tracks)
-    print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))
-    return times
-
-
-def parse() -> argparse.Namespace:
-    """Parse the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of the sequences")
-    parser.add_argument("--names", help="comma-separated, out of: " + ", ".join(RATES))
-    parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`")
-    parser.add_argument("--frames", action="store_true", help="print misses, switches and false people")
-    parser.add_argument("--sheets", action="store_true", help="draw the annotated frames into the work folder")
-    parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
-    add_database_options(parser)
-    return parser.parse_args()
-
-
 def main() -> None:
-    """Track, score, print, write JSON and sheets."""
-    options = parse()
+    """Track, score, print and write JSON."""
     there = [path.stem for path in sorted(ANNOTATIONS.glob("*.json"))]
-    names = options.names.split(",") if options.names else there
-    failed: dict[str, str] = {}
-    if options.runs is None:
-        tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
-        runs, failed = track_rooms(names, options.rooms, options.work, tracker, options.joints)
-    else:
-        runs = {name: options.runs / name for name in names if (options.runs / name).is_dir()}
+    parser = parser_of(__doc__)
+    parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of the sequences")
+    parser.add_argument("--names", default=",".join(there), help="comma-separated, out of: " + ", ".join(RATES))
+    parser.add_argument("--joints", choices=("none", "colour"), default="none", help="in the image")
+    parser.add_argument("--frames", action="store_true", help="print misses, switches and false people")
+    add_database_options(parser)
+    options = parser.parse_args()
+    tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
+    runs, failed = track_rooms(options.names.split(","), options.rooms, options.work, tracker, options.joints)
     figures: dict[str, Any] = {}
     total: dict[str, Any] = {}
     for name, run in runs.items():
-        truth = annotations_of(name)
-        figures[name] = scored(truth, _room_scores.load_run(run) if run.is_dir() else [])
-        _room_scores.show(name, figures[name]["counts"])
-        if options.frames:
-            for key, frame in figures[name]["frames"].items():
-                print(*(f"  frame {key}: {event}\n" for event in frame["events"]), sep="", end="")
+        figures[name] = scored(annotations_of(name), _room_scores.load_run(run) if run.is_dir() else [])
         _room_scores.add(total, figures[name]["counts"])
-        if options.sheets:
-            reader = {"intrinsics": tuple(truth["intrinsics"])}
-            print("  written:", write_sheet(name, run, truth, reader, options))
-    _room_scores.show(f"{ALL} ({len(runs)} sequences)", total)
-    for name, reason in failed.items():
-        print(f"{name} was not tracked: {reason}")
-    figures[ALL] = {"counts": total, "failed": failed, "frame_ms": print_times(runs)}
-    whole = set(names) == set(there) and not options.set and options.joints in ("none", "colour")
-    stem = "rooms_colour" if options.joints == "colour" else "rooms"
+        show(figures[name]["counts"], name)
+        for key, frame in figures[name]["frames"].items() if options.frames else ():
+            print(*(f"  frame {key}: {event}\n" for event in frame["events"]), sep="", end="")
+    show(total, ALL)
+    figures[ALL] = {"counts": total, "failed": failed}
+    stem = "rooms" + "_colour" * (options.joints == "colour") + part_suffix(parser, options, "names", "set")
     settings = {name: getattr(options, name) for name in ("set", "names", "joints")}
-    print("written:", save_figures(stem if whole else "rooms_part", figures, settings))
+    print("written:", save_figures(stem, figures, settings))
 
 
 if __name__ == "__main__":
