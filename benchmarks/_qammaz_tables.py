@@ -24,7 +24,6 @@ from toolkit.app.config import parse_overrides
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joint_errors import CURVE, accuracy
 from toolkit.sensing.recording import Recording
 from toolkit.trackers.qammaz.tracker import SwarmTracker
@@ -186,7 +185,7 @@ def cameras(bench: Bench) -> None:
 def _by_depth(bench: Bench, name: str, yaw: float) -> Tracked:
     """Track a sequence with the hybrid tracker, whose database has no actor of the sequences, without colour."""
     recording = sequence(name, "none", bench.work, bench.frames, yaw)
-    return follow(make_tracker("hybrid", PoseDatabase.load(PACKAGED)), recording)
+    return follow(make_tracker("hybrid", Path(PACKAGED)), recording)
 
 
 def _mean_of(first: Tracked, second: Tracked) -> Tracked:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -60,9 +60,6 @@ SIGNS = tuple(1 if name in ("support", "observed", "precision") else -1 for name
 """Direction in which each input changes the odds; the others raise doubt."""
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "confidence.png"
 WRISTS = [skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "right")]
-
-
-EMPTY: np.ndarray = np.empty(0)
 
 
 class WatchedConfidence(JointConfidence):
@@ -122,10 +119,10 @@ class Rows:
 
     source: str
     person: str
-    inputs: np.ndarray = EMPTY
-    apart: np.ndarray = EMPTY
-    plain: np.ndarray = EMPTY
-    confidence: np.ndarray = EMPTY
+    inputs: np.ndarray
+    apart: np.ndarray
+    plain: np.ndarray
+    confidence: np.ndarray
 
 
 def real_files(part: str, every: int) -> Iterator[tuple[str, Path]]:
@@ -149,7 +146,7 @@ def rows_of(tracker: WatchedTracker, source: str, file: Path, work: Path) -> lis
     recording = open_recording(file)
     if source == "simulated":
         truth = np.asarray(recording.joints, dtype=np.float64).reshape(-1, len(recording), 20, 3)
-        return tracked_rows(tracker, Rows(source, ""), open_upright(file), (truth, truth), work, people=None)
+        return tracked_rows(tracker, (source, ""), open_upright(file), (truth, truth), work, people=None)
     plain = np.asarray(recording.reference_joints, dtype=np.float64)
     references, person = (plain, shifted(plain, SHIFTS[source])), f"{source} {file.stem.split('_')[1]}"
     chosen = np.linspace(0, len(recording) - 1, STILLS + 2).astype(np.int64)[1:-1]
@@ -159,16 +156,21 @@ def rows_of(tracker: WatchedTracker, source: str, file: Path, work: Path) -> lis
     return [
         row
         for kind, (film, rows) in films.items()
-        for row in tracked_rows(tracker, Rows(kind, person), film, tuple(r[None, rows] for r in references), work)
+        for row in tracked_rows(tracker, (kind, person), film, tuple(r[None, rows] for r in references), work)
     ]
 
 
 def tracked_rows(
-    tracker: WatchedTracker, about: Rows, recording: Recording, references: Any, work: Path, people: int | None = 1
+    tracker: WatchedTracker,
+    about: tuple[str, str],
+    recording: Recording,
+    references: Any,
+    work: Path,
+    people: int | None = 1,
 ) -> list[Rows]:
     """Track a recording; return the tracked rows of its people beside the nearest person of the reference.
 
-    `references` : plain and in time, float64 (N, T, 20, 3) each, metres
+    `about` : source and person; `references` : plain and in time, float64 (N, T, 20, 3) each, metres
     """
     run = work / "runs" / "confidence" / recording.name
     shutil.rmtree(run, ignore_errors=True)
@@ -188,7 +190,7 @@ def tracked_rows(
             apart = np.einsum("tca,tjc->tja", torso_frames(ours[rows]), theirs[rows] - ours[rows])
             distance = np.linalg.norm(plain[rows] - ours[rows], axis=2)
             seen = np.stack([inputs[t] for t in rows])
-            found.append(replace(about, inputs=seen, apart=apart, plain=distance, confidence=track.confidence[rows]))
+            found.append(Rows(*about, seen, apart, distance, track.confidence[rows]))
     shutil.rmtree(run)
     return found
 
