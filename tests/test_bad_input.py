@@ -107,6 +107,7 @@ def test_bad_input_is_one_sentence(verb: str, tmp_path: Path, capsys: pytest.Cap
             said = capsys.readouterr().err
             assert stop.value.code in (1, 2), f"{kind}: exit code {stop.value.code}"
             assert "Traceback" not in said and "Error:" not in said, f"{kind}: {said}"
+            assert stop.value.code == 2 or said.splitlines()[-1].startswith("depthmocap: "), f"{kind}: {said}"
             written = set(folder.rglob("*")) - set(before)
             assert not [p for p in written if p.is_file() and p.suffix not in (".jsonl",)], f"{kind}: {written}"
 

@@ -54,25 +54,6 @@ def test_of_equal_distances_the_compiled_search_names_the_lowest_index_first() -
     np.testing.assert_array_equal(indices, [np.arange(6)])
 
 
-@pytest.mark.parametrize("partial", [False, True])
-def test_both_searches_answer_the_same_to_the_bit(partial: bool) -> None:
-    rng = np.random.default_rng(1)
-    features, queries = (rng.normal(size=(n, 15)).astype(np.float32) for n in (3000, 40))
-    used = np.repeat(rng.random((40, 5)) < 0.7 if partial else np.ones((40, 5), dtype=bool), 3, axis=1)
-    used[~used.any(axis=1)] = True
-    for one, other in zip(
-        *(search(features).query(queries, 5, used) for search in (LeafSearch, Open3DSearch)), strict=True
-    ):
-        np.testing.assert_array_equal(one, other)
-
-
-def test_a_pose_is_its_own_nearest_neighbour() -> None:
-    database = small_database()
-    distances, indices = database.query(database.features[:10], 3)
-    np.testing.assert_array_equal(indices[:, 0], np.arange(10))
-    assert distances[:, 0].max() == 0.0 and (np.diff(distances, axis=1) >= 0).all()
-
-
 def test_a_missing_end_effector_does_not_count() -> None:
     database = small_database()
     query = database.features[4].copy()

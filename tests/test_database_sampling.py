@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from database_builder.sampling import farthest_first, pose_distance
+from database_builder.sampling import farthest_first
 from toolkit.io.errors import DatabaseError, UsageError
 
 
@@ -59,20 +59,6 @@ def test_the_selection_equals_plain_farthest_first_on_many_poses() -> None:
     expected = plain_selection(points, 0.01, 6000)
     assert len(expected) > 500
     np.testing.assert_array_equal(farthest_first(points, 0.01), expected)
-
-
-def test_selected_poses_are_apart_and_cover_the_rest() -> None:
-    joints = walk_of_poses(np.random.default_rng(5), 1500).reshape(-1, 20, 3)
-    threshold = 0.02
-    selected = farthest_first(joints, threshold)
-    pairs = pose_distance(joints[selected][:, None], joints[selected][None])
-    assert pairs[~np.eye(len(selected), dtype=bool)].min() > threshold * (1 - 1e-6)
-    assert pose_distance(joints[:, None], joints[selected][None]).min(axis=1).max() <= threshold * (1 + 1e-6)
-
-
-def test_a_maximum_count_gives_the_beginning_of_the_full_selection() -> None:
-    points = walk_of_poses(np.random.default_rng(9), 800)
-    np.testing.assert_array_equal(farthest_first(points, 0.0, 50), farthest_first(points)[:50])
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from toolkit.io.files import (
     locked,
     make_own_folder,
     remove_own_folder,
-    save_text,
     sha256_of,
 )
 from toolkit.io.yaml_reader import parse_json, parse_yaml, read_json
@@ -92,21 +91,6 @@ def test_a_lock_names_its_owner_and_ends_with_it(tmp_path: Path) -> None:
     with locked(tmp_path):
         assert {p.name for p in tmp_path.iterdir()} == {".lock", ".lock-owner"}
     assert not list(tmp_path.iterdir())
-
-
-def test_a_killed_writer_leaves_the_old_file(tmp_path: Path) -> None:
-    target = tmp_path / "a.txt"
-    save_text(target, "old")
-    script = (
-        "import sys, time; from toolkit.io.files import atomic_path\n"
-        "with atomic_path(sys.argv[1]) as temporary:\n"
-        "    temporary.write_text('half'); print('writing', flush=True); time.sleep(60)"
-    )
-    writer = subprocess.Popen([sys.executable, "-c", script, str(target)], stdout=subprocess.PIPE, text=True)
-    assert writer.stdout is not None and writer.stdout.readline() == "writing\n"
-    writer.kill()
-    writer.wait()
-    assert target.read_text() == "old"
 
 
 def _pipe(path: Path) -> None:

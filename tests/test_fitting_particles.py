@@ -11,7 +11,7 @@ from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import particles as kernel
 from toolkit.sensing.camera import Camera
 from toolkit.trackers.lopez2011 import filter as room
-from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
+from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
 from toolkit.trackers.lopez2011.filter import UpperFilter
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
@@ -176,21 +176,3 @@ def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         ParticleSettings(**values)  # type: ignore[arg-type]
-
-
-def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None:
-    """Weights and resampling are the filter's; the example's costs are the exact -log likelihood."""
-    rng, count, q, r = np.random.default_rng(0), 20_000, 0.3, 0.5
-    states, mean, variance, truth = rng.normal(0.0, 1.0, count), 0.0, 1.0, 0.3
-    for _ in range(10):
-        truth += rng.normal(0.0, q)
-        measured = truth + rng.normal(0.0, r)
-        states = states + rng.normal(0.0, q, count)
-        weights = likelihood(0.5 * ((states - measured) / r) ** 2)
-        variance += q**2
-        gain = variance / (variance + r**2)
-        mean, variance = mean + gain * (measured - mean), (1.0 - gain) * variance
-        assert (weights * states).sum() == pytest.approx(mean, abs=5 * np.sqrt(variance / count) + 0.01)
-        chosen = np.empty(count, dtype=np.int64)
-        kernel.systematic(weights, rng.random(), chosen)
-        states = states[chosen]

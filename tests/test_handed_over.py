@@ -121,17 +121,6 @@ def test_a_state_of_other_contents_under_a_right_checksum_is_one_sentence(
             go_on(stopped, begun)
 
 
-def test_a_recording_that_would_unpack_to_gigabytes_is_refused_before_it_does(tmp_path: Path) -> None:
-    from toolkit.recordings.opening import open_recording
-
-    path = write_recording(tmp_path / "take.npz", 2)
-    with np.load(path) as arrays:
-        values = {name: arrays[name] for name in arrays.files if name != CHECKSUM}
-    np.savez_compressed(path, **values, joints_2d=np.zeros((3000, 2, 20, 33), np.float32))
-    with pytest.raises(RecordingError, match="unpacks to"):
-        open_recording(path)
-
-
 def test_a_recording_of_links_that_lead_out_of_it_is_refused(tmp_path: Path) -> None:
     from toolkit.recordings.opening import open_recording
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from tests.landmark_helpers import cloud_of, figure, paint
@@ -79,29 +79,6 @@ def algorithm_1(graph: Graph, source: int, count: int) -> tuple[list[int], list[
     return nodes, reach, visits
 
 
-def restarted(graph: Graph, source: int, count: int) -> tuple[list[int], list[float], np.ndarray]:
-    """Return the baseline: zero-cost edges from the source to found extrema, and SciPy's Dijkstra."""
-    matrix = matrix_of(graph).tocoo()
-    nodes: list[int] = []
-    reach: list[float] = []
-    first = np.empty(0)
-    for _ in range(count):
-        here = np.concatenate([matrix.row, np.full(len(nodes), source)])
-        there = np.concatenate([matrix.col, np.array(nodes, dtype=int)])
-        lengths = np.concatenate([matrix.data, np.zeros(len(nodes))])
-        keep = ~np.isin(here * len(graph) + there, [source * len(graph) + n for n in nodes]) | (lengths == 0)
-        joined = csr_matrix((lengths[keep], (here[keep], there[keep])), shape=matrix.shape)
-        distances = dijkstra(joined, indices=source)
-        first = first if first.size else distances
-        distances[~np.isfinite(distances)] = -1
-        farthest = int(distances.argmax())
-        if distances[farthest] <= 0:
-            break
-        nodes.append(farthest)
-        reach.append(distances[farthest])
-    return nodes, reach, first
-
-
 @st.composite
 def random_graphs(draw: st.DrawFn) -> tuple[Graph, int]:
     nodes = draw(st.integers(1, 40))
@@ -125,17 +102,6 @@ def test_nodes_distances_and_visits_are_those_of_algorithm_1(graph_and_source: t
     assert found.visited.tolist() == visits
 
 
-@settings(max_examples=60, deadline=None)
-@given(random_graphs())
-def test_extrema_are_those_of_a_restarted_dijkstra_with_zero_cost_edges(graph_and_source: tuple[Graph, int]) -> None:
-    graph, source = graph_and_source
-    found = extrema_of_graph(graph, np.zeros((len(graph), 3), dtype=np.float32), 10, source)
-    nodes, reach, first = restarted(graph, source, 10)
-    assert found.nodes.tolist() == nodes
-    assert (found.distances / cloud_graph.UNIT).tolist() == reach
-    assert found.from_source[nodes].tolist() == first[nodes].tolist()
-
-
 def person(rng: np.random.Generator) -> np.ndarray:
     """Return the figure with noise, holes, and a hand in front of the torso as a separate component."""
     depth = figure()
@@ -146,7 +112,7 @@ def person(rng: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_extrema_of_a_person_are_those_of_algorithm_1_and_of_scipy(seed: int) -> None:
+def test_extrema_of_a_person_are_those_of_algorithm_1(seed: int) -> None:
     cloud = cloud_of(person(np.random.default_rng(seed)))
     graph = grid_graph(cloud, SETTINGS)
     assert len(graph.bridges) >= 1
@@ -155,8 +121,6 @@ def test_extrema_of_a_person_are_those_of_algorithm_1_and_of_scipy(seed: int) ->
     nodes, reach, visits = algorithm_1(graph, source, 20)
     assert (found.nodes.tolist(), (found.distances / cloud_graph.UNIT).tolist()) == (nodes, reach)
     assert found.visited.tolist() == visits
-    again, again_reach, _ = restarted(graph, source, 20)
-    assert (nodes, reach) == (again, again_reach)
     assert np.array_equal(found.points, cloud.points[nodes])
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -15,7 +13,6 @@ from toolkit.body.shape import load_body
 from toolkit.fitting.open3d_scene import Open3DScene
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
-from toolkit.io.errors import SettingsError
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.kd_tree import KdTree
@@ -88,10 +85,3 @@ def test_the_papers_tracker_searches_by_open3d_and_the_hybrid_one_by_compiled_co
         tracker = {"baak2013": Baak2013Tracker, "hybrid": HybridTracker}[config](small_database(), settings)
         assert tracker.observer.scene is kind
         assert type(tracker._poses._search).__name__ == search
-
-
-@pytest.mark.parametrize("wrong", [{"fitting.correspondences": "scipy"}, {"lookup.search": "flann"}])
-def test_an_unknown_search_is_one_sentence(wrong: dict[str, str]) -> None:
-    with pytest.raises(SettingsError):
-        load_settings(HybridSettings, "hybrid", wrong)
-    assert replace(HybridSettings().lookup, search="open3d").search == "open3d"

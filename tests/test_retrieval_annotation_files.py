@@ -99,27 +99,6 @@ def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
     assert score(annotated, document[1])["frames"].f > 0.7
 
 
-def test_a_threshold_is_learned_behind_the_keyframes_that_it_is_used_with(
-    matrices: dict[str, list[FeatureMatrix]], document: tuple[FeatureMatrix, list[Segment]]
-) -> None:
-    some = learn_classes({name: clips[:1] for name, clips in matrices.items()})
-    features, truth = document
-    raised = KeyframeQuery((Keyframe("lower", (("F18", 1),)),), (), 12, 12, "kick_front")
-    plain = features.values.copy()
-    for segment in truth:
-        first, stop = segment.frames(30.0)
-        plain[17, first:stop] = segment.label == "kick_front"
-    features = replace(features, values=plain)
-    intervals = preselect_in([features], [raised], [c.label for c in some])[0]
-
-    def behind(queries: list[KeyframeQuery]) -> float:
-        threshold = learn_threshold([Fold(some, [(features, truth)], queries)])
-        found = Annotator([replace(c, threshold=threshold) for c in some]).annotate(features, intervals)
-        return score(found, truth)["frames"].f
-
-    assert behind([raised]) >= behind([])
-
-
 def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_class_without_one() -> None:
     values = np.zeros((40, 50), dtype=bool)
     values[19, 20:23] = True

@@ -61,17 +61,6 @@ def inverted_list(lists: RunLists, vector: int) -> np.ndarray:
     return np.stack([documents, runs - lists.document_runs[documents]], axis=1)
 
 
-def test_an_inverted_list_names_documents_and_runs_in_order() -> None:
-    values = np.zeros((40, 6), dtype=bool)
-    values[15, 2:4] = True
-    index = KeyframeIndex.build([FeatureMatrix("a", values), FeatureMatrix("b", ~values)])
-    lower = index.sets["lower"]
-    assert inverted_list(lower, 0).tolist() == [[0, 0], [0, 2]]
-    assert inverted_list(lower, 0b10).tolist() == [[0, 1]]
-    assert inverted_list(lower, 2**12 - 1).tolist() == [[1, 0], [1, 2]]
-    assert inverted_list(lower, 0b100).tolist() == []
-
-
 @settings(max_examples=100, deadline=None)
 @given(
     st.integers(0, 2**32 - 1),

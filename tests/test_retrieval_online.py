@@ -1,4 +1,4 @@
-"""Online annotation: features, costs, events."""
+"""Online annotation: features, costs, events, against those of whole motions."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import RATE
+from tests.plain_relations import plain_quantities
 from toolkit.body.shape import ShapeSpace
-from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
-from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
-from toolkit.retrieval.features.motion import from_poses
-from toolkit.retrieval.features.relational import relational_features
+from toolkit.retrieval.annotation.online import CausalAlignments, Event, OnlineAnnotator
+from toolkit.retrieval.features.frames import FrameFeatures
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
+from toolkit.retrieval.features.relational import quantities_of, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 MOTIONS = {"kick": "knee_to_elbow", "bow": "half_squat_reach", "draw": "archery"}
@@ -72,16 +73,27 @@ def test_features_one_by_one_are_those_of_the_whole(rate):
     assert whole.shape[1] - found.shape[1] <= 1
 
 
-def test_costs_column_by_column_are_those_of_the_whole():
-    template = classes()[0].template
+@pytest.mark.parametrize("rate", (30.0, 55.0, 8.0))
+@pytest.mark.parametrize("frames", (1, 2, 12))
+def test_every_quantity_of_a_frame_is_that_of_the_whole_motion(rate, frames):
+    rng = np.random.default_rng(frames)
+    motion = Motion("any", rng.normal(size=(frames, len(NAMED_JOINTS), 3)), rate, rng.normal(size=(frames, 3)))
+    whole, single = plain_quantities(motion), FrameFeatures(body(), rate)
+    np.testing.assert_allclose(quantities_of(motion), whole, rtol=1e-9, atol=1e-6)
+    for frame in range(frames):
+        found = single.quantities(motion.joints, motion.root_axis, frame)
+        np.testing.assert_allclose(found, whole[:, frame], rtol=1e-9, atol=1e-6)
+
+
+def test_costs_of_all_templates_column_by_column_are_those_of_the_whole():
     words = relational_features(from_poses(document(), body(), RATE, "whole")).words
-    cost, start = template.distance(words)
-    costs, starts = np.full((3, len(template)), np.inf), np.full((3, len(template)), -1)
-    for j, word in enumerate(words):
-        dtw.push_column(*template.packed, word, j, costs, starts)
-        np.testing.assert_array_equal(costs[j % 3][-1], cost[j])
-        if np.isfinite(cost[j]):
-            assert starts[j % 3][-1] == start[j]
+    together, whole = CausalAlignments(classes()), [c.template.distance(words) for c in classes()]
+    for column, word in enumerate(words):
+        together.push(word)
+        costs, starts = together.whole()
+        assert costs.tolist() == [cost[column] for cost, _ in whole]
+        known = np.isfinite(costs)
+        np.testing.assert_array_equal(starts[known], np.array([start[column] for _, start in whole])[known])
 
 
 def test_each_motion_is_reported_once_soon_after_its_end():

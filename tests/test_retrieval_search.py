@@ -57,12 +57,6 @@ def union_of_all_matches(lists: list[Segments], bounds: list[tuple[int, int]], d
     return joined
 
 
-def test_the_worked_example_of_the_text_gives_one_range_from_3_to_15() -> None:
-    bounds = [(2, 6), (3, 8)]
-    assert search(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
-    assert union_of_all_matches(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
-
-
 def test_the_worked_example_is_found_in_an_index() -> None:
     values = np.zeros((40, 16), dtype=bool)
     for row, segments in zip((0, 14, 26), EXAMPLE, strict=True):

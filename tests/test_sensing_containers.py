@@ -255,29 +255,3 @@ def test_a_tum_folder_opens_with_its_unit_and_times(tmp_path: Path) -> None:
 
 
 # Damage
-
-
-def _whole_file(kind: str, folder: Path) -> Path:
-    if kind == "mkv":
-        return mkv_recording(folder / "take.mkv")
-    if kind == "bag":
-        return ros_recording(folder / "take.bag")
-    if kind == "r3d":
-        return phone_recording(folder / "take.r3d", b"x")
-    (file,) = ros_recording(folder / f"take_{'mcap' if kind == 'mcap' else 'sqlite'}").glob(f"*.{kind}")
-    return file
-
-
-@pytest.mark.parametrize("kind", ["mkv", "bag", "db3", "mcap", "r3d"])
-@pytest.mark.parametrize("share", [0.0, 0.001, 0.3, 0.7, 0.999])
-def test_a_truncated_container_is_one_sentence(tmp_path: Path, kind: str, share: float) -> None:
-    path = _whole_file(kind, tmp_path)
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
-    try:
-        recording = open_recording(path)
-        read = list(recording.frames())
-    except RecordingError as problem:
-        assert "\n" not in str(problem)
-    else:
-        assert len(read) == len(recording) == 3, "not a frame less without a word"

@@ -12,7 +12,6 @@ from toolkit.body.shape import load_body
 from toolkit.kernels.fit import swarm as kernel
 from toolkit.kernels.image import raster
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.raycast import render_depth
 from toolkit.trackers.qammaz.discrepancy import (
     JOINT_WEIGHTS,
     Discrepancy,
@@ -75,15 +74,6 @@ def test_the_mesh_is_drawn_as_the_z_buffer_of_the_fit_draws_it(pose: np.ndarray)
     raster.rasterise(projected, BODY.faces.astype(np.int64), inverse, np.empty(CAMERA.shape, dtype=np.int32))
     expected = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
     np.testing.assert_allclose(drawn(pose, "mesh")[0], expected, atol=1e-9)
-
-
-def test_the_mesh_is_where_rays_meet_it() -> None:
-    pose = POSES[0]
-    cast = render_depth(BODY, pose, CAMERA, LEVEL)
-    ours = drawn(pose, "mesh")[0]
-    both = (ours > 0) & (cast > 0)
-    assert both.sum() > 200 and ((ours > 0) != (cast > 0)).sum() <= 3
-    assert np.abs(ours - cast)[both].max() < 1e-3
 
 
 def mixed(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:

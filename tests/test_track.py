@@ -2,10 +2,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
-import subprocess
-import sys
-import textwrap
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -61,34 +57,6 @@ def test_a_track_read_back_equals_the_rows_that_were_appended(tmp_path: Path) ->
     assert [p.name for p in tmp_path.iterdir()] == ["track.npz"]
 
 
-def test_a_killed_process_keeps_every_appended_row_and_a_resumed_writer_goes_on(tmp_path: Path) -> None:
-    script = textwrap.dedent(
-        """
-        import sys, time
-        from tests.test_track import SOURCES, STAGES, result
-        from toolkit.tracks import TrackWriter
-        writer = TrackWriter(sys.argv[1], STAGES, SOURCES)
-        for i in range(4):
-            writer.append(result(i), i)
-        print("written", flush=True)
-        time.sleep(60)
-        """
-    )
-    child = subprocess.Popen(
-        [sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
-    )
-    assert child.stdout is not None and child.stdout.readline().strip() == b"written"
-    os.kill(child.pid, signal.SIGKILL)
-    child.wait()
-    with pytest.raises(TrackError, match="--resume"):
-        Track.load(tmp_path)
-    writer = TrackWriter(tmp_path, STAGES, SOURCES, resume=True)
-    assert writer.rows == 4
-    writer.append(result(4), 4)
-    writer.finish()
-    np.testing.assert_array_equal(Track.load(tmp_path).joints, [result(i).joints for i in range(5)])
-
-
 def test_a_torn_last_record_is_dropped_on_resume(tmp_path: Path) -> None:
     writer = TrackWriter(tmp_path, STAGES, SOURCES)
     for i in range(3):
@@ -132,14 +100,6 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(writer, "open_file", full)
     with pytest.raises(OutputError, match="No space left"):
         TrackWriter(tmp_path, STAGES, SOURCES)
-
-
-def test_a_damaged_track_is_named(tmp_path: Path) -> None:
-    (tmp_path / "track.npz").write_bytes(b"PK\x03\x04 broken")
-    with pytest.raises(TrackError, match=r"track\.npz"):
-        Track.load(tmp_path)
-    with pytest.raises(TrackError, match="holds no track"):
-        Track.load(tmp_path / "nowhere")
 
 
 def test_run_information_goes_there_and_back(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ class Person:
     joints: tuple[float, float] | None = None
     kind: Literal["adult", "child"] = "adult"
     takes: dict[str, list[int]] = field(default_factory=dict)
+    fast: bool = False
 
 
 READER = TypedReader(TrackError, "write it again")
@@ -37,6 +38,7 @@ def test_what_fits_is_made() -> None:
         ({"height": "1.8"}, "p.height is '1.8'; it must be a number"),
         ({"height": True}, "p.height is True; it must be a number"),
         ({"height": None}, "p.height is empty"),
+        ({"fast": 1}, "p.fast is 1; it must be true or false"),
         ({"height": 5}, "p.height is 5, outside 0.3 to 3"),
         ({"height": float("nan")}, "p.height is nan, outside"),
         ({"name": 3}, "p.name is 3; it must be text"),
