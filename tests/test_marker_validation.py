@@ -39,11 +39,7 @@ def markers_of(joints: np.ndarray) -> dict[str, np.ndarray]:
     aside = np.array([0.05, 0.0, 0.01])
     found = {}
     for side, s in (("left", "L"), ("right", "R")):
-        for joint, (lateral, medial) in {
-            "elbow": ("ELB", "MEL"),
-            "knee": ("KNE", "KNM"),
-            "ankle": ("ANK", "ANM"),
-        }.items():
+        for joint, (lateral, medial) in PAIRS.items():
             centre = row[f"{side}_{joint}"]
             found[s + lateral], found[s + medial] = centre + aside, centre - aside
         found |= {s + marker: row[f"{side}_{joint}"] for marker, joint in SINGLE.items()}

@@ -207,11 +207,6 @@ def test_frames_that_repeat_a_timestamp_are_left_out_and_counted(tmp_path: Path,
     assert "1 of 4 frames repeat the timestamp" in {c.kind: c.text for c in plausibility(recording)}["times"]
 
 
-def test_times_that_go_backwards_are_refused_at_opening() -> None:
-    with pytest.raises(RecordingError, match="run backwards"):
-        recording_of(frames(), intrinsics=CENTRED, timestamps=np.array([0.0, 0.2, 0.1, 0.3]))
-
-
 def test_a_masked_pixel_is_no_measurement() -> None:
     depth = frames()
     mask = np.zeros(depth.shape, dtype=bool)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.rotations import matrices, quaternions
+from toolkit.body.rotations.matrices import of_euler
 from toolkit.database import canonical
+from toolkit.io.errors import MocapError
 from toolkit.kernels import quaternions as compiled
 
 RNG = np.random.default_rng(5)
@@ -37,6 +44,15 @@ def test_exponential_and_logarithm_are_there_and_back_the_shorter_way() -> None:
     assert quaternions.logarithm(-quaternions.exponential(vectors)) == pytest.approx(vectors)
     for small in (np.array([1e-9, -2e-9, 0.0]), np.array([1e-13, -2e-13, 0.0])):
         assert quaternions.logarithm(quaternions.exponential(small)) == pytest.approx(small, rel=1e-6, abs=0.0)
+
+
+@given(arrays(np.float64, (4, 3), elements=st.floats(-3.0, 3.0, allow_nan=False)))
+def test_the_logarithm_undoes_the_exponential_up_to_a_full_turn(vectors: np.ndarray) -> None:
+    q = quaternions.exponential(vectors)
+    back = quaternions.logarithm(q)
+    np.testing.assert_allclose(quaternions.angle(quaternions.exponential(back), q), 0.0, atol=1e-7)
+    np.testing.assert_allclose(np.linalg.norm(back, axis=1), Rotation.from_rotvec(vectors).magnitude(), atol=1e-7)
+    np.testing.assert_allclose(quaternions.logarithm(-q), back, atol=1e-9)
 
 
 def test_vectors_are_turned_and_matrices_have_them_as_columns() -> None:
@@ -112,3 +128,26 @@ def test_facing_is_perpendicular_to_the_left_axes_of_hips_and_chest() -> None:
     hips, lumbar, thorax = (Rotation.from_rotvec(poses[:, rows]) for rows in (slice(3, 6), slice(6, 9), slice(9, 12)))
     left = hips.apply([1.0, 0.0, 0.0]) + (hips * lumbar * thorax).apply([1.0, 0.0, 0.0])
     assert canonical.body_facing(poses) == pytest.approx(np.arctan2(-left[:, 2], left[:, 0]))
+
+
+ORDERS = [
+    "".join(axes)
+    for count in (1, 2, 3)
+    for axes in itertools.product("xyz", repeat=count)
+    if all(a != b for a, b in itertools.pairwise(axes))
+]
+
+
+@pytest.mark.parametrize("order", [*ORDERS, *map(str.upper, ORDERS)])
+def test_euler_angles_become_the_matrices_of_scipy_to_the_last_bit(order: str) -> None:
+    angles = np.random.default_rng(len(order)).uniform(-400.0, 400.0, (40, len(order)))
+    expected = Rotation.from_euler(order, angles, degrees=True).as_matrix()
+    assert np.array_equal(of_euler(order, angles, degrees=True, name="test"), expected)
+    one = of_euler(order, np.radians(angles[0]), degrees=False, name="test")
+    assert np.array_equal(one, Rotation.from_euler(order, np.radians(angles[0])).as_matrix().reshape(3, 3))
+
+
+@pytest.mark.parametrize("order", ["xxy", "xyzx", "abc", "xYz", ""])
+def test_axes_that_cannot_be_are_refused(order: str) -> None:
+    with pytest.raises(MocapError, match="turns about the axes"):
+        of_euler(order, np.zeros((2, len(order))), degrees=True, name="test")

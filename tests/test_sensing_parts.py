@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from toolkit.io.errors import RecordingError
-from toolkit.recordings.opening import recording_of
-from toolkit.recordings.readers.npz import MemberReader
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import FARTHEST_MEDIAN_MM, DepthConverter
 from toolkit.sensing.recording import check_joints, check_timestamps
@@ -39,11 +37,6 @@ def test_distances_to_the_camera_become_depths_along_z() -> None:
     distances = np.linalg.norm(points, axis=2)
     converted = DepthConverter("m", radial=True).convert(distances, CAMERA, "frame 0")
     assert np.abs(converted.astype(int) - raw()).max() <= 1
-
-
-def test_a_mirrored_image_is_flipped_and_a_mirrored_camera_sees_it_the_right_way_round() -> None:
-    converted = DepthConverter(mirrored=True).convert(raw(), CAMERA, "frame 0")
-    np.testing.assert_array_equal(converted, raw()[:, ::-1])
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 70.0])
@@ -92,26 +85,3 @@ def test_joints_are_copied_and_what_is_not_finite_is_unknown(shape: tuple[int, .
     with pytest.raises(RecordingError, match="joints of recording.npz"):
         check_joints(given[..., :19, :], 5, "joints", FILE)
     assert check_joints(None, 5, "joints", FILE) is None
-
-
-@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
-def test_rows_of_an_npz_file_come_in_any_order(tmp_path: Path, save: object) -> None:
-    depth = np.random.default_rng(1).integers(0, 5000, (6, 16, 20)).astype(np.uint16)
-    save(tmp_path / "rows.npz", depth=depth, other=np.zeros(3))  # type: ignore[operator]
-    reader = MemberReader(tmp_path / "rows.npz", "depth")
-    assert reader.shape == depth.shape and reader.dtype == depth.dtype
-    for i in (2, 3, 0, 5, 5):
-        np.testing.assert_array_equal(reader.row(i), depth[i])
-    np.testing.assert_array_equal(np.array(list(reader.rows())), depth)
-
-
-def test_depth_in_memory_is_a_recording_in_the_unit_of_its_kind() -> None:
-    depth = np.stack([raw(), raw()])
-    options = {"intrinsics": (40.0, 44.0, 9.5, 7.5)}
-    for frames in (depth, depth * 1e-3):
-        recording = recording_of(frames, timestamps=np.array([0.0, 0.5]), **options)
-        np.testing.assert_array_equal(recording.depth(1), depth[1])
-    assert recording.timestamps.tolist() == [0.0, 0.5]
-    assert recording_of(depth, frame_rate=10.0, **options).timestamps.tolist() == pytest.approx([0.0, 0.1])
-    with pytest.raises(RecordingError, match="give numbers"):
-        recording_of(depth[0], **options)

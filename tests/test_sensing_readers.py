@@ -75,16 +75,6 @@ def test_a_mirrored_source_is_flipped(tmp_path):
     np.testing.assert_allclose(joints[:, 1], 0.6 * joints[:, 0] + 0.4 * joints[:, 2], rtol=1e-5, atol=1e-6)
 
 
-def test_a_flipped_skeleton_projects_on_the_flipped_image(tmp_path):
-    path, skeleton = mat_pair(tmp_path)
-    recording = open_recording(path)
-    u = 160 + 285.63 * skeleton[0, 0] / skeleton[0, 2]
-    v = 120 - 285.63 * skeleton[0, 1] / skeleton[0, 2]
-    np.testing.assert_allclose(
-        recording.camera.project(recording.reference_joints[:, 3]), np.stack([319 - u, v], -1), atol=1e-3
-    )
-
-
 def test_a_skeleton_is_optional_and_may_lie_elsewhere(tmp_path):
     path, _ = mat_pair(tmp_path)
     elsewhere = tmp_path / "skeletons"

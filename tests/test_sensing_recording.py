@@ -93,27 +93,6 @@ def test_a_mirrored_recording_is_flipped_with_all_that_belongs_to_it(tmp_path):
     assert flipped.options == {"mirrored": True}
 
 
-def test_depth_in_metres_is_an_error_that_names_the_unit(tmp_path):
-    path = write(tmp_path / "a.npz", depth=np.stack([person_alone(TOF)] * 2).astype(np.float32) / 1000)
-    with pytest.raises(RecordingError, match="give --depth-unit m$"):
-        open_recording(path).depth(0)
-    np.testing.assert_array_equal(open_recording(path, depth_unit="m").depth(0), person_alone(TOF))
-
-
-def test_fifth_millimetres_are_read_with_their_unit(tmp_path):
-    path = write(tmp_path / "a.npz", depth=np.stack([person_alone(TOF)] * 2) * np.uint16(5))
-    np.testing.assert_array_equal(open_recording(path, depth_unit=0.0002).depth(0), person_alone(TOF))
-
-
-def test_nan_and_infinite_depth_is_no_measurement(tmp_path):
-    depth = np.stack([person_alone(TOF)] * 2).astype(np.float64)
-    depth[0, :10], depth[0, 10:20], depth[0, 20:30], depth[0, 30] = np.nan, np.inf, -np.inf, -5.0
-    recording = open_recording(write(tmp_path / "a.npz", depth=depth))
-    expected = person_alone(TOF)
-    expected[:31] = 0
-    np.testing.assert_array_equal(recording.depth(0), expected)
-
-
 @pytest.mark.parametrize(
     ("changes", "part"),
     [
@@ -125,8 +104,6 @@ def test_nan_and_infinite_depth_is_no_measurement(tmp_path):
         ({"depth": np.zeros((4, 4), np.uint16)}, r"shape \(4, 4\)"),
         ({"depth": np.zeros((0, *TOF.shape), np.uint16), "timestamps": np.zeros(0)}, "no frame"),
         ({"timestamps": np.zeros(3)}, "one per frame"),
-        ({"timestamps": np.array([1.0, 0.0])}, "run backwards"),
-        ({"timestamps": np.array([np.nan, 0.0])}, "not finite"),
         ({"joints": np.zeros((2, 19, 3))}, r"joints .* shape \(2, 19, 3\)"),
         ({"reference_joints": np.zeros((1, 20, 3))}, "reference_joints"),
         ({"background": np.zeros((4, 4), np.uint16)}, "background"),
@@ -143,14 +120,6 @@ def test_intrinsics_can_be_given_where_the_file_has_none(tmp_path):
     path = write(tmp_path / "a.npz", intrinsics=None)
     assert open_recording(path, intrinsics="220,220,87.5,71.5").camera == TOF
     assert open_recording(path, intrinsics=[220, 220, 87.5, 71.5]).options == {"intrinsics": (220.0, 220.0, 87.5, 71.5)}
-
-
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
-def test_a_truncated_file_is_an_error(tmp_path, share):
-    path = write(tmp_path / "a.npz")
-    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
-    with pytest.raises(RecordingError, match="truncated"):
-        open_recording(path)
 
 
 @pytest.mark.parametrize("compressed", [True, False])
