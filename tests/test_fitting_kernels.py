@@ -44,9 +44,6 @@ def body() -> Body:
     return load_body("slim_male")
 
 
-# Body in front of the camera
-
-
 # The z-buffer
 
 
@@ -397,6 +394,3 @@ def test_the_support_of_joints_is_that_of_the_plain_sums(gaps: np.ndarray, obser
     near = np.nan_to_num(np.exp(-(gaps**2) / (2 * 0.04**2)), nan=0.0)
     assert support == pytest.approx(np.minimum(2 * around @ near, 1.0))
     assert share == pytest.approx(around @ observed)
-
-
-# Distances of a compared pose

@@ -51,17 +51,8 @@ def test_mirroring_reflects_every_joint_and_swaps_left_and_right(moving: bool) -
 
 
 def test_mirror_partners_are_known_in_the_common_namings() -> None:
-    names = [
-        "root",
-        "lfemur",
-        "rfemur",
-        "LHipJoint",
-        "RHipJoint",
-        "mixamorig:LeftArm",
-        "mixamorig:RightArm",
-        "lowerback",
-    ]
-    assert mirror_partners(names) == [0, 2, 1, 4, 3, 6, 5, 7]
+    names = "root lfemur rfemur LHipJoint RHipJoint mixamorig:LeftArm mixamorig:RightArm lowerback"
+    assert mirror_partners(names.split()) == [0, 2, 1, 4, 3, 6, 5, 7]
 
 
 def test_a_lopsided_tree_cannot_be_mirrored() -> None:

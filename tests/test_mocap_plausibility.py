@@ -55,51 +55,33 @@ def clip_of(names: dict[str, str], frames: int = 20) -> Clip:
     )
 
 
-BIPED = {
-    "root": "Bip01_Pelvis", "lumbar": "Bip01_Spine", "thorax": "Bip01_Spine2", "cervical": "Bip01_Neck",
-    "head": "Bip01_Head",
-    **{
-        f"{side}_{part}": f"Bip01_{letter}_{name}"
-        for side, letter in (("left", "L"), ("right", "R"))
-        for part, name in (
-            ("clavicle", "Clavicle"), ("shoulder", "UpperArm"), ("elbow", "Forearm"), ("wrist", "Hand"),
-            ("hip", "Thigh"), ("knee", "Calf"), ("ankle", "Foot"), ("foot", "Toe0"),
-        )
-    },
-}  # fmt: skip
-XSENS = {
-    "root": "Pelvis", "lumbar": "L3", "thorax": "T8", "cervical": "Neck", "head": "Head",
-    **{
-        f"{side.lower()}_{part}": f"{side}{name}"
-        for side in ("Left", "Right")
-        for part, name in (
-            ("clavicle", "Shoulder"), ("shoulder", "UpperArm"), ("elbow", "ForeArm"), ("wrist", "Hand"),
-            ("hip", "UpperLeg"), ("knee", "LowerLeg"), ("ankle", "Foot"), ("foot", "Toe"),
-        )
-    },
-}  # fmt: skip
-ROKOKO = {
-    "root": "Hips", "lumbar": "Spine1", "thorax": "Spine4", "cervical": "Neck", "head": "Head",
-    **{
-        f"{side.lower()}_{part}": f"{side}{name}"
-        for side in ("Left", "Right")
-        for part, name in (
-            ("clavicle", "Shoulder"), ("shoulder", "Arm"), ("elbow", "ForeArm"), ("wrist", "Hand"),
-            ("hip", "Thigh"), ("knee", "Shin"), ("ankle", "Foot"), ("foot", "Toe"),
-        )
-    },
-}  # fmt: skip
-VICON = {
-    "root": "pelvis", "lumbar": "lowerback", "thorax": "thorax", "cervical": "neck", "head": "head",
-    **{
-        f"{side}_{part}": f"{side[0]}{name}"
-        for side in ("left", "right")
-        for part, name in (
-            ("clavicle", "clavicle"), ("shoulder", "humerus"), ("elbow", "radius"), ("wrist", "hand"),
-            ("hip", "femur"), ("knee", "tibia"), ("ankle", "foot"), ("foot", "toes"),
-        )
-    },
-}  # fmt: skip
+TRUNK = ("root", "lumbar", "thorax", "cervical", "head")
+LIMBS = ("clavicle", "shoulder", "elbow", "wrist", "hip", "knee", "ankle", "foot")
+
+
+def rig(trunk: str, limbs: str, sides: tuple[str, str] = ("Left", "Right")) -> dict[str, str]:
+    """Return joint names by key; `{}` in the names of the limbs is the side."""
+    found = dict(zip(TRUNK, trunk.split(), strict=True))
+    for side, word in zip(("left", "right"), sides, strict=True):
+        found |= {f"{side}_{part}": name.format(word) for part, name in zip(LIMBS, limbs.split(), strict=True)}
+    return found
+
+
+BIPED = rig(
+    "Bip01_Pelvis Bip01_Spine Bip01_Spine2 Bip01_Neck Bip01_Head",
+    "Bip01_{}_Clavicle Bip01_{}_UpperArm Bip01_{}_Forearm Bip01_{}_Hand "
+    "Bip01_{}_Thigh Bip01_{}_Calf Bip01_{}_Foot Bip01_{}_Toe0", ("L", "R"),
+)  # fmt: skip
+XSENS = rig(
+    "Pelvis L3 T8 Neck Head",
+    "{}Shoulder {}UpperArm {}ForeArm {}Hand {}UpperLeg {}LowerLeg {}Foot {}Toe",
+)
+ROKOKO = rig("Hips Spine1 Spine4 Neck Head", "{}Shoulder {}Arm {}ForeArm {}Hand {}Thigh {}Shin {}Foot {}Toe")
+VICON = rig(
+    "pelvis lowerback thorax neck head",
+    "{}clavicle {}humerus {}radius {}hand {}femur {}tibia {}foot {}toes",
+    ("l", "r"),
+)
 SYSTEMS = {"biped": BIPED, "xsens": XSENS, "rokoko": ROKOKO, "vicon": VICON}
 
 

@@ -1,7 +1,8 @@
-"""Names in files of others are displayed unchanged and have no effect."""
+"""Names in files of others are displayed unchanged and have no effect; messages have one line."""
 
 from __future__ import annotations
 
+import pickle
 from typing import get_args
 
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from toolkit.io.display_names import LONGEST_NAME, Place, printable, shown
+from toolkit.io.errors import RecordingError
 
 BAD = (
     "[/red]", "[link=x]", r"$\foo$", "a\nb", "a\r\nb", "\x1b[31mred\x1b]0;t\x07", "caf\udce9", "\u202etxt.exe", r"\[b]",
@@ -47,3 +49,9 @@ def test_no_cell_of_a_table_is_a_formula(name: str) -> None:
 
 def test_an_empty_name_stays_empty() -> None:
     assert {shown("", place) for place in get_args(Place)} == {""}
+
+
+def test_a_line_break_of_a_file_is_none_of_a_message() -> None:
+    error = RecordingError("sensor left\nshin\r\nof\u2028a.npz is unknown")
+    assert str(error) == "sensor left shin of a.npz is unknown"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)

@@ -21,7 +21,6 @@ from tests.run_helpers import write_run
 from tests.sensing_scenes import KINECT, person_alone
 from toolkit.body import skeleton
 from toolkit.evaluation.evaluate import evaluate_tracks
-from toolkit.io.display_names import shown
 from toolkit.io.errors import DepthMocapError, RecordingError, UsageError
 from toolkit.io.files import save_text
 from toolkit.io.yaml_reader import parse_yaml
@@ -82,21 +81,6 @@ def test_a_key_that_stands_twice_is_refused() -> None:
     assert parse_yaml("a: 1\nb: 2", "x.yaml", RecordingError, "mend it") == {"a": 1, "b": 2}
     with pytest.raises(RecordingError, match="the key 'a' stands twice"):
         parse_yaml("a: 1\nb: 2\na: 3", "x.yaml", RecordingError, "mend it")
-
-
-@pytest.mark.parametrize(
-    ("name", "cell"),
-    [
-        ("=1+1", "'=1+1"),
-        ("\uff1d1+1", "'\uff1d1+1"),
-        ("a;=1+1", "a;'=1+1"),
-        ("a; @b", "a; '@b"),
-        ("a-b", "a-b"),
-        ("", ""),
-    ],
-)
-def test_formulas_do_not_act_in_tables(name: str, cell: str) -> None:
-    assert shown(name, on="table") == cell
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the mask is read from the system there")
