@@ -25,9 +25,10 @@ from toolkit.people.person_network import PersonNetwork, person_network
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP
 from toolkit.sensing.sensing_settings import SensingSettings
-from toolkit.simulation.interiors.room import KINDS as ROOM_KINDS
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import CaptureSettings, prepare
+from training.interiors.room import KINDS as ROOM_KINDS
+from training.interiors.room import around_people
 
 PATCH = 8
 """Pixels of a side of a patch without people."""
@@ -58,7 +59,7 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
     room = f"{rng.choice(list(ROOM_KINDS))}:{rng.integers(10_000, 1 << 30)}"
     sensor, seed = ("kinect", "tof")[int(rng.random() < 0.3)], int(rng.integers(1 << 30))
     shot = CaptureSettings(
-        sensor=sensor, distance=distance, height=height, tilt=tilt, room=room, seconds=1 / 30, seed=seed
+        sensor=sensor, distance=distance, height=height, tilt=tilt, room=around_people(room), seconds=1 / 30, seed=seed
     )  # fmt: skip
     people = []
     if kind != "empty":

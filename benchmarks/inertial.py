@@ -37,6 +37,7 @@ from benchmarks._record import RESULTS, part_suffix, run_part, save_figures, sho
 from benchmarks._rows import add_database_options, poses_of
 from tests.support.scenes import people_of, shot_of
 from tests.support.suite import MOCAP, RATE, takes
+from tests.support.worn_sensors import SensorNoise, simulate_sensors
 from toolkit.app.pipeline import track_recording
 from toolkit.body import skeleton
 from toolkit.body.body import Body
@@ -54,7 +55,6 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
-from toolkit.simulation.inertial import SensorNoise, simulate_sensors
 from toolkit.simulation.simulate import simulate_scene
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracks import Track

@@ -62,6 +62,7 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking.multi_person import MultiPersonTracker
 from toolkit.tracks import EMPTY, Track
 from toolkit.tracks.runs import person_runs
+from training.interiors.room import around_people
 
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 SIZES = (3_000, 6_000, 16_000)
@@ -300,7 +301,7 @@ def six_in_a_room(path: Path, frames: int) -> None:
         poses = suite.cut(suite.motion_of(f"bundled_{motion}", body, seed=k).poses, 0.0, frames, frames)
         people.append(SimulatedPerson(PoseClip(motion, suite.in_place(poses), suite.RATE, ""), body, place))
     shot = CaptureSettings(
-        sensor=LargeKinect(), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53"
+        sensor=LargeKinect(), distance=4.2, height=1.9, tilt=13.0, background=False, room=around_people("office:53")
     )
     simulate_scene(people, path, shot)
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.support.worn_sensors import SensorNoise, SimulatedSensors, simulate_sensors
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, subject_body
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.simulation.inertial import SensorNoise, SimulatedSensors, simulate_sensors
 from toolkit.tracks import RunInfo, Track
 
 RATE = 30.0

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from tests.support.dual_quaternions import quaternion_of, skin_dual
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.simulation.skinning import quaternion_of, skin_dual
 
 
 def random_pose(seed: int) -> np.ndarray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
+from tests.support.worn_sensors import DECLINATION, SensorNoise, earth_field, simulate_sensors
 from toolkit.app.cli.main import main
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.fusion import NORTH, fused
@@ -18,8 +18,6 @@ from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
 from toolkit.inertial.workflow import load_sensors
 from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import integrate
-from toolkit.simulation.inertial import DECLINATION, SensorNoise, earth_field, simulate_sensors
-from toolkit.simulation.simulate import simulate_recording
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -148,20 +146,3 @@ def test_sensors_are_read_as_typed_and_their_clock_is_found(tmp_path, capsys):
     assert "left_shin" in capsys.readouterr().out
     clock = synchronise(TrackedMotion.load(run), load_sensors(output))
     assert abs(clock.offset - simulated.offset) < 0.01
-
-
-def test_a_recording_is_simulated_with_sensors_and_their_truth_beside_it(tmp_path):
-    from toolkit.body.shape import subject_body
-    from toolkit.mocap.clip import PoseClip
-
-    clip = PoseClip("short", poses_of()[:8], RATE, "test")
-    simulate_recording(
-        clip, tmp_path / "take.npz", body=subject_body("neutral"), sensor="tof", furnished=False,
-        inertial=("left_shin", "head"),
-        inertial_noise="none",
-    )  # fmt: skip
-    sensors = Sensors.load(tmp_path / "take_sensors.npz")
-    truth = json.loads((tmp_path / "take_sensors_truth.json").read_text())
-    assert sensors.names == ("left_shin", "head")
-    assert set(truth["mounting"]) == {"left_shin", "head"}
-    assert truth["offset"] == 0.0

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.simulation.interiors.mesh import Mesh, box, cushion, joined, moved, post, slab
-from toolkit.simulation.interiors.pieces import GLASS, PIECES, SEATS
-from toolkit.simulation.interiors.room import KINDS, furnished
+from toolkit.simulation.mesh import Mesh, box, joined, moved
+from training.interiors.pieces import GLASS, PIECES, SEATS
+from training.interiors.room import KINDS, furnished
+from training.interiors.shapes import cushion, post, slab
 
 
 def volume(mesh: Mesh) -> float:

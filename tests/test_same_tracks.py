@@ -24,7 +24,6 @@ DECIDING = (
     "tracking",
     "trackers",
     "database",
-    "simulation/interiors",
 )
 """Packages whose sums can change a choice between hypotheses."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.support.dual_quaternions import dual_skinning
 from tests.support.sequences import SEQUENCES, performed, record_sequence, sequence_body
 from toolkit.body import skeleton
+from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
@@ -73,9 +75,9 @@ def test_a_twist_in_dual_quaternions_is_another_surface_of_the_same_joints(tmp_p
     clip.poses[:, skeleton.POSE_NAMES.index("thorax_ry")] = 0.6
     linear, dual = (
         simulate_scene(
-            [SimulatedPerson(clip)], tmp_path / f"{name}.npz", CaptureSettings(skinning=name, furnished=False)
+            [SimulatedPerson(clip)], tmp_path / f"{name}.npz", CaptureSettings(skinning=skinning, furnished=False)
         )
-        for name in ("linear", "dual")
+        for name, skinning in (("linear", Body.vertex_positions), ("dual", dual_skinning))
     )
     np.testing.assert_array_equal(linear.joints, dual.joints)
     off = np.abs(linear.depth(0).astype(int) - dual.depth(0))[(linear.depth(0) > 0) & (dual.depth(0) > 0)]

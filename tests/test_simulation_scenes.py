@@ -21,6 +21,7 @@ from toolkit.simulation.person import PersonSettings, SimulatedPerson, floor_of,
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
 from toolkit.simulation.simulate import CaptureSettings, SimulatedFrame, prepare, simulate_scene
+from training.interiors.room import around_people
 
 
 def standing(frames: int = 2, travel: float = 0.0) -> PoseClip:
@@ -212,7 +213,7 @@ def test_a_random_room_is_furnished_around_people_without_occluding_them() -> No
     shown = (first_frame(person, sensor="kinect", height=1.5).person >= 0).sum()
     depths = []
     for room in ("office:1", "office:2", "office:1"):
-        frame = first_frame(person, sensor="kinect", height=1.5, room=room)
+        frame = first_frame(person, sensor="kinect", height=1.5, room=around_people(room))
         depths.append(frame.depth)
         assert (frame.person >= 0).sum() > 0.8 * shown
     assert np.array_equal(depths[0], depths[2]) and not np.array_equal(depths[0], depths[1])

@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels.linear import rotated
-from toolkit.simulation.interiors.mesh import BOX_FACES, Mesh
+from toolkit.simulation.mesh import BOX_FACES, Mesh
 
 Draw = Callable[["Situation", np.random.Generator], list[Mesh]]
 

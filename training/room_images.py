@@ -29,9 +29,9 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.default import default_database_path
 from toolkit.kernels.image import raster
 from toolkit.kernels.linear import rotated
-from toolkit.simulation.interiors.mesh import Mesh, joined
-from toolkit.simulation.interiors.pieces import PIECES, SEATS, Part, Piece, shifted
-from toolkit.simulation.interiors.room import KINDS, Room, furnished
+from toolkit.simulation.mesh import Mesh, joined
+from training.interiors.pieces import PIECES, SEATS, Part, Piece, shifted
+from training.interiors.room import KINDS, Room, furnished
 from training.room_pieces import TOUCHING, held, moved_up, reflectances
 from training.sensor import lossy
 from training.subjects import (

@@ -7,8 +7,9 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.kernels.linear import times
-from toolkit.simulation.interiors.mesh import cushion, moved, slab
-from toolkit.simulation.interiors.pieces import BLACK, DARK, PLAIN, Part, Piece, shifted
+from toolkit.simulation.mesh import moved
+from training.interiors.pieces import BLACK, DARK, PLAIN, Part, Piece, shifted
+from training.interiors.shapes import cushion, slab
 
 TOUCHING = ("chair", "office_chair", "table", "desk", "shelf", "sofa", "curtain", "coat_stand", "column", "partition",
             "plant", "boxes", "bag", "floor_lamp", "stool", "door")  # fmt: skip

@@ -25,11 +25,11 @@ from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
 from toolkit.simulation.furniture import Box
-from toolkit.simulation.interiors.room import KINDS
 from toolkit.simulation.person import SimulatedPerson, facing_of, grown_to, prepare_person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import AIM_HEIGHT, CaptureSettings, simulate_scene
+from training.interiors.room import KINDS, around_people
 
 GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty")
 VIEWS = ("cut", "background", "room")
@@ -121,7 +121,7 @@ def chosen_scenes(split: str, groups: tuple[str, ...] = (), count: int | None = 
 def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: bool = False) -> Path:
     """Return the scene as a recording in `work` of at most `frames` frames, made if missing; optionally in colour."""
     made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of)
-    folders = ["toolkit/simulation", "toolkit/simulation/interiors", "toolkit/mocap", "toolkit/body"]
+    folders = ["toolkit/simulation", "training/interiors", "toolkit/mocap", "toolkit/body"]
     frames = min(scene.frames, frames or scene.frames)
     path = work / "scenes" / f"{scene.name}_{digest_of(made_by, folders, astuple(scene), frames, color)}.npz"
     if not path.exists():
@@ -140,7 +140,7 @@ def shot_of(scene: Scene, people: Sequence[SimulatedPerson]) -> CaptureSettings:
     return CaptureSettings(
         sensor=scene.sensor, distance=distance, height=scene.height, tilt=scene.tilt, frame_rate=RATE,
         furnished=scene.view != "cut", background=scene.view == "background", boxes=scene.boxes,
-        room=scene.room, seed=scene.seed,
+        room=None if scene.room is None else around_people(scene.room), seed=scene.seed,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from tests.support.dual_quaternions import dual_skinning
 from tests.support.suite import RATE, cut, digest_of, has_mocap, in_place, motion_of
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
@@ -44,7 +45,7 @@ def record_sequence(name: str, work: Path, frames: int = FRAMES, yaw: float = 0.
         body = sequence_body(name)
         simulate_recording(
             performed(body, frames), path, body=body, yaw=yaw, sensor="kinect", distance=DISTANCE, height=1.2,
-            seed=sorted(SEQUENCES).index(name), color=True, skinning="dual",
+            seed=sorted(SEQUENCES).index(name), color=True, skinning=dual_skinning,
         )  # fmt: skip
     return path
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.io.errors import UsageError
 from toolkit.io.yaml_reader import read_yaml
-from toolkit.simulation.interiors.mesh import Mesh, box, joined, moved
+from toolkit.simulation.mesh import Mesh, box, joined, moved
 
 SEAT_HEIGHT = 0.26
 """Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, less for a child."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.io.errors import UsageError
-from toolkit.simulation.interiors.mesh import Mesh, box, joined, moved
+from toolkit.simulation.mesh import Mesh, box, joined, moved
 
 HOLDINGS: dict[str, tuple[float, float, float]] = {
     "box": (0.0, 0.28, 0.3), "tablet": (0.0, 0.2, 0.015), "bag": (0.3, 0.36, 0.14),

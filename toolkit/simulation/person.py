@@ -19,7 +19,7 @@ from toolkit.mocap.retarget import retarget
 from toolkit.simulation.clothes import dressed
 from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Box, boxes_mesh, check_kinds
 from toolkit.simulation.holding import check_holding, held_mesh
-from toolkit.simulation.interiors.mesh import Mesh, joined
+from toolkit.simulation.mesh import Mesh, joined
 from toolkit.simulation.seating import seat_height, seated
 
 

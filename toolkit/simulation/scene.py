@@ -6,7 +6,7 @@ in front of the camera at its distance. The level frame is the floor plan relati
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +14,11 @@ import numpy as np
 from toolkit.io.errors import UsageError
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.furniture import Box, boxes_mesh
-from toolkit.simulation.interiors.mesh import Mesh, box, joined
-from toolkit.simulation.interiors.pieces import PLAIN
-from toolkit.simulation.interiors.room import furnished, named_room
+from toolkit.simulation.mesh import Mesh, box, joined
 
-FURNITURE_DISTANCE = 0.22
-"""Metres from people's joints to the furniture of a room, which may touch their clothes."""
-SIGHT = np.linspace(0.1, 1.0, 10)
-"""Fractions of the line from the camera to the centre of the people that are kept free."""
+RoomMaker = Callable[[np.ndarray, np.ndarray], tuple[Mesh, np.ndarray]]
+"""Room around points (N, 3) of people and the position (3,) of a camera, floor plan: its surfaces, and their
+reflectance (F,) relative to a plain surface."""
 
 
 @dataclass(frozen=True)
@@ -99,33 +96,25 @@ class Scenery:
         return np.where(triangles >= 0, self.reflectance[triangles], 0.0).astype(np.float32)
 
 
-def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, view: PlacedCamera) -> Scenery:
-    """Return the room around people: a bare one, or a randomly furnished one.
+def surroundings(maker: RoomMaker | None, used: Sequence[np.ndarray], furniture: Mesh, view: PlacedCamera) -> Scenery:
+    """Return the room around people: a bare one, or that of a maker.
 
     Parameters
     ----------
-    name : kind and seed such as "office:7", or None
-    used : points (N, 3) of the people, floor plan; furniture stays `FURNITURE_DISTANCE` metres away from them and from
-        the line of sight of the camera
+    maker : None for a bare room
+    used : points (N, 3) of the people, floor plan
     furniture : furniture of the people
     view : position of the camera
     """
     points = np.concatenate([*used, furniture.vertices])
-    reach = np.array([points.min(axis=0), points.max(axis=0)])
-    if name is None:
-        mesh = joined([room(reach, view.position), furniture])
-        return Scenery(Mesh(view.to_camera(mesh.vertices), mesh.faces), None)
-    kind, seed = named_room(name)
-    reach[1, 1] = max(reach[1, 1], view.position[1] + 0.1)
-    own = points[:, [0, 2]]
-    sight = view.position[[0, 2]] + SIGHT[:, None] * (own.mean(axis=0) - view.position[[0, 2]])
-    free = np.concatenate([np.unique(np.round(own, 1), axis=0), sight])
-    camera = (float(view.position[0]), float(view.position[2]))
-    rng = np.random.default_rng(seed)
-    around = furnished(kind, rng, camera=camera, reach=reach, free=free, clearance=FURNITURE_DISTANCE).surfaces()
-    mesh = joined([around.mesh, furniture])
-    reflectance = np.concatenate([around.reflectance / PLAIN, np.ones(len(furniture.faces))])
-    return Scenery(Mesh(view.to_camera(mesh.vertices), mesh.faces), np.minimum(reflectance, 1.0).astype(np.float32))
+    if maker is None:
+        shell, reflectance = room(np.array([points.min(axis=0), points.max(axis=0)]), view.position), None
+    else:
+        shell, around = maker(points, view.position)
+        both = np.concatenate([around, np.ones(len(furniture.faces))])
+        reflectance = np.minimum(both, 1.0).astype(np.float32)
+    mesh = joined([shell, furniture])
+    return Scenery(Mesh(view.to_camera(mesh.vertices), mesh.faces), reflectance)
 
 
 def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,9 +22,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, boxes_mesh
-from toolkit.simulation.inertial import SimulatedSensors, simulate_sensors
-from toolkit.simulation.interiors.mesh import Mesh, joined
-from toolkit.simulation.interiors.room import named_room
+from toolkit.simulation.mesh import Mesh, joined
 from toolkit.simulation.person import (
     PosedSubject,
     SimulatedPerson,
@@ -36,10 +34,9 @@ from toolkit.simulation.person import (
 )
 from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
 from toolkit.simulation.raycast import Hits, cast
-from toolkit.simulation.scene import PlacedCamera, Scenery, cut_tilt, place_camera, surroundings
+from toolkit.simulation.scene import PlacedCamera, RoomMaker, Scenery, cut_tilt, place_camera, surroundings
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
-from toolkit.simulation.skinning import SKINNINGS
 
 AIM_HEIGHT = 0.52
 """Height at which a camera without a given tilt aims, as a fraction of the subject's stature."""
@@ -72,15 +69,12 @@ class CaptureSettings:
     frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
     furnished : the recording contains the room; False: people only (already segmented)
     background : a furnished recording has the depth of its room without people
-    room : a room furnished at random around the people, such as "office:7" (kind of `interiors.room.KINDS` and
-        seed); None is a bare one
+    room : function that makes the room around the people; None is a bare room
     boxes : furniture of the room, on the floor plan
     seconds : length of a recording without people
     seed : seed of the sensor's noise, of sitting postures and of colours
     color : the recording has colour, registered to the depth, of people in a room
-    skinning : "linear" blending, or "dual" quaternions, which keep the volume of a twist
-    inertial : parts of the first person's body with inertial sensors, names of `sensor_limbs.PARTS`
-    inertial_noise : noise of these sensors, a name of `inertial.NOISE`
+    skinning : function for the mesh (V, 3) of a body in a pose (P,); trackers use the linear one
 
     Raises
     ------
@@ -96,27 +90,21 @@ class CaptureSettings:
     frame_rate: float = 30.0
     furnished: bool = True
     background: bool = True
-    room: str | None = None
+    room: RoomMaker | None = None
     boxes: tuple[Box, ...] = ()
     seconds: float = 3.0
     seed: int = 0
     color: bool = False
-    skinning: str = "linear"
-    inertial: tuple[str, ...] = ()
-    inertial_noise: str = "mtx"
+    skinning: Callable[[Body, np.ndarray], np.ndarray] = Body.vertex_positions
 
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)
         if self.cut is not None and self.tilt is not None:
             raise UsageError(f"a cut of {self.cut} m and a tilt of {self.tilt} exclude each other; give one")
-        if self.room is not None:
-            named_room(self.room)
-            if not self.furnished:
-                raise UsageError(f"the room {self.room} is removed with the background; leave out one of the two")
+        if self.room is not None and not self.furnished:
+            raise UsageError("the room is removed with the background; leave out one of the two")
         if self.seed < 0:
             raise UsageError(f"the seed {self.seed} is negative; give a whole number from 0 on")
-        if self.skinning not in SKINNINGS:
-            raise UsageError(f"skinning {self.skinning!r} is none of: {', '.join(SKINNINGS)}")
 
 
 @dataclass(frozen=True)
@@ -230,7 +218,7 @@ class Simulation:
     def _present(self, frame: int) -> dict[int, np.ndarray]:
         """Return the vertices (V, 3) of the people in a frame, camera frame, by their number."""
         return {
-            i: self.view.to_camera(SKINNINGS[self.shot.skinning](p.body, p.poses[frame - p.first]))
+            i: self.view.to_camera(self.shot.skinning(p.body, p.poses[frame - p.first]))
             for i, p in enumerate(self.performers)
             if p.first <= frame < p.end
         }
@@ -315,8 +303,6 @@ def simulate_scene(
 ) -> Recording:
     """Simulate a depth recording with exact joints and write it as NPZ (`depthmocap simulate`).
 
-    Inertial sensors are written beside it, as `<stem>_sensors.npz` and `<stem>_sensors_truth.json`.
-
     Parameters
     ----------
     people : any number of people; the true joints are (20, 3) a frame for one person and (N, 20, 3) otherwise
@@ -343,7 +329,6 @@ def simulate_scene(
     check_output(output, [person.clip for person in people if not isinstance(person.clip, PoseClip)])
     shot = shot or CaptureSettings()
     simulation = prepare(people, shot)
-    measured = _worn_sensors(simulation) if shot.inertial else None
     background = simulation.background() if shot.background else None
     with RecordingWriter(
         output, simulation.sensor.camera, background=background, up_camera=simulation.view.up_camera
@@ -352,19 +337,7 @@ def simulate_scene(
             joints = frame.joints[0] if len(people) == 1 else frame.joints
             writer.append(frame.depth, frame.timestamp, color=frame.color, joints=joints)
             progress(i + 1, simulation.frames_in_all)
-    if measured is not None:
-        measured.save(Path(output).with_name(f"{Path(output).stem}_sensors.npz"))
     return open_recording(output)
-
-
-def _worn_sensors(simulation: Simulation) -> SimulatedSensors:
-    """Return the sensors of the first person; the axes of the floor plan are those of the level frame."""
-    shot, rate = simulation.shot, simulation.frame_rate
-    if not simulation.performers:
-        raise UsageError(f"there is no person to wear sensors on {', '.join(shot.inertial)}; name a clip")
-    wearer = simulation.performers[0]
-    start = wearer.first / rate
-    return simulate_sensors(wearer.body, wearer.poses, rate, shot.inertial, shot.inertial_noise, shot.seed, start)
 
 
 def simulate_recording(

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 PEOPLE = "People (an option given once holds for all people, otherwise once for each CLIP)"
 ROOM = "Room"
-SENSORS = "Inertial sensors"
 BOXES = (".yaml", ".yml")
 
 T = TypeVar("T")
@@ -137,15 +136,6 @@ class Viewpoint:
     furnished: Annotated[
         bool, typer.Option("--furnished/--empty", help="Show a room, or only the people.", rich_help_panel=ROOM)
     ] = True
-    room: Annotated[
-        str | None,
-        typer.Option(
-            metavar="KIND:SEED",
-            help="Random furnished room: office, living, classroom or corridor with a seed, for example office:7.",
-            show_default="a bare one",
-            rich_help_panel=ROOM,
-        ),
-    ] = None
     background: Annotated[
         bool,
         typer.Option("--background/--no-background", help="Store the depth of the empty room.", rich_help_panel=ROOM),
@@ -156,23 +146,12 @@ class Viewpoint:
     seconds: Annotated[
         float, typer.Option(help="Duration of a recording without people, seconds.", rich_help_panel=ROOM)
     ] = 3.0
-    inertial: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIMB,...",
-            help="Inertial sensors on the first person, for example left_shin,right_forearm; written to a second file.",
-            rich_help_panel=SENSORS,
-        ),
-    ] = None
-    inertial_noise: Annotated[
-        str, typer.Option(help="Error model of these sensors: mtx, phone or none.", rich_help_panel=SENSORS)
-    ] = "mtx"
 
     def shot(self, boxes: tuple[Box, ...]) -> CaptureSettings:
         """Return the capture settings with this furniture; raises UsageError if an option cannot be parsed."""
         from toolkit.simulation.simulate import CaptureSettings
 
-        typed = {"height": _height(self.height), "inertial": _words(self.inertial or ""), "boxes": boxes}
+        typed = {"height": _height(self.height), "boxes": boxes}
         return CaptureSettings(**{**vars(self), **typed})
 
 

@@ -1,8 +1,6 @@
-"""Skinning methods of simulated people."""
+"""Skinning by dual quaternions, which keeps the volume of a twist (Kavan 2008; Qammaz, 3.1)."""
 
 from __future__ import annotations
-
-from collections.abc import Callable
 
 import numpy as np
 from numba import njit
@@ -95,16 +93,8 @@ def _moved(point: np.ndarray, r: np.ndarray, d: np.ndarray, out: np.ndarray) -> 
     out[2] = point[2] + 2.0 * (x * cy - y * cx) + 2.0 * (w * d[3] - d[0] * z + x * d[2] - y * d[1])
 
 
-def _dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
+def dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
     """Return the mesh (V, 3) of a pose (P,) by dual quaternions (Kavan 2008; Qammaz, 3.1)."""
     placed, out = body.place(pose), np.empty_like(body.vertices)
     skin_dual(body.vertices, body.skin_joints, body.skin_weights, body.joints, placed.rotations, placed.origins, out)
     return out
-
-
-SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {
-    "linear": Body.vertex_positions,
-    "dual": _dual_skinning,
-}
-"""Functions for the mesh (V, 3) of a body in a pose (P,), by the names of `CaptureSettings.skinning`; trackers use the
-linear one."""

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.simulation.interiors.mesh import Mesh, box, cloth, cushion, joined, moved, post, slab, turned_profile
+from toolkit.simulation.mesh import Mesh, box, joined, moved
+from training.interiors.shapes import cloth, cushion, post, slab, turned_profile
 
 GLASS, BLACK, DARK, PLAIN = 0.0, 0.04, 0.15, 0.6
 """Reflectances of surfaces in infrared light."""

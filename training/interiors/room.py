@@ -15,8 +15,14 @@ import numpy as np
 
 from toolkit.io.errors import UsageError
 from toolkit.kernels.linear import lengths
-from toolkit.simulation.interiors.mesh import Mesh, joined
-from toolkit.simulation.interiors.pieces import PIECES, Piece, chair, desk, office_chair, shifted, table
+from toolkit.simulation.mesh import Mesh, joined
+from toolkit.simulation.scene import RoomMaker
+from training.interiors.pieces import PIECES, PLAIN, Piece, chair, desk, office_chair, shifted, table
+
+FURNITURE_DISTANCE = 0.22
+"""Metres from people's joints to the furniture of a room, which may touch their clothes."""
+SIGHT = np.linspace(0.1, 1.0, 10)
+"""Fractions of the line from the camera to the centre of the people that are kept free."""
 
 
 class Standing(NamedTuple):
@@ -312,3 +318,32 @@ def named_room(text: str) -> tuple[str, int]:
     if seed and not seed.isdecimal():
         raise UsageError(f"the room {text!r} has the seed {seed!r}; give a whole number from 0 on, such as {kind}:7")
     return kind, int(seed or 0)
+
+
+def around_people(name: str) -> RoomMaker:
+    """Return a function that makes a room around people, for `CaptureSettings.room`.
+
+    Furniture stays `FURNITURE_DISTANCE` metres away from the people and from the line of sight of the camera.
+
+    Parameters
+    ----------
+    name : kind and seed, see `named_room`
+
+    Raises
+    ------
+    UsageError
+        The name is invalid.
+    """
+    kind, seed = named_room(name)
+
+    def made(points: np.ndarray, camera: np.ndarray) -> tuple[Mesh, np.ndarray]:
+        reach = np.array([points.min(axis=0), points.max(axis=0)])
+        reach[1, 1] = max(reach[1, 1], camera[1] + 0.1)
+        own, eye = points[:, [0, 2]], camera[[0, 2]]
+        sight = eye + SIGHT[:, None] * (own.mean(axis=0) - eye)
+        free = np.concatenate([np.unique(np.round(own, 1), axis=0), sight])
+        place, rng = (float(eye[0]), float(eye[1])), np.random.default_rng(seed)
+        around = furnished(kind, rng, camera=place, reach=reach, free=free, clearance=FURNITURE_DISTANCE).surfaces()
+        return around.mesh, around.reflectance / PLAIN
+
+    return made

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +13,6 @@ from toolkit.inertial.placement import check_limbs
 from toolkit.inertial.sensor_limbs import TrackedMotion, bone_axis, bone_vector
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream, checked_stream
 from toolkit.io.errors import UsageError
-from toolkit.io.files import save_json
 
 Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
 """Rotation from a world with y up to one with z up."""
@@ -105,24 +102,6 @@ class SimulatedSensors:
     world: np.ndarray
     mounting: dict[str, np.ndarray]
     noise: SensorNoise
-
-    def truth(self) -> dict[str, Any]:
-        """Return everything except the streams as JSON values."""
-        return {
-            "offset": self.offset,
-            "rate": self.rate,
-            "world": self.world.tolist(),
-            "mounting": {limb: q.tolist() for limb, q in self.mounting.items()},
-            "noise": asdict(self.noise),
-        }
-
-    def save(self, path: str | Path) -> tuple[Path, Path]:
-        """Write the canonical file and `<stem>_truth.json` beside it; return both paths."""
-        sensors = Path(path)
-        truth = sensors.with_name(f"{sensors.stem}_truth.json")
-        self.sensors.save(sensors)
-        save_json(truth, self.truth())
-        return sensors, truth
 
 
 def simulate_sensors(

@@ -1,0 +1,1 @@
+"""Randomly furnished rooms for training images and benchmarks."""
