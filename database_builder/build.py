@@ -159,14 +159,14 @@ class _Build:
         self._last = time.perf_counter()
 
     def end(self, stage: str) -> None:
-        """A stage is done."""
+        """End a stage."""
         now = time.perf_counter()
         self.seconds[stage], self._last = now - self._last, now
 
     def read(
         self, files: Sequence[MocapFile], clips: Sequence[PoseClip], strict: bool
     ) -> tuple[PosePool, list[tuple[str, str]]]:
-        """The poses of all sources, one at a time; name and reason of every source that could not be used."""
+        """Return the poses of all sources, one at a time; name and reason of every source that could not be used."""
         pool, skipped = PosePool(self.sampling.threshold, self.sampling.max_poses), list[tuple[str, str]]()
         doubts: list[str] = []
         added = []
@@ -216,7 +216,7 @@ class _Build:
         )  # fmt: skip
 
     def look(self, poses: np.ndarray) -> np.ndarray:
-        """Offsets (N, 4) of the selected poses, a chunk of them at a time."""
+        """Return offsets (N, 4) of the selected poses, a chunk of them at a time."""
         chunks = [poses[i : i + CHUNK] for i in range(0, len(poses), CHUNK)]
         offsets: list[np.ndarray] = []
         with process_pool(self.processes if len(poses) >= MANY_POSES else 1) as mapped:
@@ -227,7 +227,7 @@ class _Build:
 
 
 def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip] | None, workers: int | None) -> Path:
-    """The file to write; raises where it cannot be one, would replace a source, or there are no processes."""
+    """Return the file to write; raises where it cannot be one, would replace a source, or there are no processes."""
     target = Path(output)
     if target.suffix != ".npz" or is_folder(target):
         raise UsageError(f"a pose database is one .npz file, not {target}; choose a name such as poses.npz")

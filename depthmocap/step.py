@@ -208,7 +208,7 @@ class Tracker:
 
 
 def track_of(rows: Sequence[Row], tracker: protocol.Tracker, body: Body, camera_height: float | None = None) -> Rows:
-    """The track of one person's rows, one for each frame in order."""
+    """Return the track of one person's rows, one for each frame in order."""
     results = [row.result for row in rows]
     track = Rows(
         joints=np.array([r.joints for r in results], dtype=np.float32),

@@ -109,7 +109,7 @@ class Track:
         return _read_only(self.person.track.timestamps)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A table with a row per frame, by `time_s`; the columns are those of the CSV export in the camera's frame.
+        """Return a table with a row per frame, by `time_s`; columns as in the CSV export in the camera's frame.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class Track:
         return pandas.DataFrame(columns, index=pandas.Index(self.timestamps, name="time_s"))
 
     def plot(self) -> Figure:
-        """Some skeletons over time, seen from the camera, above the heights of hands, feet and head."""
+        """Plot some skeletons over time, seen from the camera, above the heights of hands, feet and head."""
         from toolkit.output.rendering.track_plot import plot_person
 
         return plot_person(self.person)

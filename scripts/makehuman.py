@@ -57,8 +57,8 @@ class Macro:
 
 
 def _fractions() -> dict[str, dict[str, float]]:
-    """Weights of each rig bone on the 18 joints; a bone between two of ours is split, so that the spine bends
-    evenly."""
+    """Return the weights of each rig bone on the 18 joints; a bone between two of ours is split,
+    so that the spine bends evenly."""
     table: dict[str, dict[str, float]] = {
         "root": {"root": 1.0},
         "spine05": {"root": 1.0},

@@ -17,7 +17,7 @@ ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame",
 
 
 def changed(path: Path, **values: Any) -> Path:
-    """The file at `path` with other values and no checksum, as other programs write it; None removes one."""
+    """Return the file at `path` with other values and no checksum, as other programs write it; None removes one."""
     with np.load(path) as archive:
         data = {**{name: archive[name] for name in archive.files}, "checksum": None, **values}
     np.savez(path, **{name: value for name, value in data.items() if value is not None})

@@ -65,7 +65,7 @@ def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
 
 @pytest.fixture
 def data_set(tmp_path: Path) -> DataSet:
-    """A data set of the files that `server` has."""
+    """Return a data set of the files that `server` has."""
     rows = []
     for path, data in FILES.items():
         digest = hashlib.sha256(data.replace(b"\r\n", b"\n") if path.endswith(".bvh") else data).hexdigest()

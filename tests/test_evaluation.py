@@ -243,7 +243,7 @@ def test_the_table_is_printed_and_written_as_csv_and_json(tmp_path: Path) -> Non
 
 
 def write_people(folder: Path, found: list[np.ndarray], truth: np.ndarray) -> Path:
-    """A run of several people on a recording whose truth is `truth` (N, T, 20, 3)."""
+    """Return a run of several people on a recording whose truth is `truth` (N, T, 20, 3)."""
     people = []
     run = folder / "crowd"
     for i, joints_found in enumerate(found):

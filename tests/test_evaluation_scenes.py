@@ -25,7 +25,7 @@ PERSON = np.stack([np.linspace(-0.2, 0.2, 20), np.linspace(-0.4, 0.4, 20), np.fu
 
 
 def recording_of(truth: np.ndarray, wall: float = 2.0) -> Any:
-    """A wall before the people of `truth` (N, T, 20, 3), at 10 frames a second."""
+    """Return a wall before the people of `truth` (N, T, 20, 3), at 10 frames a second."""
     frames = truth.shape[1]
     return SimpleNamespace(
         name="scene",

@@ -47,7 +47,7 @@ class Glb:
         return values.astype(float).reshape(row["count"], width)
 
     def matrices(self, frame: int) -> np.ndarray:
-        """World matrices (N, 4, 4) of all nodes at a key of the animation."""
+        """Return the world matrices (N, 4, 4) of all nodes at a key of the animation."""
         nodes = self.document["nodes"]
         local = np.tile(np.eye(4), (len(nodes), 1, 1))
         for i, node in enumerate(nodes):

@@ -26,7 +26,7 @@ HEIGHT = 1.2
 
 
 def person() -> tuple[np.ndarray, np.ndarray]:
-    """Vertices, level frame, and faces of a person before the camera."""
+    """Return vertices, level frame, and faces of a person before the camera."""
     body = neutral()[0]
     return body.vertex_positions(standing(0.2, 2.6, HEIGHT)), body.faces
 

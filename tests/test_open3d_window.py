@@ -115,7 +115,7 @@ def told_by(script: str, *words: object, display: bool = False) -> dict[str, obj
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A run of a person who walks to the subject's left."""
+    """Return a run of a person who walks to the subject's left."""
     return write_run(tmp_path / "run", np.stack([standing(x, 2.8, 1.2) for x in (-0.1, 0.0, 0.1)]))
 
 

@@ -22,7 +22,7 @@ ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 
 @pytest.fixture(scope="module")
 def seen() -> tuple[np.ndarray, np.ndarray, Camera]:
-    """Coarse depth of a person in a room, the person's pixels, and the camera."""
+    """Return the coarse depth of a person in a room, the person's pixels, and the camera."""
     lens = CoarseCamera(KINECT, UP, SensingSettings())
     depth, who = scene(KINECT, ((0.3, 2.5),), **ROOM)
     return lens.coarse(depth), who[:: lens.step, :: lens.step] == 1, lens.camera

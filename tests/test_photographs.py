@@ -28,7 +28,7 @@ PLACES = (0.0, 3.0), (-0.9, 2.6), (0.7, 3.6)
 
 
 def photographs() -> tuple[np.ndarray, np.ndarray]:
-    """Three images of one person at other places in other poses, (3, H, W) in mm, and the joints (3, 20, 3)."""
+    """Return three images of one person at other places in other poses, (3, H, W) in mm, and the joints (3, 20, 3)."""
     body, depth, joints = neutral()[0], [], []
     for place, raised in zip(PLACES, RAISED, strict=True):
         pose = standing(*place, 1.2)
@@ -40,7 +40,7 @@ def photographs() -> tuple[np.ndarray, np.ndarray]:
 
 
 def tracked(depth: np.ndarray, **options: Any) -> tuple[depthmocap.Track, list[str]]:
-    """A track, and the texts of the warnings."""
+    """Return a track, and the texts of the warnings."""
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
         track = depthmocap.track(depth, intrinsics=CENTRED, **options)
@@ -91,7 +91,7 @@ def test_photographs_of_people_in_rooms_are_told_from_a_film() -> None:
 
 
 def upright_quietly(depth: np.ndarray, judge: Any) -> Any:
-    """The recording of depth as the library opens it."""
+    """Return the recording of depth as the library opens it."""
     with pytest.warns(PlausibilityWarning, match="as a photograph"):
         return upright(lambda **more: recording_of(depth, intrinsics=CENTRED, **more), judge)
 

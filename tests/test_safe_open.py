@@ -16,7 +16,7 @@ MODES = ("rb", "r+b", "w+b", "a+b")
 
 @pytest.fixture(params=["as it is", "without O_NOFOLLOW"])
 def system(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """This system, and one whose `open` cannot refuse links."""
+    """Provide this system, and one whose `open` cannot refuse links."""
     if request.param == "without O_NOFOLLOW":
         monkeypatch.setattr(door, "_NO_LINK", 0)
 

@@ -16,7 +16,7 @@ from training.sensor import lossy
 
 @pytest.fixture(scope="module")
 def poses() -> np.ndarray:
-    """Canonical poses (N, P)."""
+    """Return the canonical poses (N, P)."""
     return small_database(200).poses.astype(np.float64)
 
 

@@ -30,7 +30,7 @@ SCORED = ("head", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 
 
 def score_crops(network: JointNetwork, path: Path) -> str:
-    """Mean errors on the crops of `training.joint_crops` by visibility, one line."""
+    """Return the mean errors on the crops of `training.joint_crops` by visibility, one line."""
     stored, errors = np.load(path), []
     level = np.diag([1.0, -1.0, -1.0])
     for depth, (reference, *middle), joints in zip(stored["depth"], stored["crop"], stored["joints"], strict=True):
@@ -48,7 +48,7 @@ def score_crops(network: JointNetwork, path: Path) -> str:
 
 
 def score_recordings(network: JointNetwork, folder: Path) -> str:
-    """Agreement with the reference joints of the recordings in a folder, one line."""
+    """Return the agreement with the reference joints of the recordings in a folder, one line."""
     rows = [row for row, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in SCORED]
     errors, exchanged = [], []
     for path in sorted(folder.glob("*_depth.mat")):

@@ -24,7 +24,7 @@ QUANTILE = 0.9999
 
 
 def folded(block: nn.Sequential | nn.Conv2d, stride: int = 1) -> Layer:
-    """Weights and biases of a convolution with its batch norm folded in."""
+    """Return weights and biases of a convolution with its batch norm folded in."""
     if isinstance(block, nn.Conv2d):
         return Layer(block.weight.detach().numpy(), block.bias.detach().numpy(), stride)
     conv, norm = block[0], block[1]
@@ -35,7 +35,7 @@ def folded(block: nn.Sequential | nn.Conv2d, stride: int = 1) -> Layer:
 
 
 def ranges_of(net: nn.Module, batches: Iterable[torch.Tensor]) -> dict[str, float]:
-    """Largest `QUANTILE` of each activation over batches of inputs.
+    """Return the largest `QUANTILE` of each activation over batches of inputs.
 
     Its name is that of the module that returns it, or of the first module that takes it with `:input` behind it.
     """

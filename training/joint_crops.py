@@ -101,7 +101,7 @@ class CropView(NamedTuple):
         return points[:, :2] / points[:, 2:] * self.focal + self.centre
 
     def inverse_depth(self, surfaces: list[Surface]) -> np.ndarray:
-        """Inverse depth (128, 128) of the nearest surface, 0 where there is none."""
+        """Return the inverse depth (128, 128) of the nearest surface, 0 where there is none."""
         nearest = np.zeros((SIZE, SIZE))
         for surface in surfaces:
             projected = np.empty(surface.vertices.shape)
@@ -186,7 +186,7 @@ class CropPainter:
         return pose, yaw
 
     def _clothed(self, body: Body, vertices: np.ndarray) -> np.ndarray:
-        """Vertices (V, 3) with clothes that stand off the skin by up to 8 cm."""
+        """Return the vertices (V, 3) with clothes that stand off the skin by up to 8 cm."""
         rng = self._rng
         layers = {parts: rng.uniform(0, most) * rng.random() for parts, most in LAYERS.items()}
         if rng.random() < 0.12:  # a coat or a skirt
@@ -194,7 +194,7 @@ class CropPainter:
         return thickened(body, vertices, self._faces, layers)
 
     def _attached(self, vertices: np.ndarray, joints: np.ndarray, root: np.ndarray) -> list[Surface]:
-        """Objects that a segmentation leaves in a person's mask: floor, an object at hand, a bag on the back."""
+        """Return objects that a segmentation leaves in a person's mask: floor, an object at hand, a bag on the back."""
         rng, found = self._rng, []
         if rng.random() < 0.25:
             floor = vertices[:, 1].min()
@@ -253,7 +253,7 @@ class CropPainter:
         return np.where((rows > neck - 2) & (rows < hem), np.maximum(inverse, closed), inverse)
 
     def _outside(self, pixels: np.ndarray) -> np.ndarray:
-        """Bool (128, 128): outside an image whose borders truncate a third of the people."""
+        """Return bool (128, 128): outside an image whose borders truncate a third of the people."""
         rng = self._rng
         left, right, top, bottom = -1.0, float(SIZE), -1.0, float(SIZE)
         if rng.random() < 0.3:

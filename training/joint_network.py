@@ -30,7 +30,7 @@ OPPOSITE = [
 
 
 def convolution(inputs: int, outputs: int, size: int = 3, stride: int = 1, relu: bool = True) -> nn.Sequential:
-    """Convolution, batch norm and, where wanted, a ReLU."""
+    """Return a convolution, batch norm and, where wanted, a ReLU."""
     layers = [nn.Conv2d(inputs, outputs, size, stride, size // 2, bias=False), nn.BatchNorm2d(outputs)]
     return nn.Sequential(*layers, nn.ReLU()) if relu else nn.Sequential(*layers)
 
@@ -76,7 +76,7 @@ class JointNetwork(nn.Module):
 
 
 def decoded(anchors: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Joints (B, 20, 3), metres from the crop's middle (x right, y down, z forward), and log scales (B, 20)."""
+    """Return joints (B, 20, 3), metres from the crop's middle (x right, y down, z forward), and log scales (B, 20)."""
     batch, _, height, width = anchors.shape
     out = anchors.float().view(batch, len(JOINTS), 5, height * width)
     weight = torch.softmax(out[:, :, 0], -1)
@@ -88,7 +88,7 @@ def decoded(anchors: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def features(depth: torch.Tensor, unobserved: torch.Tensor) -> torch.Tensor:
-    """Network input (B, 3, H, W) of depths (B, H, W) in metres from the reference, NaN = nothing, and bool masks."""
+    """Return the network input (B, 3, H, W) of depths (B, H, W), metres from the reference, NaN = nothing, and masks."""
     valid = ~torch.isnan(depth)
     z = torch.where(valid, (2 * depth).clamp(-2, 2), torch.zeros(()))
     return torch.stack([valid.float(), z, unobserved.float()], 1)
@@ -97,7 +97,7 @@ def features(depth: torch.Tensor, unobserved: torch.Tensor) -> torch.Tensor:
 def loss_of(
     anchors: torch.Tensor, side: torch.Tensor, target: torch.Tensor, weight: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Negative log-likelihood per joint, and the joints and log scales as `decoded` returns them.
+    """Return the negative log-likelihood per joint, and the joints and log scales as `decoded` returns them.
 
     The error of a joint is exponentially distributed with its scale; `target` (B, 20, 3), metres; `weight` (B, 20).
     """
@@ -120,7 +120,7 @@ def loss_of(
 
 
 def sided(joints: torch.Tensor, log_scale: torch.Tensor, side: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Joints and log scales with left and right in the likelier order."""
+    """Return joints and log scales with left and right in the likelier order."""
     joints, log_scale = joints.clone(), log_scale.clone()
     for limb, rows in enumerate((ARMS, LEGS)):
         opposite = [OPPOSITE[row] for row in rows]

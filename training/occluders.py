@@ -31,7 +31,7 @@ class Situation:
 
 
 def box(centre: np.ndarray, size: tuple[float, float, float], yaw: float) -> Mesh:
-    """A box of `size` (width along x, height, depth along z), metres, about its centre, turned by `yaw` about y."""
+    """Return a box of `size` (width, height, depth along x, y, z), metres, about its centre, turned by `yaw` about y."""
     corners = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = rotated(corners, np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]))
@@ -46,7 +46,7 @@ def occluder_meshes(
     vertices: np.ndarray,
     rng: np.random.Generator,
 ) -> list[Mesh]:
-    """Something that may hide a part of a person.
+    """Return meshes that may hide a part of a person.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _ahead(yaw: float) -> np.ndarray:
 
 
 def _towards_camera(where: Situation) -> float:
-    """Yaw of the horizontal direction from the person to the camera."""
+    """Return the yaw of the horizontal direction from the person to the camera."""
     return float(np.arctan2(-where.root[0], -where.root[2]))
 
 
@@ -75,7 +75,7 @@ def _on_floor(where: Situation, place: np.ndarray, size: tuple[float, float, flo
 
 
 def _desk(where: Situation, rng: np.random.Generator) -> list[Mesh]:
-    """A desk or table before the person, with or without a front panel; sometimes with a screen on it."""
+    """Return a desk or table before the person, with or without a front panel; sometimes with a screen on it."""
     yaw = where.yaw + rng.normal(0.0, 0.15) if rng.random() < 0.7 else _towards_camera(where)
     deep, wide, high = rng.uniform(0.5, 0.9), rng.uniform(0.9, 1.9), where.size * rng.uniform(0.62, 0.85)
     near = where.root + (rng.uniform(0.12, 0.4) + 0.5 * deep) * _ahead(yaw)
@@ -92,7 +92,7 @@ def _desk(where: Situation, rng: np.random.Generator) -> list[Mesh]:
 
 
 def _crate(where: Situation, rng: np.random.Generator) -> list[Mesh]:
-    """A crate, a sofa or a counter between the person and the camera."""
+    """Return a crate, a sofa or a counter between the person and the camera."""
     yaw = _towards_camera(where)
     aside = rng.normal(0.0, 0.2) * _ahead(yaw + 0.5 * np.pi)
     place = where.root + rng.uniform(0.45, 0.8) * _ahead(yaw) + aside
@@ -101,7 +101,7 @@ def _crate(where: Situation, rng: np.random.Generator) -> list[Mesh]:
 
 
 def _chair_back(where: Situation, rng: np.random.Generator) -> list[Mesh]:
-    """The back of the chair that the person sits on, or of one that stands before the person."""
+    """Return the back of the chair that the person sits on, or of one that stands before the person."""
     own = rng.random() < 0.5
     yaw = where.yaw + np.pi if own else _towards_camera(where)
     place = where.root + (rng.uniform(0.2, 0.3) if own else rng.uniform(0.35, 0.6)) * _ahead(yaw)
@@ -111,7 +111,7 @@ def _chair_back(where: Situation, rng: np.random.Generator) -> list[Mesh]:
 
 
 def _frame(where: Situation, rng: np.random.Generator) -> list[Mesh]:
-    """A pillar, a door or a curtain at the person's side, up to the ceiling."""
+    """Return a pillar, a door or a curtain at the person's side, up to the ceiling."""
     yaw = _towards_camera(where)
     wide = rng.uniform(0.1, 0.8)
     side = (1.0 if rng.random() < 0.5 else -1.0) * (0.5 * wide + rng.uniform(-0.1, 0.25))
@@ -120,7 +120,7 @@ def _frame(where: Situation, rng: np.random.Generator) -> list[Mesh]:
 
 
 def _person(where: Situation, rng: np.random.Generator) -> list[Mesh]:
-    """Another person, before the person and at the side."""
+    """Return another person, before the person and at the side."""
     from toolkit.database.canonical import place
 
     other = where.space.body(np.clip(rng.normal(0.0, 0.9, where.space.size), -2.0, 2.0))

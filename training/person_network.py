@@ -20,14 +20,14 @@ NEAREST, AROUND, RELIEF = 0.3, 15, 0.4
 def convolution(
     inputs: int, outputs: int, size: int = 1, stride: int = 1, *, depthwise: bool = False, relu: bool = True
 ) -> nn.Sequential:
-    """Convolution, batch norm and, where wanted, a ReLU."""
+    """Return a convolution, batch norm and, where wanted, a ReLU."""
     groups = inputs if depthwise else 1
     layers = [nn.Conv2d(inputs, outputs, size, stride, size // 2, groups=groups, bias=False), nn.BatchNorm2d(outputs)]
     return nn.Sequential(*layers, nn.ReLU()) if relu else nn.Sequential(*layers)
 
 
 def separable(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
-    """Depthwise convolution of 5 x 5 pixels, and a convolution of single pixels."""
+    """Return a depthwise convolution of 5 x 5 pixels, and a convolution of single pixels."""
     depthwise = convolution(inputs, inputs, 5, stride, depthwise=True, relu=False)
     return nn.Sequential(depthwise, convolution(inputs, outputs))
 
@@ -73,7 +73,7 @@ class PersonNetwork(nn.Module):
 
 
 def features(depth: torch.Tensor) -> torch.Tensor:
-    """Network input (B, 4, H, W) of depths (B, H, W) in metres, 0 = no measurement.
+    """Return the network input (B, 4, H, W) of depths (B, H, W) in metres, 0 = no measurement.
 
     Measured or not, inverse depth, log of the depth, and depth against the mean of the surroundings.
     """

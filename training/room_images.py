@@ -181,7 +181,7 @@ class RoomImagePainter:
         return RoomPerson(body, vertices + move, joints + move, yaw, bool(self._seated[row]))
 
     def _clothed(self, body: Body, vertices: np.ndarray) -> np.ndarray:
-        """Vertices (V, 3) with clothes that stand off the skin, for some a coat down to the thighs."""
+        """Return the vertices (V, 3) with clothes that stand off the skin, for some a coat down to the thighs."""
         layers = {parts: self._rng.uniform(0.0, most) for parts, most in LAYERS.items()}
         if self._rng.random() < COAT:
             layers[THIGHS] = layers[TORSO]
@@ -258,7 +258,7 @@ class RoomImagePainter:
         return RoomImage(depth, owners, heads)
 
     def _cut_out(self, depth: np.ndarray, owners: np.ndarray) -> np.ndarray:
-        """Depth of the people, or of furniture alone, often with what is near it in the image and in depth."""
+        """Return the depth of the people, or of furniture alone, often with surfaces near it in image and depth."""
         rng = self._rng
         people = owners >= 0
         kept = people if people.any() and rng.random() < 0.7 else owners == FURNITURE
@@ -273,7 +273,7 @@ class RoomImagePainter:
 
 
 def _cosines(points: np.ndarray, faces: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Cosine (H, W) between ray and surface of points in the camera frame, 0 where nothing is."""
+    """Return the cosine (H, W) between ray and surface of points in the camera frame, 0 where nothing is."""
     height, width = triangle.shape
     corners = points[faces[np.maximum(triangle, 0)]]
     normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])

@@ -63,7 +63,7 @@ def load_crops(path: Path) -> Crops:
 
 
 def batch_of(data: Crops, rows: torch.Tensor | slice, augment: bool) -> Crops:
-    """Network input (B, 3, 96, 96), target joints (B, 20, 3) in metres, their weights and visibility (B, 20).
+    """Return network input (B, 3, 96, 96), target joints (B, 20, 3) in metres, their weights and visibility (B, 20).
 
     Augmentation: centre, depth, size (0.88 to 1.12), rotation in the image, mirror image, coarse pixels, noise, lost
     patches and pixels, no information about occlusion, truncated feet, a missing hand, foot or head.
@@ -124,7 +124,7 @@ def batch_of(data: Crops, rows: torch.Tensor | slice, augment: bool) -> Crops:
 
 
 def held_out_text(net: JointNetwork, data: Crops, step: int = 250) -> str:
-    """Loss and errors on held-out crops in one line."""
+    """Return the loss and errors on held-out crops in one line."""
     losses, errors, swapped, seen_parts, scales = [], [], [], [], []
     net.eval()
     with torch.no_grad():

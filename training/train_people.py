@@ -38,7 +38,7 @@ def load_images(path: Path) -> Images:
 
 
 def batch_of(data: Images, rows: torch.Tensor | slice, augment: bool) -> tuple[torch.Tensor, torch.Tensor]:
-    """Depths (B, 128, 160), metres, and the owners (B, 64, 80) of each second pixel; `SHELL - 1` without measurement.
+    """Return depths (B, 128, 160), metres, and owners (B, 64, 80) of each second pixel; `SHELL - 1` = no measurement.
 
     Augmentation: mirror image, size (0.92 to 1.08), noise, lost patches, a nearer end of the range.
     """
@@ -64,7 +64,7 @@ def batch_of(data: Images, rows: torch.Tensor | slice, augment: bool) -> tuple[t
 
 
 def weights_of(owner: torch.Tensor) -> dict[str, torch.Tensor]:
-    """Weight (B, h, w) of each pixel, by the kinds of `SHARES`, before their normalisation."""
+    """Return the weight (B, h, w) of each pixel, by the kinds of `SHARES`, before their normalisation."""
     person = torch.zeros(owner.shape)
     for number in range(len(COUNTS) - 1):
         mask = owner == number
@@ -73,20 +73,20 @@ def weights_of(owner: torch.Tensor) -> dict[str, torch.Tensor]:
 
 
 def weight_of(owner: torch.Tensor, totals: dict[str, float]) -> torch.Tensor:
-    """Weight (B, h, w) of each pixel; `totals`: mean weight of an image by kind, see `mean_weights`."""
+    """Return the weight (B, h, w) of each pixel; `totals`: mean weight of an image by kind, see `mean_weights`."""
     parts = weights_of(owner)
     return sum((parts[kind] * (share / totals[kind]) for kind, share in SHARES.items()), torch.zeros(()))
 
 
 def loss_of(log_odds: torch.Tensor, owner: torch.Tensor, totals: dict[str, float]) -> torch.Tensor:
-    """Weighted cross entropy; `totals` as of `weight_of`."""
+    """Return the weighted cross entropy; `totals` as of `weight_of`."""
     weight = weight_of(owner, totals)
     cost = functional.binary_cross_entropy_with_logits(log_odds.float(), (owner >= 0).float(), reduction="none")
     return (weight * cost).sum() / len(owner)
 
 
 def mean_weights(data: Images) -> dict[str, float]:
-    """Mean weight of an image, by kind."""
+    """Return the mean weight of an image, by kind."""
     totals = dict.fromkeys(SHARES, 0.0)
     for first in range(0, len(data[0]), 200):
         for kind, weight in weights_of(batch_of(data, slice(first, first + 200), augment=False)[1]).items():
@@ -95,7 +95,7 @@ def mean_weights(data: Images) -> dict[str, float]:
 
 
 def held_out_text(net: PersonNetwork, data: Images, totals: dict[str, float]) -> str:
-    """Loss, ranking and calibration on held-out images in one line."""
+    """Return the loss, ranking and calibration on held-out images in one line."""
     from sklearn.metrics import roc_auc_score
 
     losses, found, truths, weights = [], [], [], []

@@ -133,7 +133,7 @@ class WholeGraph:
     def _whole(
         self, layer: Layer, x: Values, exponent: int, plus: Values | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Whole weights and biases, as fine as exact sums allow, and the unit of each channel's sum in 2**exponent."""
+        """Return integer weights and biases, as fine as exact sums allow, and the exponent of each channel's unit."""
         weights, bias = layer.weights.astype(np.float64), layer.bias.astype(np.float64)
         largest = np.maximum(np.abs(weights).max(axis=(1, 2, 3)), 1e-9)
         power = np.ceil(np.log2(largest / FINEST))

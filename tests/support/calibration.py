@@ -9,7 +9,7 @@ BINS = 10
 
 
 def calibration_error(confidence: np.ndarray, correct: np.ndarray) -> float:
-    """Expected calibration error (Guo 2017, Eq. 3), in [0, 1]; NaN of nothing.
+    """Return the expected calibration error (Guo 2017, Eq. 3), in [0, 1]; NaN of nothing.
 
     Mean over the bins, weighted by their number of samples, of the difference between the mean confidence and the share
     that is correct.

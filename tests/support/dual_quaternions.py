@@ -49,7 +49,7 @@ def skin_dual(
 
 @njit(cache=True)
 def quaternion_of(rotation: np.ndarray, out: np.ndarray) -> None:
-    """Unit quaternion w, x, y, z of a rotation (3, 3), by its largest component; fills `out` (4,)."""
+    """Fill `out` (4,) with the unit quaternion w, x, y, z of a rotation (3, 3), by its largest component."""
     trace = rotation[0, 0] + rotation[1, 1] + rotation[2, 2]
     largest, most = -1, trace
     for a in range(3):
@@ -72,7 +72,7 @@ def quaternion_of(rotation: np.ndarray, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def _dual_part(real: np.ndarray, offset: np.ndarray, out: np.ndarray) -> None:
-    """Half the product of the pure quaternion `offset` (3,) and `real` (4,)."""
+    """Compute half the product of the pure quaternion `offset` (3,) and `real` (4,)."""
     w, x, y, z = real[0], real[1], real[2], real[3]
     t, u, v = offset[0], offset[1], offset[2]
     out[0] = -0.5 * (t * x + u * y + v * z)

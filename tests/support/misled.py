@@ -23,7 +23,7 @@ ARMS: np.ndarray = np.array(
 
 
 def wrong_pose(kind: str, pose: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A wrong version of `pose` (P,), level frame; `poses` (N, P) are those of the database."""
+    """Return a wrong version of `pose` (P,), level frame; `poses` (N, P) are those of the database."""
     own, position, yaw = canonicalise(pose)
     nowhere = np.zeros(4)
     if kind == "random pose":

@@ -27,7 +27,7 @@ _CHEST_CHAIN: np.ndarray = np.array(
 
 
 def about_up(yaw: np.ndarray | float) -> np.ndarray:
-    """Rotations by `yaw` (...), radians, about +y: float64 (..., 3, 3)."""
+    """Return rotations by `yaw` (...), radians, about +y: float64 (..., 3, 3)."""
     yaw = np.asarray(yaw, dtype=np.float64)
     out = np.zeros((*yaw.shape, 3, 3))
     out[..., 0, 0] = out[..., 2, 2] = np.cos(yaw)
@@ -38,7 +38,7 @@ def about_up(yaw: np.ndarray | float) -> np.ndarray:
 
 
 def body_facing(poses: np.ndarray) -> np.ndarray:
-    """Facing yaw of poses (..., P): float64 (...), radians in (-pi, pi].
+    """Return the facing yaw of poses (..., P): float64 (...), radians in (-pi, pi].
 
     The horizontal direction perpendicular to the mean left axis of hips and chest. It follows the torso's front, and
     keeps its direction in a deep bend forwards or backwards.
@@ -136,7 +136,7 @@ def mirrored(poses: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def torso_length(body: Body) -> float:
-    """Distance of neck and pelvis in the rest pose, metres: the scale of offsets between bodies."""
+    """Return the distance of neck and pelvis in the rest pose, metres: the scale of offsets between bodies."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
     reported = skeleton.REPORTED.index
     return math.dist(joints[reported("neck")], joints[reported("pelvis")])

@@ -39,7 +39,7 @@ class LeafSearch:
         self._low, self._high = nearest.boxes(self._columns, self._starts)
 
     def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The `k` (at most N) nearest features of each query, nearest first.
+        """Return the `k` (at most N) nearest features of each query, nearest first.
 
         Parameters
         ----------

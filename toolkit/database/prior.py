@@ -50,7 +50,7 @@ def variables(poses: np.ndarray, body: Body) -> np.ndarray:
 
 
 def leg_length(body: Body) -> float:
-    """Metres from the hips to the lowest joint in the rest pose."""
+    """Return the distance from the hips to the lowest joint in the rest pose."""
     return float(-min(body.joints[:, 1].min(), body.sites[:, 1].min()))
 
 

@@ -25,7 +25,7 @@ def _limb(tip: str) -> list[str]:
 
 
 def _bones() -> tuple[np.ndarray, np.ndarray]:
-    """Ends of each bone (B, 2), and the end effector of its limb (B,), -1 for the trunk."""
+    """Return the ends of each bone (B, 2), and the end effector of its limb (B,), -1 for the trunk."""
     bones, owners = [], []
     for i, tip in enumerate(skeleton.END_EFFECTORS):
         names = _limb(tip)

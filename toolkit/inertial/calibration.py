@@ -81,7 +81,7 @@ class Calibration:
         return tuple(limb for limb, sensor in self.sensors.items() if sensor.status != REFUSED)
 
     def mounting(self, limb: str) -> np.ndarray:
-        """`q_L` (4,) of a sensor."""
+        """Return `q_L` (4,) of a sensor."""
         return np.array(self.sensors[limb].mounting)
 
     def check_placement(self, sensors: Sensors) -> None:

@@ -40,12 +40,12 @@ def joint_of(limb: str) -> int:
 
 
 def bone_axis(limb: str) -> np.ndarray:
-    """Unit vector (3,) along the part's bone in its frame."""
+    """Return the unit vector (3,) along the part's bone in its frame."""
     return np.eye(3)[BONE_AXIS[PARTS[limb][0].removeprefix("left_").removeprefix("right_")]]
 
 
 def bone_vector(body: Body, limb: str) -> np.ndarray:
-    """Vector from the joint of a part of the body to its other end at rest: float64 (3,), metres."""
+    """Return the vector from the joint of a part of the body to its other end at rest: float64 (3,), metres."""
     start, stop = PARTS[limb]
     points = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     points.update(zip((name for name, _ in skeleton.SITES), body.sites, strict=True))
@@ -109,10 +109,10 @@ class TrackedMotion:
         return replace(motion, sensors_sha256=info.sensors_sha256)
 
     def orientation(self, limb: str) -> np.ndarray:
-        """Orientation of a part of the body, level frame: float64 (T, 4)."""
+        """Return the orientation of a part of the body, level frame: float64 (T, 4)."""
         return self.rotations[:, joint_of(limb)]
 
     def middle(self, limb: str) -> np.ndarray:
-        """Path of the midpoint of a part of the body, level frame: float64 (T, 3), metres."""
+        """Return the path of the midpoint of a part of the body, level frame: float64 (T, 3), metres."""
         j = joint_of(limb)
         return self.origins[:, j] + quat.rotate(self.rotations[:, j], 0.5 * bone_vector(self.body, limb))

@@ -60,18 +60,18 @@ class SynchronisedSegment:
 
 
 def weights_of(angles: np.ndarray, scale: float) -> np.ndarray:
-    """Geman-McClure weights (N,) of angles (N,), radians."""
+    """Return the Geman-McClure weights (N,) of angles (N,), radians."""
     return 1.0 / (1.0 + (angles / scale) ** 2) ** 2
 
 
 def cost_of(angles: np.ndarray, scale: float) -> float:
-    """Mean Geman-McClure cost, 0 to 1."""
+    """Return the mean Geman-McClure cost, 0 to 1."""
     squares = (angles / scale) ** 2
     return float((squares / (1.0 + squares)).mean())
 
 
 def park_martin(alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
-    """`X` (4,) with `A X = X B`, from rotation vectors (N, 3) of A and B (thesis, Eq. 7.13 and 7.14).
+    """Return `X` (4,) with `A X = X B`, from rotation vectors (N, 3) of A and B (thesis, Eq. 7.13 and 7.14).
 
     `X` comes from the singular vectors with determinant +1, which equals `(M'M)^(-1/2) M'` if that is a rotation.
     """
@@ -80,7 +80,7 @@ def park_martin(alpha: np.ndarray, beta: np.ndarray) -> np.ndarray:
 
 
 def thesis(inertial: np.ndarray, tracked: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """`q_G` and `q_L` (4,) of orientations (N, 4), by pairs of frames (thesis, Eq. 7.7 and 7.15)."""
+    """Return `q_G` and `q_L` (4,) of orientations (N, 4), by pairs of frames (thesis, Eq. 7.7 and 7.15)."""
     s, t = rng.integers(0, len(tracked), size=(2, 4000))
     turn = quat.angle(tracked[s], tracked[t])
     least_turn = np.radians(20.0)  # radians, smallest rotation between two frames with a usable axis
@@ -97,12 +97,12 @@ def thesis(inertial: np.ndarray, tracked: np.ndarray, rng: np.random.Generator) 
 
 
 def residuals(segment: SynchronisedSegment, world: np.ndarray, mounting: np.ndarray) -> np.ndarray:
-    """Angles (N,), radians, between measured and tracked orientation (thesis, Eq. 7.16)."""
+    """Return the angles (N,), radians, between measured and tracked orientation (thesis, Eq. 7.16)."""
     return quat.angle(segment.inertial, quat.multiply(quat.multiply(world, segment.tracked), mounting))
 
 
 def yaw(psi: float) -> np.ndarray:
-    """Rotation about y (4,)."""
+    """Return the rotation about y (4,)."""
     return quat.exponential([0.0, psi, 0.0])
 
 
@@ -212,12 +212,12 @@ def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: i
 
 
 def _verticals(orientations: np.ndarray) -> np.ndarray:
-    """Vertical in the local frame of orientations (N, 4): float64 (N, 3)."""
+    """Return the vertical in the local frame of orientations (N, 4): float64 (N, 3)."""
     return quat.rotate(quat.conjugate(orientations), np.array([0.0, 1.0, 0.0]))
 
 
 def _wahba(vectors: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) that best aligns `vectors` (N, 3) with `targets` (N, 3)."""
+    """Return the rotation (3, 3) that best aligns `vectors` (N, 3) with `targets` (N, 3)."""
     u, _, v = np.linalg.svd(np.einsum("n,ni,nj->ij", weights, targets, vectors))
     return np.asarray((u * [1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
 
@@ -228,11 +228,11 @@ def _mounting(own: Sequence[tuple[SynchronisedSegment, np.ndarray]], psis: np.nd
 
 
 def _turns(segment: SynchronisedSegment, mounting: np.ndarray) -> np.ndarray:
-    """Rotations (N, 4) from the tracked to the measured limb; about y for exact data."""
+    """Return rotations (N, 4) from the tracked to the measured limb; about y for exact data."""
     return quat.multiply(quat.multiply(segment.inertial, quat.conjugate(mounting)), quat.conjugate(segment.tracked))
 
 
 def _heading_of(turns: np.ndarray, weights: np.ndarray) -> float:
-    """Weighted mean angle about y of rotations (N, 4), from the first eigenvector of their w, y part."""
+    """Return the weighted mean angle about y of rotations (N, 4), from the first eigenvector of their w, y part."""
     w, y = turns[:, 0], turns[:, 2]
     return float(np.arctan2(2.0 * (weights * w * y).sum(), (weights * (w * w - y * y)).sum()))

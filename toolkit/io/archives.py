@@ -164,13 +164,13 @@ def load_archive(
 
 
 def archive_names(path: str | Path, error: type[DepthMocapError], hint: str) -> list[str]:
-    """Names of the arrays in an NPZ file; raises as `load_archive`."""
+    """Return the names of the arrays in an NPZ file; raises as `load_archive`."""
     with opened(Path(path), error, hint) as archive:
         return _names(archive)
 
 
 def checksum_of(arrays: Mapping[str, np.ndarray]) -> str:
-    """SHA-256 of names, types, shapes and values, as hexadecimal digits; the order of the names does not matter."""
+    """Return the SHA-256 of names, types, shapes and values, as hexadecimal digits, in any order of the names."""
     digest = hashlib.sha256()
     for name in sorted(arrays):
         array = np.asarray(arrays[name])

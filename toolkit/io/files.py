@@ -263,7 +263,7 @@ def _owner(path: Path) -> str:
 
 
 def sha256_of(path: str | Path) -> str:
-    """SHA-256 of a file, or of the sorted names and contents of a folder's files, as hexadecimal digits."""
+    """Return the SHA-256 of a file, or of the sorted names and contents of a folder's files, as hexadecimal digits."""
     root, digest = Path(path), hashlib.sha256()
     folder = root.is_dir()
     for file in _files_below(root) if folder else [root]:
@@ -304,7 +304,7 @@ def _files_below(folder: Path) -> list[Path]:
 
 
 def shipped(*parts: str) -> Path:
-    """Path of a file under `configs/`, in a checkout as well as in an installed wheel.
+    """Return the path of a file under `configs/`, in a checkout as well as in an installed wheel.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def png_of(figure: Figure, dpi: int = 110) -> bytes:
-    """A figure as a PNG file."""
+    """Return a figure as a PNG file."""
     stream = io.BytesIO()
     figure.savefig(stream, dpi=dpi, format="png")
     return stream.getvalue()
@@ -55,7 +55,7 @@ def picture(png: bytes, words: str) -> str:
 
 
 def csv_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """The text of a CSV file."""
+    """Return the text of a CSV file."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)

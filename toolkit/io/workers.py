@@ -47,7 +47,7 @@ class Task:
 
     @classmethod
     def of(cls, function: Callable[..., Any]) -> Task:
-        """A task of this process."""
+        """Return a task of this process."""
         return cls(function, os.getpid())
 
     def __call__(self, *arguments: Any) -> Any:

@@ -38,7 +38,7 @@ def rotation_from_vector(x: float, y: float, z: float, out: np.ndarray) -> None:
 
 @njit(cache=True)
 def left_jacobian(x: float, y: float, z: float, out: np.ndarray) -> None:
-    """Left Jacobian of the exponential map: d exp(w) = [out dw]x exp(w), written into `out` (3, 3)."""
+    """Write the left Jacobian of the exponential map into `out` (3, 3): d exp(w) = [out dw]x exp(w)."""
     t2 = x * x + y * y + z * z
     if t2 < 1e-8:
         b, c = 0.5 - t2 / 24.0, 1.0 / 6.0 - t2 / 120.0
@@ -97,7 +97,7 @@ def world_axes(
     dof_axis: np.ndarray,
     axes: np.ndarray,
 ) -> None:
-    """Instantaneous rotation axis of every rotational pose entry: fills `axes` (D, 3).
+    """Fill `axes` (D, 3) with the instantaneous rotation axis of every rotational pose entry.
 
     A change d of entry k turns everything below its joint by `d * axes[k]` about the joint's origin (thesis 6.2.2).
     """
@@ -121,7 +121,7 @@ def world_axes(
 
 @njit(cache=True)
 def carry(joint: np.ndarray, offset: np.ndarray, rotations: np.ndarray, origins: np.ndarray, out: np.ndarray) -> None:
-    """Points that joints carry: point n at `offset[n]` from joint `joint[n]` in the rest pose; fills `out` (N, 3)."""
+    """Place points that joints carry into `out` (N, 3): point n rests at `offset[n]` from joint `joint[n]`."""
     for n in range(joint.shape[0]):
         j = joint[n]
         for a in range(3):
@@ -140,7 +140,7 @@ def skin(
     origins: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Linear blend skinning of rest `points` (V, 3) with up to S joints a point; fills `out` (V, 3)."""
+    """Fill `out` (V, 3) with rest `points` (V, 3) after linear blend skinning, up to S joints per point."""
     for v in range(points.shape[0]):
         x = y = z = 0.0
         for s in range(skin_joints.shape[1]):
@@ -173,7 +173,7 @@ def key_points(
     joints_out: np.ndarray,
     points_out: np.ndarray,
 ) -> None:
-    """Joint centres (N, J, 3) and skinned points (N, V, 3) of many poses (N, P)."""
+    """Compute joint centres (N, J, 3) and skinned points (N, V, 3) of many poses (N, P)."""
     count = parents.shape[0]
     vectors = np.empty((count, 3))
     rotations = np.empty((count, 3, 3))

@@ -17,7 +17,7 @@ SWEEPS = 30
 
 
 def rotated(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Rows of `points` (..., 3) times `rotation` (3, 3), as `points @ rotation`: float64 (..., 3)."""
+    """Return the rows of `points` (..., 3) times `rotation` (3, 3), as `points @ rotation`: float64 (..., 3)."""
     rows = np.ascontiguousarray(points, dtype=np.float64)
     out = np.empty_like(rows)
     _rotate(rows.reshape(-1, 3), np.ascontiguousarray(rotation, dtype=np.float64), out.reshape(-1, 3))
@@ -25,14 +25,14 @@ def rotated(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 
 def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """`matrix @ vector` of (M, N) and (N,): float64 (M,)."""
+    """Return `matrix @ vector` of (M, N) and (N,): float64 (M,)."""
     out = np.empty(len(matrix))
     _times(_plain(matrix), _plain(vector), out)
     return out
 
 
 def combined(weights: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The sum over k of `weights[k] * rows[k]`, (K,) and (K, ...): float64 (...); zero without rows."""
+    """Return the sum over k of `weights[k] * rows[k]`, (K,) and (K, ...): float64 (...); zero without rows."""
     flat = _plain(rows).reshape(len(rows), math.prod(rows.shape[1:]))
     out = np.zeros(flat.shape[1])
     _combine(_plain(weights), flat, out)
@@ -40,47 +40,47 @@ def combined(weights: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def dot(first: np.ndarray, second: np.ndarray) -> float:
-    """Scalar product of two vectors (N,)."""
+    """Return the scalar product of two vectors (N,)."""
     return float(_dot(_plain(first), _plain(second)))
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
-    """Length of each of `vectors` (N, 3): float64 (N,); NaN stays NaN."""
+    """Return the length of each of `vectors` (N, 3): float64 (N,); NaN stays NaN."""
     out = np.empty(len(vectors))
     _lengths(_plain(vectors), out)
     return out
 
 
 def distances_from_axis(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Distance of each of `points` (N, 3) from the line through the origin along the unit `axis` (3,): float64 (N,)."""
+    """Return the distances of `points` (N, 3) from the line through the origin along the unit `axis` (3,): float64 (N,)."""
     out = np.empty(len(points))
     _distances_from_axis(_plain(points), _plain(axis), out)
     return out
 
 
 def dots(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Scalar product of each row of `first` and of `second`, both (N, 3): float64 (N,)."""
+    """Return the scalar product of each row of `first` and of `second`, both (N, 3): float64 (N,)."""
     out = np.empty(len(first))
     _dots(_plain(first), _plain(second), out)
     return out
 
 
 def gram(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """`columns' diag(weights) columns` of (N, K) and (N,): float64 (K, K)."""
+    """Return `columns' diag(weights) columns` of (N, K) and (N,): float64 (K, K)."""
     out = np.zeros((columns.shape[1], columns.shape[1]))
     _gram(_plain(columns), _plain(weights), out)
     return out
 
 
 def moments(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (D,) and covariance (D, D), divided by N - 1, of `rows` (N, D); zeros where there is but one row."""
+    """Return the mean (D,) and covariance (D, D), divided by N - 1, of `rows` (N, D); zeros for a single row."""
     plain = _plain(rows)
     mean = combined(np.full(len(plain), 1.0 / len(plain)), plain)
     return mean, gram(plain - mean, np.full(len(plain), 1.0 / max(len(plain) - 1, 1)))
 
 
 def solved(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """The x of `matrix @ x = vector` for a symmetric positive definite matrix (N, N): float64 (N,).
+    """Return the x of `matrix @ x = vector` for a symmetric positive definite matrix (N, N): float64 (N,).
 
     Raises
     ------
@@ -95,7 +95,7 @@ def solved(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of a symmetric positive definite matrix (N, N): float64 (N, N), symmetric.
+    """Return the inverse of a symmetric positive definite matrix (N, N): float64 (N, N), symmetric.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def principal_axes(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (3,), rising, and unit eigenvectors (3, 3), its columns, of a symmetric `matrix` (3, 3)."""
+    """Return eigenvalues (3,), rising, and unit eigenvectors (3, 3), its columns, of a symmetric `matrix` (3, 3)."""
     diagonal, vectors = np.array(matrix, dtype=np.float64), np.eye(3)
     _jacobi(diagonal, vectors)
     order = sorted(range(3), key=lambda axis: diagonal[axis, axis])

@@ -97,7 +97,7 @@ def read_amass(path: str | Path) -> Clip:
 
 @cache
 def _rest() -> dict[str, np.ndarray]:
-    """Rest position of every SMPL joint, and of hands and skull, in our neutral body, metres."""
+    """Return the rest position of every SMPL joint, and of hands and skull, in our neutral body, metres."""
     body = load_body("neutral")
     ours = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     ours |= {name: site for (name, _), site in zip(skeleton.SITES, body.sites, strict=True)}

@@ -186,7 +186,7 @@ def _rest_points(tree: _Tree, offsets: np.ndarray) -> np.ndarray:
 
 
 def _channels(tree: _Tree, offsets: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Local rotations (T, J, 3, 3) and positions relative to the parent (T, J, 3), file units."""
+    """Return the local rotations (T, J, 3, 3) and positions relative to the parent (T, J, 3), file units."""
     frames, joints = len(values), len(tree.names)
     rotations = np.broadcast_to(np.eye(3), (frames, joints, 3, 3)).copy()
     translations = np.broadcast_to(offsets, (frames, joints, 3)).copy()

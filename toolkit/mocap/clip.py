@@ -86,7 +86,7 @@ class Clip:
         return positions
 
     def world(self) -> tuple[np.ndarray, np.ndarray]:
-        """World positions (T, J, 3) in metres and rotations (T, J, 3, 3) of every joint in every frame."""
+        """Return the world positions (T, J, 3) in metres and rotations (T, J, 3, 3) of every joint in every frame."""
         positions = np.empty((len(self), len(self.joint_names), 3))
         rotations = np.empty_like(self.rotations)
         for j, parent in enumerate(self.parents):
@@ -196,7 +196,7 @@ class PoseClip:
 
 
 def _sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
-    """Times (seconds from the first frame) at `new_rate` within `frames` frames at `rate`."""
+    """Return times (seconds from the first frame) at `new_rate` within `frames` frames at `rate`."""
     count = int(np.floor((frames - 1) / rate * new_rate + 1e-9)) + 1
     return np.arange(count) / new_rate
 

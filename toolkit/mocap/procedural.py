@@ -218,7 +218,7 @@ def _habit(rng: np.random.Generator) -> np.ndarray:
 
 
 def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Slow noise (T, C): three sines below 1 Hz per control; none on `hop` and on the legs' sideways angles."""
+    """Return slow noise (T, C): three sines below 1 Hz per control; none on `hop` and on the legs' sideways angles."""
     noise = np.zeros((len(moments), len(CONTROLS)))
     wobble = 2.5  # degrees, standard deviation of the slow wobble of every angle
     for column, name in enumerate(CONTROLS):

@@ -91,7 +91,7 @@ class _Chain:
         return skeleton.JOINT_NAMES[skeleton.PARENTS[skeleton.JOINT_NAMES.index(joint)]]
 
     def bone(self, start: str, stop: str) -> tuple[np.ndarray, float]:
-        """Rest direction (3,) and length of a bone of the body."""
+        """Return the rest direction (3,) and length of a bone of the body."""
         step = self.points[stop] - self.points[start]
         return unit(step), float(np.linalg.norm(step))
 
@@ -240,7 +240,7 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
 
 
 def _turns_about(axis: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """Complex (T,): rotation about unit `axis` from `start` to `stop`, times their distances from the axis."""
+    """Return complex (T,): rotation about unit `axis` from `start` to `stop`, times their distances from the axis."""
     along = (axis * start).sum(axis=1) * (axis * stop).sum(axis=1)
     return (start * stop).sum(axis=1) - along + 1j * (axis * np.cross(start, stop)).sum(axis=1)
 
@@ -262,7 +262,7 @@ def _root_positions(source: KeyedClip, body: Body, poses: np.ndarray) -> np.ndar
 
 
 def _leg_length(rest: dict[str, np.ndarray]) -> float:
-    """Mean length of both legs, hip to ankle along the bones, metres."""
+    """Return the mean length of both legs, hip to ankle along the bones, metres."""
     bones = [
         (f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (("hip", "knee"), ("knee", "ankle"))
     ]

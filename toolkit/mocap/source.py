@@ -103,7 +103,7 @@ class KeyedClip:
         return key in self.rest
 
     def bone(self, start: str, stop: str) -> tuple[np.ndarray, np.ndarray]:
-        """Unit vectors from one key to another: at rest in the body frame (3,), and in every frame (T, 3)."""
+        """Return unit vectors from one key to another: at rest in the body frame (3,), and in every frame (T, 3)."""
         return unit(self.rest[stop] - self.rest[start]), unit(self.positions[stop] - self.positions[start])
 
     def _from(self, start: int) -> KeyedClip:

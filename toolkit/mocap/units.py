@@ -16,7 +16,7 @@ inches of a child."""
 
 
 def rest_size(points: np.ndarray) -> float:
-    """Largest extent of a rest pose (N, 3) along an axis: about the height, in T-pose and A-pose alike."""
+    """Return the largest extent of a rest pose (N, 3) along an axis: about the height, in T-pose and A-pose alike."""
     return float(np.ptp(points, axis=0).max()) if len(points) else 0.0
 
 

@@ -67,7 +67,7 @@ def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, know
 
 
 def _sole_speeds(placed: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
+    """Return the speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
     if len(times) < 2:
         return np.zeros(placed.shape[:2])
     smoothing = 0.045  # seconds, standard deviation of the Gaussian over the sole before speeds are computed

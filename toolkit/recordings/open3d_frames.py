@@ -69,7 +69,7 @@ def recording_of_open3d(
 
 
 def _options(options: dict[str, Any]) -> ReaderOptions:
-    """Reader options, with the numbers of an intrinsic object of Open3D in its place."""
+    """Return the reader options, with the numbers of an intrinsic object of Open3D in its place."""
     camera: Any = options.get("intrinsics")
     if not hasattr(camera, "get_focal_length"):
         return ReaderOptions.from_mapping(options)
@@ -79,7 +79,7 @@ def _options(options: dict[str, Any]) -> ReaderOptions:
 
 
 def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> CloudFrames:
-    """Frames of clouds; the first one that has points decides on the camera."""
+    """Return frames of clouds; the first one that has points decides on the camera."""
 
     def loaded(i: int) -> RawCloud | None:
         points, colors = _arrays(clouds[i])
@@ -104,7 +104,7 @@ def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> 
 
 
 def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int] | None:
-    """Height and width of the image whose pixels the points (N, 3) are, row by row; None where they are none.
+    """Return height and width of the image whose pixels the points (N, 3) are, row by row; None if they are none.
 
     `size` (width, height) is tried alone if it is given, else every image of N pixels up to `WIDEST`.
     """
@@ -120,7 +120,7 @@ def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int
 
 
 def _arrays(cloud: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Points float64 (N, 3), a copy, and colours (N, 3) or None of a cloud of either kind."""
+    """Return points float64 (N, 3), a copy, and colours (N, 3) or None of a cloud of either kind."""
     if hasattr(cloud, "point"):
         points = cloud.point.positions.cpu().numpy() if "positions" in cloud.point else np.zeros((0, 3))
         colors = cloud.point.colors.cpu().numpy() if "colors" in cloud.point else None
@@ -156,6 +156,6 @@ class _Images(FrameSource):
 
 
 def _pixels(image: Any) -> np.ndarray:
-    """An image of either kind as an array (H, W) or (H, W, C)."""
+    """Return an image of either kind as an array (H, W) or (H, W, C)."""
     array = image.cpu().numpy() if hasattr(image, "cpu") else np.asarray(image)
     return array[..., 0] if array.ndim == 3 and array.shape[2] == 1 else array

@@ -132,7 +132,7 @@ def recording_of(
 
 
 def _array(values: Any, what: str) -> np.ndarray:
-    """Depth as an array in which masked values are 0, no measurement."""
+    """Return depth as an array in which masked values are 0, no measurement."""
     if isinstance(values, np.ma.MaskedArray):
         return np.asarray(values.filled(0))
     if not isinstance(values, (np.ndarray, Sequence)) or isinstance(values, (str, bytes)):

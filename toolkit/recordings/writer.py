@@ -103,7 +103,7 @@ class RecordingWriter:
         reference_joints: np.ndarray | None,
         joints_2d: np.ndarray | None,
     ) -> None:
-        """Joints of all frames, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame.
+        """Set the joints of all frames, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame.
 
         `joints_2d` holds u, v in pixels of the depth image and confidence (see `Joints2D`).
         """

@@ -123,7 +123,7 @@ class Camera:
         return (self.height, self.width)
 
     def project(self, points_camera: np.ndarray) -> np.ndarray:
-        """Pixels (u, v) of points (..., 3) in the camera frame, without lens distortion: float64 (..., 2).
+        """Return pixels (u, v) of points (..., 3) in the camera frame, without lens distortion: float64 (..., 2).
 
         Points at or behind the camera plane give NaN.
         """
@@ -132,7 +132,7 @@ class Camera:
         return np.stack([points[..., 0] / z * self.fx + self.cx, points[..., 1] / z * self.fy + self.cy], axis=-1)
 
     def rays(self) -> np.ndarray:
-        """Slopes x/z and y/z of every pixel's ray, lens distortion removed: float64 (H, W, 2)."""
+        """Return slopes x/z and y/z of every pixel's ray, lens distortion removed: float64 (H, W, 2)."""
         return self._rays
 
     @cached_property

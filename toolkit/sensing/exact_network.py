@@ -16,7 +16,7 @@ from toolkit.io.errors import ModelError
 
 
 def digest_path(path: Path) -> Path:
-    """Path of the digest of a network's outputs, beside its file."""
+    """Return the path of the digest of a network's outputs, beside its file."""
     return path.with_suffix(".sha256")
 
 
@@ -73,7 +73,7 @@ class _Loaded:
             return tuple(self._net.forward(self._outputs))
 
     def digest(self, shape: tuple[int, ...]) -> str:
-        """SHA-256 of the outputs for a fixed input."""
+        """Return the SHA-256 of the outputs for a fixed input."""
         # Different values of the check input, -128 to 128, and the step between neighbours in that range.
         check_levels, check_stride = 257, 7919
         values = (np.arange(np.prod(shape)) * check_stride) % check_levels - check_levels // 2

@@ -117,7 +117,7 @@ def _height_of(body: Body, joint: str) -> float:
 
 
 def _ring(body: Body, height: float) -> np.ndarray:
-    """Extent of trunk and legs in each direction at a height of the rest pose: float64 (AROUND,), metres."""
+    """Return the extent of trunk and legs in each direction at a height of the rest pose: float64 (AROUND,), metres."""
     carriers = [skeleton.JOINT_NAMES.index(name) for name in (*TRUNK[:2], *LEGS)]
     near = np.isin(body.part, carriers) & (np.abs(body.vertices[:, 1] - height) < 0.02 * body.height)
     angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)

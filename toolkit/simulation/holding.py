@@ -41,6 +41,6 @@ def held_mesh(kind: str, joints: np.ndarray) -> Mesh:
 
 
 def _facing(joints: np.ndarray) -> float:
-    """Yaw about +y from +z of the hips of joints (20, 3), radians."""
+    """Return the yaw about +y from +z of the hips of joints (20, 3), radians."""
     across = joints[skeleton.REPORTED.index("left_hip")] - joints[skeleton.REPORTED.index("right_hip")]
     return float(np.arctan2(-across[2], across[0]))

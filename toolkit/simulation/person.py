@@ -196,7 +196,7 @@ def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarra
 
 
 def mean_place(poses: np.ndarray) -> np.ndarray:
-    """Mean position (3,) of the root on the floor in poses (T, P)."""
+    """Return the mean position (3,) of the root on the floor in poses (T, P)."""
     return poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
 
 
@@ -218,13 +218,13 @@ def turned(poses: np.ndarray, angle: float | np.ndarray, about: np.ndarray, to: 
 
 
 def floor_of(body: Body, poses: np.ndarray) -> float:
-    """Height of the floor below poses (T, P), metres: the lowest point of the body in at most 100 of them."""
+    """Return the height of the floor below poses (T, P), metres: the body's lowest point in at most 100 of them."""
     rows = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
     return min(float(body.vertex_positions(poses[row])[:, 1].min()) for row in rows)
 
 
 def facing_of(pose: np.ndarray) -> float:
-    """Yaw of a pose's facing about +y from +z, radians."""
+    """Return the yaw of a pose's facing about +y from +z, radians."""
     from scipy.spatial.transform import Rotation
 
     facing = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).as_matrix()[:, 2]
@@ -310,7 +310,7 @@ def check_clear(performers: Sequence[PosedSubject], boxes: Sequence[Box]) -> Non
 
 
 def _trunk(performer: PosedSubject, start: int, end: int) -> np.ndarray:
-    """Points along the trunk in frames `start` to `end`: float64 (end - start, 5, 3)."""
+    """Return points along the trunk in frames `start` to `end`: float64 (end - start, 5, 3)."""
     joints = performer.body.joint_positions(performer.poses[start - performer.first : end - performer.first])
     pelvis, neck = (joints[:, skeleton.REPORTED.index(name)][:, None] for name in ("pelvis", "neck"))
     return pelvis + np.linspace(0.0, 1.0, 5)[:, None] * (neck - pelvis)

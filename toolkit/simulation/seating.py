@@ -36,12 +36,12 @@ SETTINGS = SeatingSettings()
 
 
 def seat_height(body: Body) -> float:
-    """Height of the seat of a person, metres."""
+    """Return the height of the seat of a person, metres."""
     return SEAT_HEIGHT * body.height
 
 
 def neck_height(body: Body, *, seated: bool = False) -> float:
-    """Height of the neck above the floor of an upright person, metres: at the shoulders."""
+    """Return the height of the neck above the floor of an upright person, metres: at the shoulders."""
     neck = 0.30  # height of a seated person's neck above the seat, as a fraction of the stature
     if seated:
         return seat_height(body) + neck * body.height
@@ -106,7 +106,7 @@ def _legs(count: int, body: Body, rng: np.random.Generator) -> np.ndarray:
 
 
 def _thigh_bottom(body: Body, pose: np.ndarray) -> float:
-    """Height of the lowest skin of seat and thighs relative to the root, for a root at the origin."""
+    """Return the height of the lowest skin of seat and thighs relative to the root, for a root at the origin."""
     carriers = [skeleton.JOINT_NAMES.index(name) for name in ("root", "left_hip", "right_hip")]
     skin = body.vertex_positions(pose)[np.isin(body.part, carriers)]
     near = np.abs(skin[:, 2]) < 0.1 * body.height

@@ -39,7 +39,7 @@ SENSOR_RANGE = 8.0
 
 
 def _ray_lengths(camera: Camera) -> np.ndarray:
-    """Length of the ray of unit depth through each pixel, (H, W)."""
+    """Return the length of the ray of unit depth through each pixel, (H, W)."""
     return np.sqrt(1.0 + (camera.rays() ** 2).sum(axis=-1))
 
 
@@ -93,7 +93,7 @@ class TimeOfFlight:
         return _ray_lengths(self.camera.scaled(self.rays_per_side)).astype(np.float32)
 
     def _pixels(self, values: np.ndarray) -> np.ndarray:
-        """Mean over the rays of each pixel."""
+        """Return the mean over the rays of each pixel."""
         side = self.rays_per_side
         return sum(values[i::side, j::side] for i in range(side) for j in range(side)) / np.float32(side**2)
 
@@ -155,7 +155,7 @@ class KinectV1:
         return rows, np.clip(np.arange(width) + shift[1], 0, width - 1)
 
     def _lit(self, depth: np.ndarray) -> np.ndarray:
-        """Bool (H, W) mask of the points that the projector illuminates.
+        """Return bool (H, W) mask of the points that the projector illuminates.
 
         For the projector a point is at column `u - fx b / z`. If a point further right in the image has a smaller
         column, it is between the projector and this point.
@@ -172,7 +172,7 @@ class KinectV1:
         return noise / noise.std()
 
     def _at_edges(self, depth: np.ndarray) -> np.ndarray:
-        """Bool (H, W): pixels whose 3 x 3 neighbourhood spans more than 10 cm."""
+        """Return bool (H, W): pixels whose 3 x 3 neighbourhood spans more than 10 cm."""
         from scipy.ndimage import maximum_filter, minimum_filter
 
         return maximum_filter(depth, 3) - minimum_filter(depth, 3) > 0.1

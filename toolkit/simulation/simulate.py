@@ -249,7 +249,7 @@ class Simulation:
         return Surface(depth, cosine, person, reflectance)
 
     def _cosines(self, hits: Hits, where: np.ndarray) -> np.ndarray:
-        """Cosines between rays and normals at the pixels `where` (N,): float32; both sides of a face count."""
+        """Return cosines between rays and normals at the pixels `where` (N,): float32; both sides of a face count."""
         rays, normals = self._rays.rays()[where], hits.normals[where]
         towards = np.abs((normals[:, :2] * rays).sum(axis=1) + normals[:, 2])
         return np.clip(towards / np.sqrt(1.0 + (rays**2).sum(axis=1)), 0.0, 1.0).astype(np.float32)

@@ -75,7 +75,7 @@ class Baak2013Tracker(HybridTracker):
     occluded_limbs = None
 
     def queries(self) -> list[Query]:
-        """The lookup by the first five extrema (5.4.3), unless the settings leave it out."""
+        """Return the lookup by the first five extrema (5.4.3), unless the settings leave it out."""
         wanted = "extrema" in self.settings.hypotheses
         return [PublishedQuery(self._poses, self.settings.lookup)] if wanted else []
 

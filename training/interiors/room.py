@@ -147,7 +147,7 @@ def _overlap(first: np.ndarray, second: np.ndarray) -> bool:
 
 
 def _distance(footprint: np.ndarray, places: np.ndarray) -> float:
-    """Smallest distance of points (N, 2) from a footprint (2, 2), metres; infinite without points."""
+    """Return the smallest distance of points (N, 2) from a footprint (2, 2), metres; infinite without points."""
     if not len(places):
         return np.inf
     outside = np.maximum(np.maximum(footprint[0] - places, places - footprint[1]), 0.0)

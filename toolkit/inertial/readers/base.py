@@ -80,7 +80,7 @@ class Columns:
         return all(name in self.names for name in names)
 
     def numbers(self, *names: str) -> np.ndarray:
-        """Float64 (N, len(names)).
+        """Return the columns of these names: float64 (N, len(names)).
 
         Raises
         ------

@@ -21,7 +21,7 @@ def _relax_from(
     stamps: np.ndarray,
     stamp: int,
 ) -> int:
-    """One pass (lines 6 to 13 of Algorithm 1) from `start`, whose distance is 0; returns the number of nodes visited.
+    """Run one pass (Algorithm 1, lines 6 to 13) from `start`, whose distance is 0; return the number of visited nodes.
 
     Nodes are taken first come, first served, from a ring in which each waits at most once, and not nearest first: on
     the grid of a depth image hops and lengths grow alike, so that few nodes are corrected and taken again (which counts
@@ -61,7 +61,7 @@ def _relax_from(
 
 @njit(cache=True)
 def farthest(distances: np.ndarray) -> int:
-    """Lowest node with the largest finite distance (line 14 of Algorithm 1); -1 if that distance is 0."""
+    """Return the lowest node with the largest finite distance (line 14 of Algorithm 1); -1 if that distance is 0."""
     largest = 0
     for node in range(distances.shape[0]):
         value = distances[node]
@@ -89,7 +89,7 @@ def extrema(
     reach: np.ndarray,
     visited: np.ndarray,
 ) -> int:
-    """Algorithm 1: fills `nodes`, `reach` (units) and `visited` (n,) and returns the number of extrema found.
+    """Run Algorithm 1: fill `nodes`, `reach` (units) and `visited` (n,); return the number of extrema.
 
     Edges of a node stand in its row of the table `neighbours`, `lengths` (R, D), and in the rows that `more` (R,) names
     from there on, -1 ending the chain; a free place names its own node and length 0. `from_source` (N,) receives the
@@ -122,7 +122,7 @@ def path_to_source(
     node: int,
     path: np.ndarray,
 ) -> int:
-    """Nodes of a shortest path from `node` to the source of the map `from_source` (N,): fills `path` and returns how
+    """Fill `path` with a shortest path from `node` to the source of the map `from_source` (N,), and return how
     many.
 
     Of several shortest ways on, the first in the table is taken. `node` must be reached.
@@ -149,7 +149,7 @@ def path_to_source(
 
 @njit(cache=True)
 def nearest_in_component(points: np.ndarray, roots: np.ndarray, root: int, centre: np.ndarray) -> int:
-    """Lowest of the nodes of the component `root` that are nearest to `centre` (3,); -1 if it has none."""
+    """Return the lowest of the nodes of the component `root` that are nearest to `centre` (3,); -1 if it has none."""
     best = np.inf
     nearest = -1
     for node in range(points.shape[0]):

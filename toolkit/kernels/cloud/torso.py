@@ -49,7 +49,7 @@ def mean_shift(
 def ball_moments(
     points: np.ndarray, centre: np.ndarray, radius: float, mean: np.ndarray, covariance: np.ndarray
 ) -> int:
-    """Mean (3,) and covariance (3, 3) of the points within `radius` of `centre`; returns how many there are.
+    """Return the number of points within `radius` of `centre`; fill their mean (3,) and covariance (3, 3).
 
     Sums are taken about the centre, so that they keep their digits far from the origin.
     """

@@ -66,7 +66,7 @@ def is_observed(x: float, y: float, z: float, evidence: np.ndarray, intrinsics: 
 
 @njit(cache=True)
 def observed_points(points: np.ndarray, evidence: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
-    """`is_observed` of each of `points` (N, 3), camera frame; fills `out` (N,) float64 with 1 and 0."""
+    """Fill `out` (N,) float64 with 1 where `is_observed` holds for `points` (N, 3), camera frame, else with 0."""
     for i in range(points.shape[0]):
         out[i] = 1.0 if is_observed(points[i, 0], points[i, 1], points[i, 2], evidence, intrinsics) else 0.0
 

@@ -100,7 +100,7 @@ def _turn(rotation: np.ndarray, points: np.ndarray) -> None:
 
 @njit(cache=True)
 def place_balls(poses: np.ndarray, rig: Rig, balls: np.ndarray) -> None:
-    """Balls of every pose (N, P), level frame: fills `balls` (N, B, 3), camera frame."""
+    """Fill `balls` (N, B, 3), camera frame, with those of every pose (N, P), level frame."""
     joints = rig.parents.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     for n in range(poses.shape[0]):
@@ -111,7 +111,7 @@ def place_balls(poses: np.ndarray, rig: Rig, balls: np.ndarray) -> None:
 
 @njit(cache=True)
 def draw(pose: np.ndarray, rig: Rig, intrinsics: np.ndarray, depth: np.ndarray) -> None:
-    """The rig's mesh in a pose (P,): fills `depth` (H, W), metres, 0 where nothing is."""
+    """Draw the rig's mesh in a pose (P,) into `depth` (H, W), metres, 0 where nothing is."""
     joints = rig.parents.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     forward_kinematics(pose, rig.parents, rig.rest, rig.dof_joint, rig.dof_axis, vectors, rotations, origins)
@@ -126,7 +126,7 @@ def draw(pose: np.ndarray, rig: Rig, intrinsics: np.ndarray, depth: np.ndarray) 
 
 @njit(cache=True)
 def trunk_costs(poses: np.ndarray, rig: Rig, tile: Tile, costs: np.ndarray) -> None:
-    """Cost of the rig's mesh in every pose (N, P): fills `costs` (N,)."""
+    """Fill `costs` (N,) with those of the rig's mesh in every pose (N, P)."""
     depth = np.empty(tile.seen.shape)
     for n in range(poses.shape[0]):
         draw(poses[n], rig, tile.intrinsics, depth)
@@ -135,7 +135,7 @@ def trunk_costs(poses: np.ndarray, rig: Rig, tile: Tile, costs: np.ndarray) -> N
 
 @njit(cache=True)
 def draw_bases(poses: np.ndarray, rig: Rig, tile: Tile, bases: np.ndarray) -> None:
-    """The rig's mesh in each of `poses` (K, P): fills `bases` (K, H, W), metres."""
+    """Draw the rig's mesh in each of `poses` (K, P) into `bases` (K, H, W), metres."""
     for k in range(poses.shape[0]):
         draw(poses[k], rig, tile.intrinsics, bases[k])
 
@@ -150,7 +150,7 @@ def _slopes(across: float, along: float, radius: float) -> tuple[float, float]:
 
 @njit(cache=True)
 def ball_depth(ball: np.ndarray, radius: float, x: float, y: float) -> float:
-    """Depth at which the ray (x, y, 1) first meets a ball, camera frame, metres; 0 where it misses."""
+    """Return the depth at which the ray (x, y, 1) first meets a ball, camera frame, metres; 0 where it misses."""
     a = x * x + y * y + 1.0
     b = x * ball[0] + y * ball[1] + ball[2]
     c = ball[0] * ball[0] + ball[1] * ball[1] + ball[2] * ball[2] - radius * radius
@@ -162,7 +162,7 @@ def ball_depth(ball: np.ndarray, radius: float, x: float, y: float) -> float:
 def overlay_costs(
     balls: np.ndarray, radii: np.ndarray, base_of: np.ndarray, bases: np.ndarray, tile: Tile, costs: np.ndarray
 ) -> None:
-    """Cost of the balls (N, B, 3), camera frame, each particle's laid over its base: fills `costs` (N,).
+    """Fill `costs` (N,) with those of the balls (N, B, 3), camera frame, each particle's over its base.
 
     `base_of` (N,) says which of `bases` (K, H, W) belongs to a particle. Balls nearer than `NEAREST` are not drawn.
     """

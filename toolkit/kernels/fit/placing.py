@@ -30,7 +30,7 @@ def place(
     points_out: np.ndarray,
     normals_out: np.ndarray,
 ) -> None:
-    """Forward kinematics and linear blend skinning, turned by `turn` (3, 3), R_camera_level.
+    """Place and skin a body in one pose (linear blend skinning), turned by `turn` (3, 3), R_camera_level.
 
     Rotate placed joints and axes by `turn` (3, 3), R_camera_level.
     """
@@ -81,7 +81,7 @@ def skin_surface(
     points_out: np.ndarray,
     normals_out: np.ndarray,
 ) -> None:
-    """Linear blend skinning of rest `points` and `normals` (V, 3) by one blended motion a vertex.
+    """Skin rest `points` and `normals` (V, 3) by one blended motion per vertex (linear blend skinning).
 
     Fills `points_out` and the unit `normals_out` (V, 3).
     """

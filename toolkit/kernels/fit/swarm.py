@@ -91,7 +91,7 @@ class Buffers(NamedTuple):
 
 
 def buffers_for(figure: Figure, shape: tuple[int, int]) -> Buffers:
-    """Working memory for a figure and an image of (h, w) pixels."""
+    """Return working memory for a figure and an image of (h, w) pixels."""
     joints, count = len(figure.parents), len(figure.vertices)
     return Buffers(
         np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3)),
@@ -102,7 +102,7 @@ def buffers_for(figure: Figure, shape: tuple[int, int]) -> Buffers:
 
 @njit(cache=True)
 def place(position: np.ndarray, figure: Figure, view: View, buffers: Buffers) -> None:
-    """Joints of a position (P,), camera frame: fills `rotations` and `origins` of the buffers."""
+    """Fill `rotations` and `origins` of the buffers with the joints of a position (P,), camera frame."""
     turned, moved = buffers.turned, buffers.moved
     rotations, origins = buffers.rotations, buffers.origins
     forward_kinematics(
@@ -123,7 +123,7 @@ def place(position: np.ndarray, figure: Figure, view: View, buffers: Buffers) ->
 
 @njit(cache=True)
 def _draw_balls(figure: Figure, view: View, buffers: Buffers) -> None:
-    """Balls where pixels' rays meet them first: raises `inverse` of the buffers to 1/z."""
+    """Draw balls where the pixels' rays meet them first: raise `inverse` of the buffers to 1/z."""
     rotations, origins, inverse = buffers.rotations, buffers.origins, buffers.inverse
     fx, fy, cx, cy = view.intrinsics[0], view.intrinsics[1], view.intrinsics[2], view.intrinsics[3]
     per_u, per_v = 1.0 / fx, 1.0 / fy
@@ -158,7 +158,7 @@ def _draw_balls(figure: Figure, view: View, buffers: Buffers) -> None:
 
 @njit(cache=True)
 def _draw_triangles(figure: Figure, view: View, buffers: Buffers) -> None:
-    """Triangles that face the camera, at pixel centres: raises `inverse` of the buffers to 1/z."""
+    """Draw triangles that face the camera, at pixel centres: raise `inverse` of the buffers to 1/z."""
     inverse, projected, faces = buffers.inverse, buffers.projected, figure.faces
     skin(
         figure.vertices, figure.skin_joints, figure.skin_weights, figure.rest, buffers.rotations, buffers.origins,

@@ -203,7 +203,7 @@ def bounded_step(
     damping: np.ndarray,
     step: np.ndarray,
 ) -> None:
-    """Damped least squares within joint limits: the x of least `x' (matrix + diag(damping)) x / 2 + vector' x`.
+    """Minimise `x' (matrix + diag(damping)) x / 2 + vector' x` within joint limits (damped least squares).
 
     Entries that would leave their limits are fixed at the limit and the rest is solved again (an active set that only
     grows, three rounds); what still leaves is clamped. Fills `step` (P,). A matrix that is not positive definite gives

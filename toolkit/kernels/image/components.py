@@ -10,7 +10,7 @@ from numba import njit
 def label_components(
     depth: np.ndarray, box: np.ndarray, jump_mm: float, jump_per_m2: float, labels: np.ndarray, parents: np.ndarray
 ) -> int:
-    """Connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
+    """Return the connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
 
     Two 4-neighbours belong together if their depths differ by at most `jump_mm + jump_per_m2 * z^2` (z in metres,
     the nearer one). Fills `labels` (as `depth`) with 1..n in the order of each component's first pixel, 0 where
@@ -85,7 +85,7 @@ def component_extents(
     sizes: np.ndarray,
     extents: np.ndarray,
 ) -> None:
-    """Pixels, area and extent of every component in the window `box` of a padded image.
+    """Measure pixels, area and extent of every component in the window `box` of a padded image.
 
     Fills `sizes` (n, 2): pixels, and the area in m^2 that they cover at their depth, seen head on; and `extents` (n,
     3, 2): lowest and highest x, y, z after turning by `rotation` (3, 3), metres.
@@ -132,7 +132,7 @@ def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np
 
 @njit(cache=True)
 def label_overlap(labels: np.ndarray, box: np.ndarray, count: int, depth: np.ndarray, overlap: np.ndarray) -> None:
-    """Pixels of every component that are also set in `depth`, of the same padded shape; fills `overlap` (n,)."""
+    """Count in `overlap` (n,) the pixels of every component that are also set in `depth`, of the same padded shape."""
     overlap[:count] = 0
     for v in range(box[0], box[1]):
         for u in range(box[2], box[3]):

@@ -151,7 +151,7 @@ def delete_contour(
 
 @njit(cache=True)
 def median_to_metres(padded: np.ndarray, box: np.ndarray, step: int, median: bool, out: np.ndarray) -> None:
-    """Depth in metres of every `step`-th pixel of the window `box`, after a 3x3 median over the set pixels (0 stays 0).
+    """Write the depth in metres of every `step`-th pixel of `box`, after a 3x3 median of set pixels (0 stays 0).
 
     For an even number of set pixels the lower of the two middle ones is taken, which is a depth that was measured.
     `out` is float32 (ceil(H / step), ceil(W / step)), zero outside the window already.
@@ -202,8 +202,9 @@ def _lower_median(values: np.ndarray, n: int) -> int:
 def _least_and_median(
     a: int, b: int, c: int, d: int, e: int, f: int, g: int, h: int, i: int
 ) -> tuple[int, int]:  # fmt: skip
-    """Least and median without branches: sorted rows, then the median of the largest low, the middle middle and the
-    least high.
+    """Return least and median without branches.
+
+    Rows are sorted; then the median of the largest low, the middle middle and the least high is taken.
     """
     a0, a1, a2 = _sorted_3(a, b, c)
     b0, b1, b2 = _sorted_3(d, e, f)
@@ -230,8 +231,9 @@ def mark(depth: np.ndarray, mask: np.ndarray, value: float, out: np.ndarray) -> 
 
 @njit(cache=True)
 def count_around(mask: np.ndarray, pixels: np.ndarray, reach: int, counts: np.ndarray, areas: np.ndarray) -> None:
-    """Of the window of `reach` pixels around each of the flat `pixels` (N,), cut at the border of `mask` (H, W):
-    fills how many pixels are set, `counts` (N,), and how many there are, `areas` (N,).
+    """Count set pixels, `counts` (N,), and all pixels, `areas` (N,), in the windows around the flat `pixels` (N,).
+
+    A window reaches `reach` pixels in each direction, up to the border of `mask` (H, W).
     """
     height, width = mask.shape
     for i in range(pixels.shape[0]):
@@ -246,9 +248,7 @@ def count_around(mask: np.ndarray, pixels: np.ndarray, reach: int, counts: np.nd
 
 @njit(cache=True)
 def z_buffer(points: np.ndarray, intrinsics: np.ndarray, image: np.ndarray) -> None:
-    """Depth of the nearest of `points` (N, 3) in every pixel; `image` (H, W) is 0 where there is none, and must come
-    so.
-    """
+    """Write the depth of the nearest of `points` (N, 3) into every pixel of `image` (H, W), which is 0 before."""
     height, width = image.shape
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     for n in range(points.shape[0]):

@@ -108,7 +108,7 @@ def _behind(depth: np.ndarray, place: _Place, across: float, upwards: float) -> 
 
 @njit(cache=True)
 def _roundness(depth: np.ndarray, place: _Place, inside: np.ndarray, deep: float, radius: float) -> float:
-    """Roundness beside that of a sphere, 0 to 1; negative where less than two thirds of the places are on a head."""
+    """Return the roundness relative to a sphere, 0 to 1; negative if less than two thirds of the places are on a head."""
     on, total, count = 0, 0.0, 0
     for k in range(inside.shape[0]):
         d = _behind(depth, place, inside[k, 0], inside[k, 1])
@@ -125,7 +125,7 @@ def _roundness(depth: np.ndarray, place: _Place, inside: np.ndarray, deep: float
 
 @njit(cache=True)
 def _space(depth: np.ndarray, place: _Place, around: np.ndarray, behind: float, unmeasured: float) -> float:
-    """Share of the places around that are free; negative where a third is not, or hardly any on one side."""
+    """Return the fraction of the places around that are free; negative if a third is not, or one side is occupied."""
     free, contradicted, left, right = 0.0, 0, 0.0, 0.0
     for k in range(around.shape[0]):
         d = _behind(depth, place, around[k, 0], around[k, 1])
@@ -148,7 +148,7 @@ def _space(depth: np.ndarray, place: _Place, around: np.ndarray, behind: float, 
 
 @njit(cache=True)
 def _support(depth: np.ndarray, place: _Place, shoulders: np.ndarray, reach: float) -> float:
-    """Share of the measured shoulders' places at the head's depth; negative where too few are, or were measured."""
+    """Return the fraction of the measured shoulder places at the head's depth; negative if too few are measured or fit."""
     seen, below = 0, 0
     for k in range(shoulders.shape[0]):
         d = _behind(depth, place, shoulders[k, 0], shoulders[k, 1])
@@ -163,7 +163,7 @@ def _support(depth: np.ndarray, place: _Place, shoulders: np.ndarray, reach: flo
 
 @njit(cache=True)
 def mark_near(points: np.ndarray, place: np.ndarray, radius: float, near: np.ndarray) -> None:
-    """Which of the pixels' `points` (H, W, 3) are nearer than `radius` to `place` (3,), metres; fills `near` (H, W)."""
+    """Mark in `near` (H, W) the pixels whose `points` (H, W, 3) are nearer than `radius` to `place` (3,), metres."""
     for v in range(near.shape[0]):
         for u in range(near.shape[1]):
             dx, dy, dz = points[v, u, 0] - place[0], points[v, u, 1] - place[1], points[v, u, 2] - place[2]
@@ -182,7 +182,7 @@ def run_widths(
     step: float,
     widths: np.ndarray,
 ) -> int:
-    """Metres across a surface, `mask` (H, W), in every row of the image from `lowest` to `highest` above `head` (3,).
+    """Return the width of a surface, `mask` (H, W), in the rows of the image from `lowest` to `highest` above `head`.
 
     In each row it is the run that is nearest below the head: a run ends where the next pixel of the surface is more
     than `gap` aside, or more than `step` nearer or farther. `points` (H, W, 3) are in the level frame, `depth` (H, W)

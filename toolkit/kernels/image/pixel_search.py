@@ -19,7 +19,7 @@ NEAREST = 0.05
 
 @njit(cache=True)
 def longest_ray(height: int, width: int, intrinsics: np.ndarray) -> float:
-    """Length of the longest viewing ray of unit z over the image."""
+    """Return the length of the longest viewing ray of unit z over the image."""
     a = max(abs(intrinsics[2]), abs(width - 1 - intrinsics[2])) / intrinsics[0]
     b = max(abs(intrinsics[3]), abs(height - 1 - intrinsics[3])) / intrinsics[1]
     return np.sqrt(1.0 + a * a + b * b)
@@ -37,7 +37,7 @@ def nearest_pixels(
     squared: np.ndarray,
     pixels: np.ndarray,
 ) -> int:
-    """The measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
+    """Return the measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
 
     Fills `squared` and `pixels` (flat index), both as long as points are wanted, nearest first, and returns how many
     were found. Ties go to the pixel met first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where

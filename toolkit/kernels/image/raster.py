@@ -25,7 +25,7 @@ def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None
 
 @njit(cache=True)
 def front_faces(projected: np.ndarray, faces: np.ndarray, height: int, width: int, front: np.ndarray) -> int:
-    """Which faces a pixel centre of an image of `height` times `width` can see; how many, their rows in `front` (F,).
+    """Return the number of faces that a pixel centre of an image of `height` times `width` sees; `front`: their rows.
 
     They face the camera, are completely in front of it, and their bounding box contains a pixel centre. The loop avoids
     branches, because their outcome is unpredictable and a misprediction costs more than the arithmetic.

@@ -13,7 +13,7 @@ GAP: int = 2
 def align(
     reference: np.ndarray, reference_weights: np.ndarray, warped: np.ndarray, warped_weights: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """Cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
+    """Return the cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
 
     A cell costs the mean absolute difference of its columns times the mean of their weights.
 
@@ -110,7 +110,7 @@ def ones(word: np.uint64) -> np.uint64:
 def distance_function(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Subsequence DTW of a quantised template with a document (thesis 5.2, Equations 5.2 and 5.3).
+    """Return the subsequence DTW of a quantised template with a document (thesis 5.2, Equations 5.2 and 5.3).
 
     Steps, template by document: (1,1) and (1,2) with weight 1, (2,1) with weight 2 on the cell that it arrives at.
 
@@ -265,7 +265,7 @@ def trace(
 
 @njit(cache=True)
 def minima_below(values: np.ndarray, threshold: float) -> np.ndarray:
-    """Last frames of the plateaus (of at least one frame) below `threshold` and below their neighbours: int64."""
+    """Return the last frames, int64, of the plateaus (of at least one frame) below `threshold` and their neighbours."""
     found = np.empty(values.shape[0], dtype=np.int64)
     count, falling = 0, True
     for j in range(values.shape[0]):

@@ -13,7 +13,7 @@ TILE: int = 1024
 def graded_distances(
     template: np.ndarray, weights: np.ndarray, columns: np.ndarray, document_starts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Subsequence DTW of an example with each of many documents (thesis 5.2, Eq. 5.3, on graded features).
+    """Return the subsequence DTW of an example with each of many documents (thesis 5.2, Eq. 5.3, on graded features).
 
     A cell costs the weighted sum of absolute differences. Steps, template by document: (1,1) and (1,2) with weight 1,
     (2,1) with weight 2 on its last cell. No step stays in a row, so a whole row is computed at once, in tiles of all

@@ -43,7 +43,7 @@ def correlation_over_lags(
     first: np.ndarray, first_known: np.ndarray, second: np.ndarray, second_known: np.ndarray, lags: np.ndarray,
     least: int, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Normalised correlation of `first[i]` with `second[i + lag]` over the rows known in both.
+    """Compute the normalised correlation of `first[i]` with `second[i + lag]` over the rows known in both.
 
     Parameters
     ----------

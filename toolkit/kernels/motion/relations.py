@@ -27,7 +27,7 @@ def named_joints(
     points: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray, gather: np.ndarray,
     joints_out: np.ndarray, axis_out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Weighted means of joint centres and skinned points of a pose (P,), and the root's x axis.
+    """Compute weighted means of joint centres and skinned points of a pose (P,), and the root's x axis.
 
     Parameters
     ----------
@@ -108,14 +108,14 @@ def quantities(
 
 @njit(cache=True)
 def quantities_of_all(joints: np.ndarray, axes: np.ndarray, rate: float, program: np.ndarray, out: np.ndarray) -> None:
-    """Every quantity of a program in all frames of a motion: `out` is float64 (T, Q), see `quantities`."""
+    """Compute every quantity of a program in all frames of a motion; `out` is float64 (T, Q), see `quantities`."""
     for frame in range(joints.shape[0]):
         quantities(joints, axes, frame, rate, program, out[frame])
 
 
 @njit(cache=True)
 def push_tests(values: np.ndarray, tests: np.ndarray, loose: np.ndarray, strict: np.ndarray, on: np.ndarray) -> None:
-    """One more frame of every feature: on from a strict test on, for as long as the loose one holds.
+    """Process one more frame of every feature: on from a strict test, for as long as the loose one holds.
 
     Parameters
     ----------

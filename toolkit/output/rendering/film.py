@@ -28,7 +28,7 @@ SHEET_COLUMNS, SHEET_FRAMES = 2, 12
 
 
 def settings_for(output: str | Path) -> RenderSettings:
-    """Default paint settings by suffix: the pictures of a contact sheet are small."""
+    """Return the default paint settings by suffix: the pictures of a contact sheet are small."""
     return RenderSettings(height=300, aspect=0.9) if Path(output).suffix == ".png" else RenderSettings()
 
 

@@ -52,7 +52,7 @@ def _vulkan_devices() -> int:
 
 
 def has_x_display() -> bool:
-    """True where an X server answers at `DISPLAY`."""
+    """Return True where an X server answers at `DISPLAY`."""
     if not os.environ.get("DISPLAY"):
         return False
     try:

@@ -299,7 +299,7 @@ def _gui() -> Any:
 
 
 def _materials(scaling: float) -> dict[str, Any]:
-    """Materials by layer; `scaling` is pixels of the screen per pixel of the window's size."""
+    """Return materials by layer; `scaling` is pixels of the screen per pixel of the window's size."""
     from open3d.visualization import rendering
 
     shaders = {

@@ -14,7 +14,7 @@ SUBPIXEL_BITS = 3  # fractional bits of pixel coordinates, for smooth motion of 
 
 @lru_cache(maxsize=1)
 def _depth_palette() -> np.ndarray:
-    """Depth palette from near to far, uint8 (256, 3): light to dark blue-grey, in contrast to orange, blue and pink."""
+    """Return a depth palette, uint8 (256, 3), from light to dark blue-grey, in contrast to orange, blue and pink."""
     stops = np.array([[238, 240, 232], [176, 190, 196], [108, 128, 146], [58, 74, 98], [30, 36, 56]], dtype=float)
     at = np.linspace(0, len(stops) - 1, 256)
     return np.column_stack([np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]).astype(np.uint8)

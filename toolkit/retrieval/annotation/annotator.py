@@ -179,7 +179,7 @@ class Annotator:
 
 
 def decide(distances: np.ndarray) -> np.ndarray:
-    """Class with the smallest modified distance per frame: int64 (L,), -1 if all are infinite (Equation 5.6)."""
+    """Return the class with the smallest modified distance per frame: int64 (L,), -1 if all are infinite (Eq. 5.6)."""
     return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
 
 

@@ -141,7 +141,7 @@ def _placed(motion: Motion, size: float, before: tuple[np.ndarray, np.ndarray] |
 
 
 def _yaw(pose: np.ndarray) -> float:
-    """Angle about +y of the line from right to left hip, counted from +x."""
+    """Return the angle about +y of the line from right to left hip, counted from +x."""
     across = pose[_LEFT_HIP] - pose[_RIGHT_HIP]
     return float(np.arctan2(-across[2], across[0]))
 

@@ -27,7 +27,7 @@ class Segment:
     score: float = 1.0
 
     def frames(self, frame_rate: float) -> tuple[int, int]:
-        """First frame and the frame after the last one."""
+        """Return the first frame and the frame after the last one."""
         return int(round(self.start * frame_rate)), int(round(self.end * frame_rate))
 
 
@@ -71,7 +71,7 @@ class Scores:
 
 
 def label_frames(segments: Sequence[Segment], labels: Sequence[str], length: int, frame_rate: float) -> np.ndarray:
-    """Bool (len(labels), length) mask of the frames with each label.
+    """Return the bool (len(labels), length) mask of the frames with each label.
 
     Raises
     ------
@@ -89,13 +89,13 @@ def label_frames(segments: Sequence[Segment], labels: Sequence[str], length: int
 
 
 def frame_scores(true: np.ndarray, found: np.ndarray) -> Scores:
-    """P1, R1 and F1 of bool (classes, frames) labels; an item is a frame with one label (Equations 5.8 to 5.12)."""
+    """Return P1, R1 and F1 of bool (classes, frames) labels; an item is a frame with one label (Eq. 5.8 to 5.12)."""
     both = int((true & found).sum())
     return Scores(both, int(found.sum()), both, int(true.sum()))
 
 
 def segment_scores(true: Sequence[Segment], found: Sequence[Segment]) -> Scores:
-    """P2, R2 and F2; a segment is correct if a segment of the other set with the same label overlaps it."""
+    """Return P2, R2 and F2; a segment is correct if a segment of the other set with the same label overlaps it."""
 
     def overlaps(segment: Segment, others: Sequence[Segment]) -> bool:
         return any(o.label == segment.label and o.start < segment.end and segment.start < o.end for o in others)

@@ -200,7 +200,7 @@ def documents_of(
 
 
 def correctness(places: Proposals, label: str, documents: Sequence[Document]) -> np.ndarray:
-    """Bool (H,): a place is correct if it and a true segment share half of the longer of the two."""
+    """Return bool (H,): a place is correct if it and a true segment share half of the longer of the two."""
     right = np.zeros(len(places.documents), dtype=bool)
     for k, (owner, first, last) in enumerate(zip(places.documents, places.firsts, places.lasts, strict=True)):
         document = documents[owner]

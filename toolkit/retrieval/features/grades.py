@@ -38,12 +38,12 @@ SPREADS: np.ndarray = np.array(
 
 
 def grade(margins: np.ndarray) -> np.ndarray:
-    """Grades int8 (40, T) of margins (40, T), each in its feature's unit, positive on the side of a 1."""
+    """Return the grades int8 (40, T) of margins (40, T), each in its feature's unit, positive on the side of a 1."""
     return np.rint(FULL * np.tanh(margins / SCALES[:, None])).astype(np.int8)
 
 
 def importance(grades: np.ndarray) -> np.ndarray:
-    """Weight of each feature in a comparison with an example's grades (40, T): float64 (40,), sum 1.
+    """Return the weight of each feature in a comparison with an example's grades (40, T): float64 (40,), sum 1.
 
     The weight grows with the standard deviation of the example's grades relative to the usual one: features that the
     example changes characterise its motion.
@@ -59,7 +59,7 @@ def coarse(grades: np.ndarray) -> np.ndarray:
 
 
 def coarse_rows(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means of `BLOCK_COLUMNS` columns of many consecutive documents.
+    """Return the means of `BLOCK_COLUMNS` columns of many consecutive documents.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class BodyLengths:
         )
 
     def unit(self, name: str) -> float:
-        """Length of HR, HL, SW, HW, CN or BL; 1 for degrees."""
+        """Return the length of HR, HL, SW, HW, CN or BL; 1 for degrees."""
         return {
             "HR": self.humerus_right, "HL": self.humerus_left, "SW": self.shoulders, "HW": self.hips,
             "CN": self.chest_neck, "BL": self.body, "deg": 1.0,

@@ -292,7 +292,7 @@ def even_frames(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def frame_rate_of(timestamps: np.ndarray) -> float:
-    """Frames per second of `timestamps` (T,), seconds, from their median step; 30 if undefined."""
+    """Return the frames per second of `timestamps` (T,), seconds, from their median step; 30 if undefined."""
     steps = np.diff(timestamps)
     return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 

@@ -37,12 +37,12 @@ def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
 
 
 def spread(places: np.ndarray) -> np.ndarray:
-    """Root mean square distance of each limb from its mean position, float64 (8,), of positions (24, T)."""
+    """Return the root mean square distance of each limb from its mean position, float64 (8,), of positions (24, T)."""
     return np.asarray(np.sqrt(places.var(axis=1, dtype=np.float64).reshape(-1, 3).sum(axis=1)))
 
 
 def importance(places: np.ndarray) -> np.ndarray:
-    """Weight of each row in a comparison with an example's positions (24, T): float64 (24,), sum 1.
+    """Return the weight of each row in a comparison with an example's positions (24, T): float64 (24,), sum 1.
 
     As `grades.importance`, by limbs: limbs that the example moves count more than idle ones.
     """

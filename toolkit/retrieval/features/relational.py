@@ -87,7 +87,7 @@ class FeatureMatrix:
 
 
 def pack(values: np.ndarray) -> np.ndarray:
-    """Columns of a boolean matrix (up to 64, T) as bit words: uint64 (T,), row i is bit i."""
+    """Return the columns of a boolean matrix (up to 64, T) as bit words: uint64 (T,), row i is bit i."""
     words = np.zeros(values.shape[1], dtype=np.uint64)
     for i, row in enumerate(values):
         words |= row.astype(np.uint64) << np.uint64(i)
@@ -238,7 +238,7 @@ MIRROR: np.ndarray = np.array([_MEANINGS.index(_mirrored(meaning)) for meaning i
 
 
 def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> FeatureMatrix:
-    """All 40 features of a motion at 30 Hz (thesis 2.2).
+    """Return all 40 features of a motion at 30 Hz (thesis 2.2).
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
 
 
 def feature_columns(frames: int, frame_rate: float) -> np.ndarray:
-    """Frames of a motion nearest to a 30 Hz clock, the columns of its feature matrix: int64 (T30,)."""
+    """Return the frames of a motion nearest to a 30 Hz clock, the columns of its feature matrix: int64 (T30,)."""
     count = max(1, int(np.ceil(frames * FEATURE_RATE / frame_rate - 1e-9)))
     columns = np.rint(np.arange(count) * frame_rate / FEATURE_RATE).astype(np.int64)
     return np.minimum(columns, frames - 1)
@@ -287,7 +287,7 @@ _PLANES = (r.PLANE, r.NPLANE, r.VPLANE, r.VNPLANE)
 
 
 def native_features(motion: Motion, lengths: BodyLengths | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """All 40 features at the motion's own rate.
+    """Return all 40 features at the motion's own rate.
 
     Returns
     -------

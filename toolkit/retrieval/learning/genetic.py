@@ -160,7 +160,7 @@ class TrainingSet:
         return int(self.document_starts[-1])
 
     def retrieved(self, individual: Individual) -> np.ndarray:
-        """Documents with at least one hit (Algorithm 1), bool (D,)."""
+        """Return the documents with at least one hit (Algorithm 1), bool (D,)."""
         lists = [self._segments(mask, value) for mask, value in zip(individual.masks, individual.values, strict=True)]
         found = np.zeros(len(self.relevant), dtype=bool)
         ranges = keyframe_search(
@@ -175,7 +175,7 @@ class TrainingSet:
         return found
 
     def quality(self, individual: Individual, beta: float = SETTINGS.beta) -> Quality:
-        """Precision, recall and fitness of an individual on these documents."""
+        """Return the precision, recall and fitness of an individual on these documents."""
         return Quality.of(self.retrieved(individual), self.relevant, beta)
 
     def _segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray]:
@@ -198,7 +198,7 @@ class Breeder:
         self.positions = list(self.columns)
 
     def individual(self) -> Individual:
-        """Algorithm 2: K random columns of the template with random tolerances of their distances."""
+        """Return K random columns of the template with random tolerances of their distances."""
         wanted = round(self.rng.normal(SETTINGS.mean_keyframes, SETTINGS.keyframes_deviation))
         count = min(max(SETTINGS.fewest_keyframes, wanted), len(self.positions))
         chosen = sorted(self.rng.choice(self.positions, count, replace=False).tolist())
@@ -292,7 +292,7 @@ class Breeder:
 
 
 def sampled_universally(fitness: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Stochastic universal sampling (Baker 1987): `count` indices, each expected in proportion to its fitness."""
+    """Sample universally (Baker 1987) (Baker 1987): `count` indices, each expected in proportion to its fitness."""
     total = np.cumsum(fitness)
     if total[-1] <= 0.0:
         return rng.integers(len(fitness), size=count)
@@ -330,7 +330,7 @@ def evolve(
     rng: np.random.Generator,
     observe: Observer | None = None,
 ) -> Individual:
-    """Algorithm 3: the best individual after all generations."""
+    """Run Algorithm 3 and return the best individual after all generations."""
     breeder = Breeder(template, rng)
 
     def scored(individual: Individual) -> Scored:
@@ -348,7 +348,7 @@ def evolve(
 
 
 def tightened(documents: TrainingSet, individual: Individual) -> Individual:
-    """The same keyframes at greatest distances as small as finding as many relevant documents allows.
+    """Return the same keyframes at greatest distances as small as finding as many relevant documents allows.
 
     Of equally fit individuals evolution prefers the freer ones. What is free beyond need makes hits begin long before
     the motion; it loses nothing on cut clips, but in long documents.
@@ -367,14 +367,14 @@ def tightened(documents: TrainingSet, individual: Individual) -> Individual:
 
 
 def _with_greatest(individual: Individual, k: int, greatest: int) -> Individual:
-    """The individual with another greatest distance between its keyframes k and k + 1."""
+    """Return the individual with another greatest distance between its keyframes k and k + 1."""
     return replace(individual, maximum=(*individual.maximum[:k], greatest, *individual.maximum[k + 1 :]))
 
 
 def with_best_distances(
     training: TrainingSet, breeder: Breeder, keyframes: Sequence[PlacedKeyframe], settings: GeneticSettings
 ) -> Scored:
-    """Fixed keyframes with distances found in the same manner: Algorithm 2 for a start, then only their mutation."""
+    """Find distances for fixed keyframes in the same manner: Algorithm 2 for a start, then only their mutation."""
 
     def scored(individual: Individual) -> Scored:
         return Scored(individual, training.quality(individual).fitness)

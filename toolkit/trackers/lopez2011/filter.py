@@ -76,7 +76,7 @@ class UpperFilter:
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
         rng: np.random.Generator,
     ) -> np.ndarray:  # fmt: skip
-        """First layer: move, weight and resample the trunks of `particles` (N, P).
+        """Process the first layer: move, weight and resample the trunks of `particles` (N, P).
 
         `before` (P,) is the last estimate, `dt` the seconds since it.
         """
@@ -89,7 +89,7 @@ class UpperFilter:
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
         first: int, rng: np.random.Generator,
     ) -> Filtered:  # fmt: skip
-        """Second and third layer of `particles` (N, P): the arm `first` (0 left, 1 right), then the other."""
+        """Process the second and third layer of `particles` (N, P): arm `first` (0 left, 1 right), then the other."""
         poses = particles.copy()
         bases, base_of = self._bases(poses)
         poses = bases[base_of]

@@ -143,7 +143,7 @@ class SwarmSearch:
         return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), memory)
 
     def _frame(self, observation: Observation, state: PersonState) -> tuple[_Frame, float]:
-        """State of the search: the frame, and the duration of exchanged sides in seconds."""
+        """Return the state of the search: the frame, and the duration of exchanged sides in seconds."""
         s, cloud, doubts = self._discrepancy, observation.cloud, 0.0
         seen = seen_joints(observation, on_skin=s.published)
         if seen is not None and state.previous is not None and self._settings.sides is not None:
@@ -287,7 +287,7 @@ class _Frame:
 
 
 def _memory(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
-    """Memory between frames: poses (K, P), duration of exchanged sides, and time until the next global search."""
+    """Return the memory between frames: poses (K, P), duration of exchanged sides, time until the next global search."""
     return {"poses": poses, "doubts": np.array([doubts]), "rest": np.array([rest])}
 
 
