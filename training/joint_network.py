@@ -88,7 +88,7 @@ def decoded(anchors: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def features(depth: torch.Tensor, unobserved: torch.Tensor) -> torch.Tensor:
-    """Return the network input (B, 3, H, W) of depths (B, H, W), metres from the reference, NaN = nothing, and masks."""
+    """Return the network input (B, 3, H, W) of depths (B, H, W), metres from the reference, NaN = none, and masks."""
     valid = ~torch.isnan(depth)
     z = torch.where(valid, (2 * depth).clamp(-2, 2), torch.zeros(()))
     return torch.stack([valid.float(), z, unobserved.float()], 1)

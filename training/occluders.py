@@ -31,7 +31,7 @@ class Situation:
 
 
 def box(centre: np.ndarray, size: tuple[float, float, float], yaw: float) -> Mesh:
-    """Return a box of `size` (width, height, depth along x, y, z), metres, about its centre, turned by `yaw` about y."""
+    """Return a box of `size` (width, height, depth along x, y, z), metres, about its centre, turned by `yaw`."""
     corners = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = rotated(corners, np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]))

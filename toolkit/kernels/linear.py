@@ -52,7 +52,7 @@ def lengths(vectors: np.ndarray) -> np.ndarray:
 
 
 def distances_from_axis(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Return the distances of `points` (N, 3) from the line through the origin along the unit `axis` (3,): float64 (N,)."""
+    """Return the distances (N,) of `points` (N, 3) from the line through the origin along the unit `axis` (3,)."""
     out = np.empty(len(points))
     _distances_from_axis(_plain(points), _plain(axis), out)
     return out

@@ -47,7 +47,7 @@ class Cloud:
 
     @classmethod
     def from_open3d(cls, cloud: Any, camera: Camera, rotation: np.ndarray) -> Cloud:
-        """Return the cloud of an Open3D point cloud before an undistorted `camera`; the nearest point of a pixel counts.
+        """Return the cloud of an Open3D point cloud for an undistorted `camera`; the nearest point of a pixel counts.
 
         Parameters
         ----------

@@ -10,7 +10,7 @@ from numba import njit
 def label_components(
     depth: np.ndarray, box: np.ndarray, jump_mm: float, jump_per_m2: float, labels: np.ndarray, parents: np.ndarray
 ) -> int:
-    """Return the connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
+    """Label the connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
 
     Two 4-neighbours belong together if their depths differ by at most `jump_mm + jump_per_m2 * z^2` (z in metres,
     the nearer one). Fills `labels` (as `depth`) with 1..n in the order of each component's first pixel, 0 where

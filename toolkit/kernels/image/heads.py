@@ -108,7 +108,7 @@ def _behind(depth: np.ndarray, place: _Place, across: float, upwards: float) -> 
 
 @njit(cache=True)
 def _roundness(depth: np.ndarray, place: _Place, inside: np.ndarray, deep: float, radius: float) -> float:
-    """Return the roundness relative to a sphere, 0 to 1; negative if less than two thirds of the places are on a head."""
+    """Return the roundness relative to a sphere, 0 to 1; negative if under two thirds of the places are on a head."""
     on, total, count = 0, 0.0, 0
     for k in range(inside.shape[0]):
         d = _behind(depth, place, inside[k, 0], inside[k, 1])
@@ -148,7 +148,7 @@ def _space(depth: np.ndarray, place: _Place, around: np.ndarray, behind: float, 
 
 @njit(cache=True)
 def _support(depth: np.ndarray, place: _Place, shoulders: np.ndarray, reach: float) -> float:
-    """Return the fraction of the measured shoulder places at the head's depth; negative if too few are measured or fit."""
+    """Return the fraction of measured shoulder places at the head's depth; negative if too few are measured or fit."""
     seen, below = 0, 0
     for k in range(shoulders.shape[0]):
         d = _behind(depth, place, shoulders[k, 0], shoulders[k, 1])
@@ -182,11 +182,11 @@ def run_widths(
     step: float,
     widths: np.ndarray,
 ) -> int:
-    """Return the width of a surface, `mask` (H, W), in the rows of the image from `lowest` to `highest` above `head`.
+    """Measure the width of a surface, `mask` (H, W), in the rows of the image from `lowest` to `highest` above `head`.
 
     In each row it is the run that is nearest below the head: a run ends where the next pixel of the surface is more
     than `gap` aside, or more than `step` nearer or farther. `points` (H, W, 3) are in the level frame, `depth` (H, W)
-    is along the view. Fills `widths` (H,) in the order of the rows and returns in how many of them the surface is.
+    is along the view. Fills `widths` (H,) in the order of the rows and returns the number of rows with the surface.
     """
     count = 0
     for v in range(depth.shape[0]):

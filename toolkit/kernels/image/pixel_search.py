@@ -37,7 +37,7 @@ def nearest_pixels(
     squared: np.ndarray,
     pixels: np.ndarray,
 ) -> int:
-    """Return the measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
+    """Find the measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
 
     Fills `squared` and `pixels` (flat index), both as long as points are wanted, nearest first, and returns how many
     were found. Ties go to the pixel met first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where

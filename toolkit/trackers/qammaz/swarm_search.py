@@ -287,7 +287,7 @@ class _Frame:
 
 
 def _memory(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
-    """Return the memory between frames: poses (K, P), duration of exchanged sides, time until the next global search."""
+    """Return the memory between frames: poses (K, P), duration of exchanged sides, time to the next global search."""
     return {"poses": poses, "doubts": np.array([doubts]), "rest": np.array([rest])}
 
 
