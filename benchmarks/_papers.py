@@ -26,7 +26,7 @@ class Comparison:
     Attributes
     ----------
     source : table, figure or section of the paper
-    figure : what is measured, with its unit
+    figure : measured quantity with its unit
     name : of this number among those of the figure
     paper : number in the paper, or None where it only draws it
     here : number measured here, in the paper's unit, or None where it is not measured

@@ -121,8 +121,8 @@ def add_split_option(parser: argparse.ArgumentParser) -> None:
 def add_take_options(parser: argparse.ArgumentParser, frames: int = LONGEST) -> None:
     """Add the options that select a part of the simulated suite."""
     add_split_option(parser)
-    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
-    parser.add_argument("--frames", type=int, default=frames, help="at most so many frames of each take")
+    parser.add_argument("--takes", type=int, help="maximum number of takes of each group")
+    parser.add_argument("--frames", type=int, default=frames, help="maximum number of frames of each take")
 
 
 def add_database_options(parser: argparse.ArgumentParser) -> None:

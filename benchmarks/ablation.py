@@ -97,7 +97,7 @@ def main() -> None:
     """Track and score row after row, and write JSON."""
     parser = parser_of(__doc__)
     parser.add_argument("--rows", default=",".join(ROWS), help="comma-separated, out of: " + ", ".join(ROWS))
-    parser.add_argument("--takes", type=int, default=1, help="at most so many simulated recordings of each group")
+    parser.add_argument("--takes", type=int, default=1, help="maximum number of simulated recordings of each group")
     parser.add_argument("--rooms", type=Path, default=rooms.ROOMS, help="folder of the real rooms")
     add_database_options(parser)
     options = parser.parse_args()

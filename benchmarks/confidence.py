@@ -53,7 +53,7 @@ GROSS, SURE = 0.25, 0.7
 WEIGHTS = {"films": 0.7, "photographs": 0.2, "simulated": 0.1}
 """Weight of all joints of a kind together: the confidence is for real people, and photographs have uncovered limbs."""
 STILLS, APART_SECONDS = 4, 10.0
-"""Photographs of each real recording, and seconds between them, over which no pose is followed."""
+"""Number of photographs of each real recording, and seconds between them, too long to track a pose."""
 REGULARISATION = 10.0
 """Inverse strength of the L2 penalty of the regressions, whose inputs lie in [0, 1]."""
 SIGNS = tuple(1 if name in ("support", "observed", "precision") else -1 for name in FEATURES)
@@ -348,7 +348,7 @@ LABELS = {
 
 def parsed(parser: argparse.ArgumentParser, every: int) -> argparse.Namespace:
     """Parse the options of both parts."""
-    parser.add_argument("--every", type=int, default=every, help="every so many real recordings")
+    parser.add_argument("--every", type=int, default=every, help="step between the real recordings")
     parser.add_argument("--takes", type=int, default=1, help="simulated recordings of each group")
     parser.add_argument("--work", type=Path, default=WORK)
     parser.add_argument("--picture", type=Path, default=PICTURE, help="of the reliability")
@@ -356,7 +356,7 @@ def parsed(parser: argparse.ArgumentParser, every: int) -> argparse.Namespace:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"fit": fit, "judge": judge})
 
 

@@ -279,8 +279,8 @@ def tracked(options: argparse.Namespace) -> list[TrackedTake]:
 def simulated(parser: argparse.ArgumentParser) -> None:
     """Simulate, calibrate, compare, print, write JSON."""
     parser.add_argument("--split", choices=tuple(ACTORS), default="tune", help="report is not for tuning")
-    parser.add_argument("--clips", type=int, default=40, help="of the calibration part")
-    parser.add_argument("--tracks", type=int, default=8, help="takes that are tracked for the other parts")
+    parser.add_argument("--clips", type=int, default=40, help="clips of the calibration part")
+    parser.add_argument("--tracks", type=int, default=8, help="tracked takes of the other parts")
     add_database_options(parser)
     options = parser.parse_args()
     body = subject_body("neutral")

@@ -52,7 +52,7 @@ def _off(seen: Joints2D, pixels: np.ndarray, focal: tuple[float, float], z: np.n
 
 def followed(parser: argparse.ArgumentParser) -> None:
     """Track, compare, print, write JSON."""
-    parser.add_argument("--rows", default="swarm", help="names of settings files, or `not told`, with commas")
+    parser.add_argument("--rows", default="swarm", help="comma-separated settings files, or `not told`")
     add_database_options(parser)
     options = parser.parse_args()
     stored = options.work / "joints" / "realsense.npz"

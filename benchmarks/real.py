@@ -60,7 +60,7 @@ def agreement_in_time(run: Path, recording: Path) -> float:
 
 def tracked(parser: argparse.ArgumentParser) -> None:
     """Track, evaluate, print, write JSON."""
-    parser.add_argument("--stride", type=int, default=1, help="every so many recordings")
+    parser.add_argument("--stride", type=int, default=1, help="step between the recordings")
     parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join(ROWS))
     add_database_options(parser)
     options = parser.parse_args()
@@ -153,7 +153,7 @@ def lag(parser: argparse.ArgumentParser) -> None:
 
 
 def main() -> None:
-    """Run the part that is asked for."""
+    """Run the named part."""
     run_part(__doc__, {"tracked": tracked, "offsets": offsets, "lag": lag})
 
 

@@ -118,7 +118,7 @@ def build_database(
     ----------
     sources : mocap files (BVH, AMC), folders of them, or clips of our body; None = the bundled motions
     output : the database file (`.npz`)
-    sampling : which of the poses it holds
+    sampling : selection of the poses
     body : whose poses, joints and features they become; None = the neutral adult
     workers : processes; None = as many as there are processors
     strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
@@ -151,7 +151,7 @@ def build_database(
 
 
 class _Build:
-    """The stages of a build, told as they advance, and the seconds that each took by the wall clock."""
+    """Stages of a build: reports their progress and keeps their duration in seconds of wall clock."""
 
     def __init__(self, body: Body, sampling: Sampling, processes: int, report: Progress) -> None:
         self.body, self.sampling, self.processes, self.report = body, sampling, processes, report

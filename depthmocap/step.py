@@ -85,7 +85,7 @@ class Tracker:
     people : 1 tracks one person, in a room the largest one; a number or "all" several
     database, config, settings : see `depthmocap.track`
     background : (H, W), depth of the empty scene; without it a room is learned in the first 20 seconds
-    keep_track : whether the poses are kept for `track` and `tracks`: 1 kB for each person and frame
+    keep_track : True to keep the poses for `track` and `tracks`: 1 kB for each person and frame
     options : see `depthmocap.track`: depth_unit, up_camera, mirrored, rotate, ...
     """
 
@@ -129,7 +129,7 @@ class Tracker:
             The frame has another size or type than the first one, or its time is not after that of the one before.
             The tracker is as before: the next frame can be given.
         SegmentationError
-            The person cannot be told from the scene.
+            The person cannot be separated from the scene.
         """
         image = np.asarray(np.ma.filled(depth, 0))  # masked = no measurement
         with interrupts_deferred():

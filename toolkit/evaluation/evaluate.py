@@ -45,7 +45,7 @@ def evaluate_runs(
     runs : run folders of one person or of several, or folders that hold some
     references : files, or folders matched by the recording's stem; default: the recording of each run
     surface : also compute the figures that need all depth frames: hidden joints, extrema, overlap, residual
-    recording : where the recording of the one run has been moved to
+    recording : new place of the recording, for a single run
 
     Raises
     ------

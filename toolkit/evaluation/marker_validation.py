@@ -51,7 +51,7 @@ class Validation:
     joints, angles, strides : statistics
     times : float64 (T,), seconds of the frames in which both systems know something
     curves : angle -> (track, reference), each float64 (T,), degrees
-    notes : what a reader of the result has to know
+    notes : remarks about the result
     """
 
     person: str

@@ -92,7 +92,7 @@ def check_runs(
     calibration : a file or its content; None calibrates each run by itself
     truth : CSV with the columns limb, start, end in seconds, and run where there are several
     threshold : degrees between 0 and 180, above which a track errs
-    sync : how to compare clocks
+    sync : settings of the clock comparison
 
     Raises
     ------

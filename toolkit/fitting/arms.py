@@ -74,7 +74,7 @@ class ArmPoses:
     ----------
     poses : (N, P), of the database
     body : on which they are compared
-    count : how many are kept of either side
+    count : number of arms kept of either side
     """
 
     def __init__(self, poses: np.ndarray, body: Body, count: int) -> None:
@@ -95,7 +95,7 @@ class Arm:
 
     Attributes
     ----------
-    entries : int64 (D,), where its angles stand in a pose vector
+    entries : int64 (D,), indices of its angles in a pose vector
     angles : float64 (C, D), the arms of the database, radians
     chain : the arm as a chain of balls
     """

@@ -43,7 +43,7 @@ class Balls:
 
     Attributes
     ----------
-    joint : int64 (B,), which joint carries each
+    joint : int64 (B,), joint that carries each ball
     offset : float64 (B, 3), from that joint, metres
     radius : float64 (B,), metres: median distance of the joint's skin from the bone
     """

@@ -63,7 +63,7 @@ class Objective:
     Parameters
     ----------
     placer : places bodies before that camera
-    settings : what counts as visible and as explained
+    settings : thresholds of visible and of explained points
     pose_terms : whose energy is part of a comparison
     regressions : of the confidence; default: those of the package
     """

@@ -94,7 +94,7 @@ class Placer:
     Attributes
     ----------
     chosen : int64 (C,), see `choose_vertices`
-    front : bool (C,), which of them face forward in the rest pose
+    front : bool (C,), vertices that face forward in the rest pose
     around_joints : float64 (20, C), see `_chosen_around_joints`
     """
 
@@ -120,7 +120,7 @@ class PlacedBody:
 
     Attributes
     ----------
-    body, placer : what was placed, and before which camera
+    body, placer : the placed body, and its camera
     vertices, normals : float64 (V, 3)
     rotations, origins, axes : placed joints float64 (18, 3, 3), (18, 3) and rotation axes (40, 3)
     """

@@ -44,7 +44,7 @@ class Refiner:
     settings : of terms and iterations
     terms : terms of point pairs; None = those of the settings
     pose_terms : in the pose vector itself
-    system, solve : how the normal equations are put together and solved
+    system, solve : assembly and solution of the normal equations
     """
 
     def __init__(

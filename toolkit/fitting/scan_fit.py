@@ -48,7 +48,7 @@ class Scan(NamedTuple):
     body : estimated body of the person
     poses : float64 (N, P), of each view, level frame
     seen : bool (V,), vertices that were measured
-    residual : metres, median distance along the normals of what was measured from the body
+    residual : metres, median distance of measured points from the body along its normals
     """
 
     body: Body

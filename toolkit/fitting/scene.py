@@ -27,7 +27,7 @@ class Scene:
     intrinsics : float64 (4,) of that image
     seen : float32 (H, W): the same depth, 0 in the background and NaN in unobserved pixels
     samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
-    plain_samples : how many of the samples come before the extrema
+    plain_samples : number of samples before the extrema
     extrema : float64 (E, 3), camera frame: geodesic extrema (`E_I^20`)
     cut : bool (E,), extrema at cuts by the image border or an occluder, which are no limbs
     evidence, priors : evidence on the placed body, and priors on the pose, besides depth

@@ -13,5 +13,5 @@ HELD = 1.0
 
 
 def connected(before: np.ndarray, after: np.ndarray, seconds: float) -> bool:
-    """Return True if a person can have moved between two places (3,), metres, of two frames so many seconds apart."""
+    """Return True if a person can have moved between two places (3,), metres, of two frames `seconds` apart."""
     return bool(seconds <= HELD and np.sqrt(((after - before) ** 2).sum()) <= VISIBILITY_SHIFT + FASTEST * seconds)

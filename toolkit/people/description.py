@@ -171,7 +171,7 @@ def _advice(
     if not sightings:
         found.append("no person is seen: check --depth-unit and --intrinsics, or give --segment seed:U,V")
     elif len(sightings) == 1 and not surroundings.cut_out and recording.background is None:
-        found.append("--people all tells the person from the room, or give --background")
+        found.append("--people all separates the person from the room, or give --background")
     if recording.vertical.source == "assumed" and not surroundings.cut_out:
         found.append("--up X,Y,Z if the camera is tilted: no floor is seen")
     full_size = 300_000  # pixels of an image above which half resolution is used, four times as fast

@@ -28,19 +28,19 @@ from toolkit.people.view import CoarseCamera
 
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
 LASTING = 0.15  # of the samples, and at least 2, in which the room behind a person must be seen
-MOSTLY = 0.5  # of the samples at the background's depth: if so many are a person, the room there is not known
+MOSTLY = 0.5  # fraction of samples at the background's depth that show a person, above which the room there is unknown
 OFTEN = 0.12  # of the samples in which a moving pixel differs; a person who walks by covers it in fewer
 CLOSE_BY = 0.4  # m in depth, between one surface of a person and another that moves into its place
 SAME_PLACE = 0.2  # m between the heads of one figure
 HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there
 FIGURE = 0.5  # of the samples in which a thing that never moves has a person's shape, to be called a figure
-STILL = 0.98  # of the samples in which a pixel shows the same depth where nothing moves
+STILL = 0.98  # fraction of samples with the same depth in a pixel without motion
 ANOTHER_ROOM = 0.5  # of the pixels whose depth differs: two images show different rooms
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
 STANDS_WITHIN = 0.5  # m, horizontally, of the head of a person who stands: what is below it may be their legs
 BELOW = 0.4  # m, horizontally, of a head that stays: what is likely a person's there, and nearer the floor, is theirs
-ALONE = 0.1  # of the samples that show a person's legs: in so many the head is not found
+ALONE = 0.1  # fraction of the samples with a person's legs in which the head is not found
 JUDGED_SAMPLES = 8  # samples in which the classifier evaluates every pixel
 PATCH = 5  # pixels across, over which its answers are averaged: a forearm's width at 2 m
 LEAST_ODDS = -1.2  # of a still pixel that hangs on a person's head and is theirs: three in four of such pixels are

@@ -39,7 +39,7 @@ def live_finder(
     Parameters
     ----------
     first : a recording of the first frame, with the background if there is one
-    sensing : how depth is segmented and cleaned
+    sensing : settings of segmentation and depth filter
     people : number of people, None = all
     judge : person classifier
 
@@ -70,7 +70,7 @@ class RoomLearningFinder:
     Parameters
     ----------
     finder : of all people, before its first frame
-    sensing : how depth is cleaned
+    sensing : settings of the depth filter
     first : recording with the camera of the frames
     judge : person classifier
     floor : y of the floor, metres, level frame, None where it is not known

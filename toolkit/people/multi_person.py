@@ -60,7 +60,7 @@ class MultiPersonFinder:
     camera : of the raw frames, lens distortion included
     up_camera : (3,), the vertical in the camera frame
     surroundings : background model; None decides with the first frame
-    sensing : how depth is cleaned
+    sensing : settings of the depth filter
     most : maximum number of tracked people
     judge : person classifier; None for none
 

@@ -50,7 +50,7 @@ class PlausibilitySettings:
     sure, sure_in_room : log odds of a head from which on no other unit and no other orientation is tried, of people who
         are cut out and in a room, where 12 real recordings have 1.7 to 3.1
     person : log odds that a head needs in another unit or orientation
-    margin, margin_in_room : by how much it has to be better there
+    margin, margin_in_room : required improvement of the score there
     camera_height : metres above a visible floor that are evidence for the unit in a room where no person is seen
     stature : metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms
     unlike_person : log odds of a head below which what is cut out is not a person
@@ -79,8 +79,8 @@ class Concern:
 
     Attributes
     ----------
-    kind : what is doubtful
-    text : what was measured, and the option that helps
+    kind : subject of the concern
+    text : the measurement, and the option that helps
     """
 
     kind: Kind

@@ -56,7 +56,7 @@ def people_and_furniture(
         if good[k] and not covered and not _part_of(view, heads[k], arms[k], people, surfaces):
             people.append(heads[k])
             surfaces = hanging_on(view, lens, people) if any(arms) else []
-    furniture = [  # keeps its pixels
+    furniture = [  # stays in the background
         head
         for head, right, arm in zip(heads, good, arms, strict=True)
         if not right and not _part_of(view, head, arm, people, surfaces)

@@ -39,7 +39,7 @@ def find_people(
     Raises
     ------
     SegmentationError
-        `sensing.segment` asks for a background that the recording has not.
+        `sensing.segment` requires a background that the recording lacks.
     """
     sensing = sensing or SensingSettings()
     surroundings = survey(recording, sensing, judge)
@@ -55,7 +55,7 @@ def find_person(
     Raises
     ------
     SegmentationError
-        `sensing.segment` asks for a background that the recording has not, or several people fit.
+        `sensing.segment` requires a background that the recording lacks, or several people fit.
     """
     sensing = sensing or SensingSettings()
     mode = SegmentationMode.parse(sensing.segment).name
@@ -77,7 +77,7 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifi
     Raises
     ------
     SegmentationError
-        It asks for a background that the recording has not.
+        It requires a background that the recording lacks.
     """
     polisher = DepthFilter(recording.camera, sensing)
     mode = SegmentationMode.parse(sensing.segment)

@@ -104,13 +104,13 @@ class KnownPerson:
         Parameters
         ----------
         head : (3,), where the head is seen, or None
-        middle, area : of what was measured of them
+        middle, area : of their measured surface
         """
         elapsed = max(timestamp - self.last, 0.0)
         whole_share = 0.7  # of a person's area: less, and they are half hidden
         whole = area > whole_share * self.area
         place, before = head, self.head
-        if place is None:  # the visible part of a half hidden person says little of their velocity
+        if place is None:  # the visible part of a half occluded person is no measure of their velocity
             before = self._start
             moved = (middle - self.middle) * LEVEL  # what hides legs or shows them again lifts the middle, not the head
             place = before + moved if whole else self.expected(timestamp)

@@ -36,7 +36,7 @@ def attach_islands(
     Parameters
     ----------
     labels : int32 (h, w), 1.. the people, 0 = none
-    places : where their heads are, (3,) each, level frame, metres
+    places : places of their heads, (3,) each, level frame, metres
     cut_out : the recording holds segmented people, so that a small component may be a child
 
     Returns
@@ -75,8 +75,8 @@ def attach_limbs(
     Parameters
     ----------
     labels : int32 (h, w), 1.. the people and, above their number, furniture; 0 = neither
-    people : how many there are
-    judge : tells people from furniture
+    people : number of people
+    judge : person classifier
 
     Returns
     -------

@@ -21,7 +21,7 @@ from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.recording import Recording, Vertical
 from toolkit.sensing.sensing_settings import SensingSettings
 
-FLOOR_FRAMES = 4  # in which a floor is looked for; a person may hide it in one
+FLOOR_FRAMES = 4  # frames searched for a floor; a person may occlude it in one
 SAMPLED_SECONDS = 3.0
 CAMERA_HEIGHT = (0.3, 4.0)  # m above the floor: from a chair's seat to a ceiling
 TRUST = {"wall": np.deg2rad(2.0), "standing": np.deg2rad(8.0), "torso": np.deg2rad(15.0), "image": np.deg2rad(20.0)}

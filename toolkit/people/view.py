@@ -36,7 +36,7 @@ class CoarseCamera:
     ----------
     camera : camera of the full frames, without lens distortion
     up_camera : (3,), the vertical in the camera frame
-    sensing : its `near` and `far` bound what counts as measured
+    sensing : its `near` and `far` bound measured depth
     width : approximate width of the coarse frames, pixels
 
     Attributes

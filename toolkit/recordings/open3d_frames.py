@@ -38,7 +38,7 @@ def recording_of_open3d(
     Parameters
     ----------
     frames : an `open3d.geometry` or `open3d.t.geometry` PointCloud or RGBDImage, or a list of one kind. Clouds are in
-        the frame of the camera that measured them, metres unless `depth_unit` says otherwise; NaN and infinite points
+        the frame of the camera that measured them, metres unless `depth_unit` is given; NaN and infinite points
         are no measurement, normals are not used, and a cloud without points is a frame without a measurement
     timestamps : (T,), seconds; without them `frame_rate` counts, or 30 frames a second
     background : (H, W), depth of the empty scene, of images alone

@@ -23,7 +23,7 @@ class FollowedBody:
     ----------
     follower : from before the first sighting, of a body whose size is not known
     stages : names of the follower's stages
-    settings : how many frames of a second take part, and what holds the body to the likely ones
+    settings : frames per second that take part, and weight of the shape prior
     fitting : of the terms that tie the body's surface to the frame
 
     Attributes

@@ -77,7 +77,7 @@ class Follower(FollowedPerson):
     ----------
     observer, searches, objective : observe sightings, propose hypotheses, and score them
     level_rotation : R_level_camera, float64 (3, 3)
-    settings : when a frame counts as empty or lost, and what is reported
+    settings : criteria of empty and lost frames, and smoothing of the report
     sizes : the bodies that are tried where the person's size is unknown
     sources : names of the hypotheses that can win, in the order in which the track numbers them
     state : before the first frame

@@ -115,6 +115,6 @@ def clock_of(calibration: Calibration, recording: str) -> TakeClock:
     if recording in takes:
         return takes[recording]
     raise InertialError(
-        f"the calibration knows the clocks of {', '.join(takes)}, not that of {recording}; calibrate on a run of this "
+        f"the calibration has the clocks of {', '.join(takes)}, not that of {recording}; calibrate on a run of this "
         "recording, in a folder of its name"
     )

@@ -42,17 +42,17 @@ class Observer:
     Attributes
     ----------
     landmarks : of the graph and the facing
-    extrema : how many geodesic extrema
+    extrema : number of geodesic extrema
     samples : measured points of the scene, see `Scene`
     network : estimates the joints of a person from one frame; None for no estimate
-    guide : what is known besides the depth
+    guide : evidence besides the depth
     estimate_pull : weight of a certain estimate relative to one correspondence while size or place of the person is
         unknown; 0 = none
     learning : True while the body is learnt; estimates then have this weight in all frames, because clothes hide
         the size
-    body : how much of a person there is to see: "auto", "whole" or "upper", see `HybridSettings`
+    body : visible part of a person: "auto", "whole" or "upper", see `HybridSettings`
     scene : finds correspondences, see `open3d_scene.SCENES`
-    told_joints : whether joints in the image are evidence in every frame, those on the person's own pixels
+    told_joints : True if image joints on the person's pixels are evidence in every frame
     """
 
     landmarks: LandmarkSettings
@@ -168,7 +168,7 @@ class Observation:
     def network_evidence(self, joints: np.ndarray, before: np.ndarray | None) -> np.ndarray | None:
         """Return the confidence's inputs from the network for joints (20, 3), see `network_features`; None without one.
 
-        In most frames no search asks the network; those `before`, of an earlier frame, are then kept, because one
+        In most frames no search evaluates the network; those `before`, of an earlier frame, are then kept, because one
         evaluation costs as much as half of the other steps together.
         """
         if before is not None and "estimate" not in self.__dict__:

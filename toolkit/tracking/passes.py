@@ -73,7 +73,7 @@ class Jump:
 
     Attributes
     ----------
-    frame : behind which it lies, in the direction
+    frame : last frame before it, in the direction of the pass
     direction : in which no trajectory has passed it
     """
 

@@ -28,7 +28,7 @@ class FollowedPerson:
     state : before the first frame
     placer : places bodies before that camera
     level_rotation : R_level_camera, float64 (3, 3)
-    sources : names of what a pose can come from, in the order in which the track numbers them
+    sources : names of the searches, in the order in which the track numbers them
 
     Attributes
     ----------

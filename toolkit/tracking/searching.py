@@ -49,9 +49,9 @@ class SearchingSettings(TrackerSettings, FollowerSettings, Protocol):
 
 
 class SearchingTracker(ABC):
-    """Makes followers that ask searches, and learns the body of each person from what the first frames show of them.
+    """Tracker whose followers query searches, and which learns the body of each person from the first frames.
 
-    Members say how sightings are looked at and which searches are asked; see `Tracker` for the rest.
+    Subclasses define the observation of sightings and the searches; see `Tracker` for the rest.
 
     Parameters
     ----------

@@ -96,9 +96,9 @@ class SightingFile:
 
     Parameters
     ----------
-    folder : where the two files lie, made if it is missing
+    folder : of the two files, made if it is missing
     camera : of every sighting
-    frames : how many frames of what is there already are kept; later ones will come again
+    frames : number of stored frames to keep; later ones are written again
 
     Raises
     ------

@@ -203,7 +203,7 @@ def _generator(texts: Any) -> dict[str, Any]:
         values = _nested({key: _number(value[:60]) for key, value in texts.items()})
         np.random.PCG64().state = values  # type: ignore[assignment]
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
-        raise TrackError(f"the state of the person holds no state of a random generator; {HINT}") from error
+        raise TrackError(f"the saved state of the person has no valid random generator; {HINT}") from error
     return values
 
 

@@ -1,7 +1,8 @@
 """Stature of a person: prior of the population, evidence of the floor, and choice between sizes that explain the
 frames.
 
-Sizes are compared in metres, as poses are: so many millimetres nearer to the frame outweigh an unlikely stature.
+Sizes are compared in metres, as poses are: a body that is some millimetres nearer to the frame outweighs an unlikely
+stature.
 """
 
 from __future__ import annotations
@@ -103,8 +104,8 @@ class StatureBelief:
     Attributes
     ----------
     bodies : of different statures
-    costs : float64 (B,), metres, the sum over the frames of what each costs
-    frames : how many frames that is
+    costs : float64 (B,), metres, sum over the frames
+    frames : number of these frames
     stood : metres above the floor at which the top of the head was, see `height_stood`
     """
 

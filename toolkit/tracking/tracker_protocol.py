@@ -34,7 +34,7 @@ class TrackerSettings(Protocol):
     ----------
     tracker : name under which the tracker is registered
     seed : of everything random
-    sensing : how depth is segmented and cleaned
+    sensing : settings of segmentation and depth filter
     smallest_person : measured points below which a frame counts as empty
     """
 
@@ -133,7 +133,7 @@ class Tracker(Protocol):
 
     Attributes
     ----------
-    settings : what it was made with, written beside its results
+    settings : written beside its results
     database : path of the pose database it uses, empty for none
     stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
     source_names : of the hypotheses that can win, indexed by `FrameResult.source`

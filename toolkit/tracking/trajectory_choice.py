@@ -57,8 +57,8 @@ class TrajectoryStore:
     Parameters
     ----------
     path : made if it is missing
-    stages : how many stages each row has times of
-    sources : how many sources a row can name
+    stages : number of timed stages of a row
+    sources : number of possible sources of a row
 
     Raises
     ------

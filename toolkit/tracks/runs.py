@@ -134,7 +134,7 @@ class Person:
 
     Attributes
     ----------
-    name : what the person is called in files: the folder's name
+    name : name of the person in files: the folder's name
     track : one row per frame of the recording
     body : as it was fitted
     R_level_camera : float64 (3, 3), turns points from the camera frame into the level frame

@@ -58,7 +58,7 @@ class Track:
     timestamps : float64 (T,), seconds
     stage_ms : float32 (T, S), milliseconds, without reading the file
     observed : bool (T, 20), as in `FrameResult`
-    contact : bool (T, 2), whether the left and the right foot carry (`motion.contact`); False in tracks of
+    contact : bool (T, 2), contact of the left and the right foot with the floor (`motion.contact`); False in tracks of
         earlier versions
     """
 

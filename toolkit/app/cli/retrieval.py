@@ -307,7 +307,7 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
             "the distance to its own clips."
         )
     if not others:
-        say("Without --others the model knows only its own classes and labels all similar motions as one of them;")
+        say("Without --others the model has only its own classes and labels all similar motions as one of them;")
         say("add motions of no class, for example walking, sitting, standing.")
 
 

@@ -47,12 +47,12 @@ def track_recordings(
     Parameters
     ----------
     paths : recordings, of different stems
-    recipe : how each process builds its tracker
+    recipe : recipe of the tracker in each process
     people, joints : as in `track_recording`
     reader_options : those of `ReaderOptions`
     workers : number of single-threaded processes. 1 = this process, which reports the progress of each recording; None
         = as given by the surrounding `joblib.parallel_config`
-    overwrite : track again what is finished, and replace runs of other recordings or settings
+    overwrite : repeat finished runs, and replace runs of other recordings or settings
     progress : also called after each recording
 
     Returns
@@ -168,7 +168,7 @@ def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[Manifes
 
 @contextmanager
 def _recorded() -> Iterator[list[str]]:
-    """The texts of all warnings about recordings and tracks that are shown within the block."""
+    """Collect the texts of all warnings about recordings and tracks that are issued within the block."""
     texts: list[str] = []
     with warnings.catch_warnings():
         shown = warnings.showwarning

@@ -37,7 +37,7 @@ def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePe
     ----------
     first : a recording of the first frame
     tracker : makes a follower for each person
-    people : how many are tracked, None = all
+    people : maximum number of tracked people, None = all
 
     Raises
     ------
@@ -183,7 +183,7 @@ def track_live(
     ----------
     source : of the frames
     tracker : makes a follower for each person
-    people : how many are tracked, None = all
+    people : maximum number of tracked people, None = all
     writer : takes each frame that comes, also the dropped ones; the caller closes it
     outputs : take the poses of each tracked frame as a line of JSON
     show : called after each tracked frame

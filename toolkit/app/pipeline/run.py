@@ -119,7 +119,7 @@ def track_recording(
     warm_up : track the first frames once more at the start, so that no compilation is timed
     progress : called as the run advances
     watcher : called with each row of a single tracked person
-    joints : where joints in the image are to come from
+    joints : source of image joints
     made_of : recipe of the tracker: its files, which no run may replace; default: its database
     workers : number of processes that share the people in the second pass; needs `made_of`
 

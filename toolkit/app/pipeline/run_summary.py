@@ -30,7 +30,7 @@ class RunSummary:
     stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together, where there
         was something to do
     states : number of tracked, lost and empty frames by `STATE_NAMES`, summed over people
-    people : how many were followed
+    people : number of tracked people
     confidence : mean over the observed joints in tracked frames of all people; NaN without any
     unfinished : the second pass was stopped, and all rows are those of the first
     stature : stature of the fitted body in metres, for a single person

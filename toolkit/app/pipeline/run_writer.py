@@ -43,8 +43,8 @@ class RunSink:
     run : the run folder, made if it is missing
     tracker : whose rows these are
     info : content of `run.json`; the shape is replaced by that of each person at the end
-    several : whether every person has a folder of their own
-    resume : continue what an unfinished run left
+    several : True if each person has their own folder
+    resume : continue an unfinished run
 
     Raises
     ------

@@ -29,7 +29,7 @@ def scan_recordings(
     Parameters
     ----------
     yaws : angle by which the person is turned to their left in each view, degrees; None = evenly spread from 0
-    sensing : how the person is cut out
+    sensing : settings of the segmentation
 
     Raises
     ------

@@ -55,12 +55,12 @@ class SecondPass:
     floor : y of the floor, metres, level frame, None where it is not known
     sink : holds the rows of the first pass
     workers : number of processes that share the people
-    recipe : how a process builds the tracker; None = this process only
+    recipe : of the tracker in each process; None = this process only
 
     Attributes
     ----------
     bodies : of all people, by id: after `begin` or `restore` those of the first pass, then their own
-    evidence : of all people and of what is furniture, by id, from the first pass
+    evidence : of all people and of furniture, by id, from the first pass
     """
 
     def __init__(

@@ -33,9 +33,9 @@ def store_joints(
 
     Parameters
     ----------
-    choice : where the joints are to come from
+    choice : source of the joints
     people : maximum number of people with joints, None = all; 1 is the person selected by the settings
-    sensing : how people are cut out
+    sensing : settings of the segmentation
     progress : called with the number of frames done and of all frames
 
     Returns

@@ -51,7 +51,7 @@ def factors_of(text: str | None) -> dict[str, float]:
     for key, unit in chosen.items():
         if key not in UNITS or unit not in UNITS[key]:
             known = "; ".join(f"{name}: {', '.join(units)}" for name, units in UNITS.items())
-            raise UsageError(f"--units knows no {key}={unit}; there are {known}")
+            raise UsageError(f"--units has no {key}={unit}; there are {known}")
     return {key: units[chosen.get(key, next(iter(units)))] for key, units in UNITS.items()}
 
 

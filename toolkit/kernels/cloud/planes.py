@@ -49,7 +49,7 @@ def best_plane(
     ----------
     points : float64 (N, 3), metres
     tolerances : float64 (N,), metres within which a point lies on a plane
-    weights : float64 (N,), what a point on the plane counts
+    weights : float64 (N,), weight of a point on the plane
     triples : int64 (K, 3), rows of `points`; degenerate ones are skipped
     plane : float64 (4,); becomes the normal of length 1 and the offset d of `n . p + d = 0`
 

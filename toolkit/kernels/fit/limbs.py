@@ -43,7 +43,7 @@ class Measured(NamedTuple):
     evidence : float32 (H, W), metres, 0 in the background, NaN in unobserved pixels; intrinsics : float64 (4,)
     samples : float64 (M, 3), points that the limb may explain, in the carrying joint's frame
     share : weight of a sample; free_space : weight of the mean intrusion of the balls
-    tolerance : metres by which a sample may be off and still is explained
+    tolerance : maximum distance of an explained sample, metres
     cap : metres, the most that a sample or an intrusion counts
     """
 

@@ -43,7 +43,7 @@ class Rig(NamedTuple):
     """Drawn part of a body, and its ball model.
 
     parents, rest, dof_joint, dof_axis : of the kinematic chain, as in `kinematics.forward_kinematics`
-    vertices, skin_joints, skin_weights, faces : what is drawn of the mesh, int64 faces
+    vertices, skin_joints, skin_weights, faces : drawn part of the mesh, int64 faces
     ball_joint, ball_offset, radii : balls (B,) of the upper body, see `fitting.balls`
     from_level : float64 (3, 3), R_camera_level
     """
@@ -164,7 +164,7 @@ def overlay_costs(
 ) -> None:
     """Fill `costs` (N,) with those of the balls (N, B, 3), camera frame, each particle's over its base.
 
-    `base_of` (N,) says which of `bases` (K, H, W) belongs to a particle. Balls nearer than `NEAREST` are not drawn.
+    `base_of` (N,) is the index of a particle's base in `bases` (K, H, W). Balls nearer than `NEAREST` are not drawn.
     """
     height, width = tile.seen.shape
     fx, fy, cx, cy = tile.intrinsics[0], tile.intrinsics[1], tile.intrinsics[2], tile.intrinsics[3]

@@ -60,7 +60,7 @@ class View(NamedTuple):
 class Targets(NamedTuple):
     """Detected joints, camera frame.
 
-    joint : int64 (K,), which joint carries each; offset : float64 (K, 3), from it in the rest pose, metres
+    joint : int64 (K,), joint that carries each ball; offset : float64 (K, 3), from it in the rest pose, metres
     slopes : float64 (K, 2), x/z and y/z of the ray through it; distance : metres at which slopes are compared
     points : float64 (K, 3), metres
     weights_2d, weights_3d : float64 (K,), of the distances in the image (Eq. 4) and in space (Eq. 5)

@@ -71,7 +71,7 @@ def grow(
     reach : float32 (H, W), metres horizontally from such an axis within which the pixel may belong to it
     limits : float64 (2,), metres upwards from the head and downwards from it
     steps : float64 (5,), see above
-    longest : metres of way after which nothing belongs to a person any more
+    longest : maximum path length from the head within a person, metres
     labels : int32 (H, W); becomes 1.., 0 = no person
     distances : int32 (H, W); becomes the path length in units, `FAR` for unreached pixels
     """
@@ -162,7 +162,7 @@ def refine_labels(
 
     A pixel of `depth` (H, W), millimetres, takes the label of the coarse pixel around it whose depth `coarse` (h, w),
     millimetres, is nearest to its own, if that is within `tolerance_mm`; coarse pixels of no person (label 0) take
-    part, so that the edge between a person and the room runs where depth says. `out` uint8 (H, W).
+    part, so that the edge between a person and the room follows the depth. `out` uint8 (H, W).
     """
     height, width = depth.shape
     rows, columns = labels.shape

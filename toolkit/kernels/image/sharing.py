@@ -35,7 +35,7 @@ def nearest_owner(
 
     Parameters
     ----------
-    depth : float32 (H, W), metres along z; foreground : bool (H, W), the pixels that are asked for
+    depth : float32 (H, W), metres along z; foreground : bool (H, W), the requested pixels
     nearest, owner : z-buffer of all bodies, as `draw_body` makes it, of the same camera `intrinsics` (4,)
     seeds : int32 (H, W); entries that are 0 become the owner's number, where there is one. The pixel met first, row by
         row, wins a tie

@@ -43,10 +43,10 @@ class ExportJob:
     Attributes
     ----------
     people : in the frame of the origin
-    origin : where (0, 0, 0) lies
+    origin : place of (0, 0, 0)
     rig : whose joint names are written
     run : the run folder, None for people in memory
-    recording : where the recording has been moved to
+    recording : new place of the recording
     model : model of OpenSim that is scaled, None for none
     unit : of a BVH file, "cm" or "m"
     """
@@ -93,12 +93,12 @@ class Format(NamedTuple):
     Attributes
     ----------
     suffix : of its files
-    write : called with the file and what is exported
-    together : whether a file holds several people
-    rigged : whether a rig names its joints
+    write : called with the file and the exported people
+    together : True if a file holds several people
+    rigged : True if a rig names its joints
     origin : default origin; a format with a single origin refuses the other
-    origins : which ones it can have
-    blank : whether it can say that no person is there, so that a track without any is a file
+    origins : supported origins
+    blank : True if it can express that no person is present, so that an empty track is a file
     """
 
     suffix: str
@@ -194,7 +194,7 @@ def export_run(
     format : a key of `FORMATS`
     origin : "floor" (y up, ground at 0, below the first position of the person) or "camera"; default: that of the
         format
-    recording : where the recording has been moved to, for formats that hold what was measured
+    recording : new place of the recording, for formats with measured data
     as_tracked : keep the jitter of motionless bodies and sliding feet in files on the floor, see `motion.resting`
     model : `.osim` file that the format opensim scales to the person
     unit : of a BVH file, "cm" (default) or "m"

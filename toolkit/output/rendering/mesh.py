@@ -32,7 +32,7 @@ def draw_mesh(
     vertices_camera : (V, 3), metres, camera frame
     faces : int (F, 3), counter-clockwise seen from outside
     colors : (V, 3), RGB from 0 to 255
-    depth : what an earlier call returned for the same picture, to draw another mesh before and behind the first one
+    depth : result of an earlier call for the same picture, to draw another mesh before and behind the first one
 
     Returns
     -------

@@ -63,7 +63,7 @@ class PicturePainter:
 
     Parameters
     ----------
-    view : where the picture is taken from
+    view : viewpoint of the picture
     ground : y of the ground, metres, level frame; NaN for none
     """
 

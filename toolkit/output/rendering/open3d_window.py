@@ -43,7 +43,7 @@ def view_run(run: str | Path, recording: str | Path | None = None) -> None:
     Parameters
     ----------
     run : folder of a run of one or several people
-    recording : where the recording has been moved to
+    recording : new place of the recording
 
     Raises
     ------
@@ -79,7 +79,7 @@ class RunWindow:
     people : all of a run, at least one
     recording : with as many frames as their tracks; None shows no measured points
     title : of the window
-    folder : where screenshots are written
+    folder : destination of screenshots
     """
 
     def __init__(self, people: Sequence[Person], recording: Recording | None, *, title: str, folder: Path) -> None:

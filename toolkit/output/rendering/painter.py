@@ -81,7 +81,7 @@ class FramePainter:
     people : all of the run, at least one
     recording : with as many frames as their tracks
     sensing : with which the depth was cleaned
-    settings : what to draw
+    settings : drawn elements
     axes : axes of limbs with sensors, drawn over the depth of the first person; None for none
 
     Raises

@@ -18,7 +18,7 @@ class Playback:
     Attributes
     ----------
     frame : shown now, 0 to T - 1
-    playing : whether time passes
+    playing : True while time advances
     speed : factor of real time
     """
 

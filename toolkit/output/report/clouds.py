@@ -26,8 +26,8 @@ class SceneClouds:
     Attributes
     ----------
     points : (N, 3), those near the people, frame after frame
-    counts : int64 (F,), how many of them belong to each frame
-    room : (M, 3), what stays where it is and is near to no person
+    counts : int64 (F,), number of them in each frame
+    room : (M, 3), motionless points away from people
     """
 
     points: np.ndarray
@@ -42,7 +42,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
     ----------
     recording : that was tracked
     joints : float (T, J, 3), joints of all people in each frame, camera frame, metres; NaN in frames without the person
-    frames : which ones are shown, in order
+    frames : numbers of the shown frames, in order
     """
     # Maximum number of points near the people in all frames; long recordings have fewer points per frame.
     total = 500_000

@@ -64,10 +64,10 @@ def describe_run(
     ----------
     run : the run folder
     key : unique among the runs of a page
-    recording : where the recording has been moved to
+    recording : new place of the recording
     references : see `evaluation.reference.find_reference`
     frames : a contiguous range; default: the first `LONGEST`
-    progress : told what is going on
+    progress : called as the work advances
 
     Raises
     ------

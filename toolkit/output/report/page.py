@@ -36,7 +36,7 @@ def write_report(
     ----------
     runs : run folders, of one person or several, or folders that hold some
     output : the file, `.html`
-    recording : where the recording of the one run has been moved to
+    recording : new place of the recording, for a single run
     references : references of the errors, see `evaluate_runs`; default: the recording of each run
     frames : range of frames; default: the first 3,000
     progress : called as the page is made

@@ -223,7 +223,7 @@ class CloudFrames(FrameSource):
 
     Attributes
     ----------
-    camera : before which the points lie
+    camera : camera that sees the points
     """
 
     def __init__(
@@ -281,7 +281,7 @@ class CloudFrames(FrameSource):
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a cloud or a folder of clouds, in metres unless `depth_unit` says otherwise."""
+    """Open a cloud or a folder of clouds, in metres unless `depth_unit` is given."""
     files = _files(path)
     if not files:
         raise RecordingError(f"{path} holds no PCD or PLY file; give a cloud or a folder of clouds")

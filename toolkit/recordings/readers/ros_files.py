@@ -28,7 +28,7 @@ class MessageFile(Protocol):
     Attributes
     ----------
     topics : topic -> type in the notation of ROS 1 without `msg/`, such as `sensor_msgs/Image`
-    cdr : whether the messages are in the CDR encoding of ROS 2, else in that of ROS 1
+    cdr : True for messages in the CDR encoding of ROS 2, False for those of ROS 1
     """
 
     topics: dict[str, str]

@@ -28,7 +28,7 @@ class AimedArms:
 
     Parameters
     ----------
-    objective, refiner : compare what is found with the frame, and refine
+    objective, refiner : compare the found poses with the frame, and refine them
     settings : see `ArmSettings`
     bodies : whose arms are aimed
     """

@@ -50,7 +50,7 @@ class HybridTracker(SearchingTracker):
     settings : see `HybridSettings`
     body : the person's own body if known; default: estimated from the recording
     database_path : path of the database, for `run.json`
-    guide : what is known of the frames besides their depth
+    guide : evidence besides the depth
     """
 
     def __init__(

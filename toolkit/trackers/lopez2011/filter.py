@@ -36,7 +36,7 @@ class Filtered:
     ----------
     particles : float64 (N, P), of equal weight, for the next frame
     estimate : float64 (P,), particle with the lowest cost over both arm layers (MAP)
-    cost : mean over the three layers of what the estimate costs there
+    cost : mean cost of the estimate over the three layers
     """
 
     particles: np.ndarray
@@ -61,7 +61,7 @@ class UpperFilter:
 
     Attributes
     ----------
-    proposals : where they are moved
+    proposals : moves of the particles
     """
 
     def __init__(self, settings: ParticleSettings) -> None:

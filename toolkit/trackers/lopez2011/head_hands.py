@@ -31,7 +31,7 @@ class HeadHandSettings:
     ----------
     effectors : search for head and hands without a previous pose
     initial : settings of the first pose; fewer rounds than in the particle filter, because the pose is refined
-    particles : how it is filtered
+    particles : settings of the filter
     """
 
     effectors: EffectorSettings = constant(EffectorSettings())

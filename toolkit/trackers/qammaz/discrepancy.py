@@ -182,8 +182,8 @@ class Discrepancy:
     seen : the joints seen in it, or None
     level_rotation : R_level_camera, float64 (3, 3)
     around : float64 (P,), pose in the level frame whose root orientation is the reference
-    previous : whether `around` is the previous solution, which defines N_P
-    settings : weights and what is drawn
+    previous : True if `around` is the previous solution, which defines N_P
+    settings : weights and drawn figure
     """
 
     def __init__(

@@ -93,7 +93,7 @@ def minimise(
 
     Parameters
     ----------
-    costs : what is minimised, of many positions at once
+    costs : minimised function of many positions at once
     starts : float64 (N, D), initial positions, most probable first; at most `settings.particles` are used, and the
         other particles start at random within the limits
     limits : float64 (D, 2), finite; a velocity that would leave them is reduced

@@ -32,7 +32,7 @@ class SwarmSearchSettings:
     ----------
     window : half range of each angle and of the root's rotation about each axis around the previous pose, radians; more
         than any joint turns in 1/30 s
-    reach : metres, how far the root may be from its previous place in each direction
+    reach : maximum distance of the root from its previous place in each direction, metres
     tries : number of global searches for each facing before a last swarm around the best; one third more first frames
         are correct than with one
     history : number of previous poses that are particles too (from the paper)
@@ -93,7 +93,7 @@ class SwarmSearch:
 
     Parameters
     ----------
-    objective, refiner : compare what it finds with the frame, and refine it
+    objective, refiner : compare the found poses with the frame, and refine them
     first_only : propose only without a previous pose and with detected joints
     """
 

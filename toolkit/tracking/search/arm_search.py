@@ -38,7 +38,7 @@ class LimbExchange:
     def best(
         self, body: Body, pose: np.ndarray, compared: Comparison, candidates: Iterable[np.ndarray], scene: Scene
     ) -> tuple[np.ndarray, Comparison]:
-        """Return the best of a pose (P,), `compared` with the frame, and the `candidates` (P,) to replace it."""
+        """Return the best of a pose (P,), `compared` with the frame, and its `candidates` (P,)."""
         # Maximum factor by which the sparse distance may grow; beyond it the new arm covers measured points.
         farther = 1.2
         for candidate in candidates:

@@ -19,7 +19,7 @@ class LocalSearch:
     Parameters
     ----------
     refiner : the local optimisation
-    momentum : share of the previous step by which the pose is expected to move on, in [0, 1]
+    momentum : fraction of the previous step that is added to the pose, in [0, 1]
     """
 
     name = "local"

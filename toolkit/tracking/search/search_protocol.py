@@ -84,7 +84,7 @@ class Search(Protocol):
 
     Attributes
     ----------
-    name : under which its time is booked and its `memory` is kept
+    name : key of its time and of its `memory`
     """
 
     name: str
@@ -104,7 +104,7 @@ class Verifier(Protocol):
 
     Attributes
     ----------
-    name : under which its time is booked
+    name : key of its time
     """
 
     name: str
