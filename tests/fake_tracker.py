@@ -7,6 +7,7 @@ import resource
 import signal
 import sys
 import time
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -60,6 +61,8 @@ class FakeTracker:
         self.seconds, self.broken, self.learning_seconds = seconds, broken, learning_seconds
         self.steps = 0
         self.learnt: list[int] = []
+        self.observed: list[float] = []
+        self.parts = 0
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FakeLearner:
         return FakeLearner(self)
@@ -97,12 +100,11 @@ class FakeLearner:
     """Learner that counts its frames, for `FakeTracker.learnt`; each person stands in front of the camera."""
 
     def __init__(self, tracker: FakeTracker) -> None:
-        self._tracker, self._seen = tracker, 0
-        self.result: FrameResult | None = None
+        self._tracker, self._seen, self._shown = tracker, 0, 0
 
     @property
     def found(self) -> bool:
-        return self._seen > 0
+        return self._seen + self._shown > 0
 
     @property
     def body(self) -> Body | None:
@@ -111,8 +113,16 @@ class FakeLearner:
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
         self._seen += 1
+        self._tracker.observed.append(timestamp)
+
+    def observe_parts(self, sighting: Sighting, timestamp: float) -> Iterator[None]:
+        yield
+        self.observe(sighting, timestamp)
+
+    def preview(self, sighting: Sighting | None, timestamp: float) -> FrameResult:
+        self._shown += 1
         joints, pose = np.full((20, 3), -1.0, np.float32), np.full(skeleton.POSE_SIZE, -1.0)
-        self.result = FrameResult(pose, joints, np.ones(20, np.float32), TRACKED, 0, np.array([1.0, 2.0], np.float32))
+        return FrameResult(pose, joints, np.ones(20, np.float32), TRACKED, 0, np.array([1.0, 2.0], np.float32))
 
     def predicted(self) -> PredictedBody:
         body = fake_body(7.0)
@@ -144,6 +154,13 @@ class FakeFollower:
         state = EMPTY if sighting is None else tracker.state
         confidence = np.full(20, tracker.confidence, np.float32)
         return FrameResult(pose, joints, confidence, state, 0, np.array([1.0, 2.0], np.float32))
+
+    def step_parts(
+        self, sighting: Sighting | None, timestamp: float, clock: StageClock
+    ) -> Generator[None, None, FrameResult]:
+        for _ in range(self._tracker.parts if self._count == 0 else 0):
+            yield
+        return self.step(sighting, timestamp, clock)
 
     def predicted(self) -> PredictedBody:
         return PredictedBody(np.full((1, 3), self._mean), np.zeros((0, 3), np.int32), 1.7)

@@ -22,6 +22,7 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.search_protocol import SearchInParts
 from toolkit.tracks import EMPTY
 
 SETTINGS = load_settings(HybridSettings, "baak2013")
@@ -103,7 +104,8 @@ def test_nothing_that_the_paper_lacks_decides() -> None:
     assert one.step(None, 0.1, clock).state == EMPTY
     hypotheses: list[str] = []
     for search in one.searches:
-        asked = search.propose
-        search.propose = lambda *a, asked=asked: hypotheses.append(str(a[1].previous)) or asked(*a)  # type: ignore
+        name = "propose_parts" if isinstance(search, SearchInParts) else "propose"
+        asked = getattr(search, name)
+        setattr(search, name, lambda *a, asked=asked: hypotheses.append(str(a[1].previous)) or asked(*a))
     one.step(sighting(POSES[1]), 0.2, clock)
     assert hypotheses == ["None"] * len(one.searches)

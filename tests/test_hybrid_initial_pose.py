@@ -30,6 +30,7 @@ from toolkit.trackers.hybrid.initial_pose import (
 from toolkit.trackers.lopez2011.head_hands import HeadHandSearch, HeadHandSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies
 from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.parts import whole
 from toolkit.tracking.search.search_protocol import Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
@@ -126,7 +127,7 @@ def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_fini
 
 
 def finished(observation: Observation, rival: ScoredHypothesis) -> list[ScoredHypothesis]:
-    return InitialPoseVerifier(FIT.objective, FIT.refiner, ARMS).verified(observation, [rival])
+    return whole(InitialPoseVerifier(FIT.objective, FIT.refiner, ARMS).verified(observation, [rival]))
 
 
 def test_who_was_taken_back_to_front_is_turned_round_where_joints_were_estimated() -> None:

@@ -98,7 +98,7 @@ def test_each_frame_has_its_pose_and_the_track_is_that_of_the_whole_recording(
         tracker.track  # noqa: B018
     poses = [tracker.step(depth / 1000.0, i / 20) for i, depth in enumerate(frames)]
     assert [[pose.frame for pose in found] for found in poses] == [[i] for i in range(FRAMES)]
-    # Learning ends with frame 2, at 0.1 s. Frame 3 processes frame 0 too, frame 4 three more, frame 5 all.
+    # Learning ends with frame 2, at 0.1 s, which frame 3 processes; frame 5 tracks all again.
     final = {0.0: 0, 0.1: 5, 9.0: FRAMES}[seconds]
     assert [found[0].provisional for found in poses] == [i < final for i in range(FRAMES)]
     for found, pose in zip(poses[final:], whole.pose[final:], strict=True):

@@ -13,7 +13,7 @@ from tests.fake_tracker import CAMERA, FakeTracker
 from toolkit.people.evidence import Evidence
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
-from toolkit.tracking.live_people import PAST_FRAMES, LiveFrame, LivePeople
+from toolkit.tracking.live_people import FRAME_POINTS, MOST_POINTS, LiveFrame, LivePeople
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
 from toolkit.tracks import TRACKED
 
@@ -103,12 +103,55 @@ def test_a_live_person_has_a_pose_in_each_frame_and_later_the_same_rows() -> Non
             np.testing.assert_array_equal(row.result.pose, other.result.pose)
 
 
-def test_no_step_tracks_more_than_a_few_earlier_frames() -> None:
-    for rows in (
-        [row for row in live.rows if row.frame < k]
-        for k, live in enumerate(live_frames(LivePeople(FakeTracker(learning_seconds=1.0), FakeFinder(), UP)))
-    ):
-        assert sum(row.result.state == TRACKED for row in rows) <= PAST_FRAMES
+def test_the_body_is_learnt_from_the_same_frames_as_in_a_recording() -> None:
+    trackers = [FakeTracker(learning_seconds=0.3) for _ in range(2)]
+    live_frames(LivePeople(trackers[0], FakeFinder(), UP))
+    rows_of(MultiPersonTracker(trackers[1], FakeFinder(), UP))
+    assert sorted(trackers[0].observed) == sorted(trackers[1].observed)
+
+
+@pytest.mark.parametrize("pixels", [1800, 4800])
+def test_no_step_does_more_work_than_a_frame_allows(pixels: int) -> None:
+    depth = np.zeros(CAMERA.shape, dtype=np.uint16)
+    depth.flat[:pixels] = 2000
+    tracker = FakeTracker(learning_seconds=1.0)
+    people, most = LivePeople(tracker, FakeFinder(), UP), FRAME_POINTS // pixels + 1
+    for k in range(120):
+        taken = len(tracker.observed)
+        rows = people.advance(Frame(depth, k / 20.0)).rows
+        assert len(tracker.observed) - taken <= 1
+        assert sum(row.result.state == TRACKED and row.frame < k for row in rows) <= most
+    assert len(people.bodies) == 2
+
+
+def test_a_detection_with_the_learnt_body_is_spread_over_frames_with_poses() -> None:
+    tracker = FakeTracker(learning_seconds=0.3)
+    tracker.parts = 4
+    people = LivePeople(tracker, FakeFinder(), UP)
+    found = live_frames(people)
+    first = next(k for k, live in enumerate(found) if any(row.result.state == TRACKED for row in live.rows))
+    # The sighting of frame 7, the last of learning, is processed in frame 8, the empty frame 0 in frame 9, and the five
+    # parts of frame 1 in frames 10, 12, 13, 15 and 16.
+    assert first == 16 and people.body_of(1).scale == LEARNT
+    assert all(any(pose.row.person == 1 for pose in live.poses) for live in found[1:])
+
+
+def test_frames_of_a_large_person_are_tracked_again_faster_than_they_come() -> None:
+    assert MOST_POINTS < FRAME_POINTS
+
+
+def test_people_who_come_together_are_detected_one_in_each_frame() -> None:
+    class Three(FakeFinder):
+        def find(
+            self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+        ) -> tuple[Sighting, ...]:
+            return tuple(Sighting(person, depth_mm / np.float32(1000), None, CAMERA) for person in (1, 2, 3))
+
+    shown = [
+        [pose.row.person for pose in live.poses]
+        for live in live_frames(LivePeople(FakeTracker(learning_seconds=9.0), Three(), UP), 6)
+    ]
+    assert shown == [[], [1], [1, 2], *[[1, 2, 3]] * 3]
 
 
 def test_what_is_not_caught_up_with_is_tracked_at_the_end() -> None:

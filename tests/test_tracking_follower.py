@@ -27,6 +27,7 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.occluded_limbs import Guess
+from toolkit.tracking.parts import Parts
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracks import LOST, TRACKED, FrameResult
@@ -140,8 +141,9 @@ class FakeVerifier:
     def __init__(self, place: float) -> None:
         self.place, self.told = place, 0
 
-    def verified(self, observation: object, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+    def verified(self, observation: object, scored: Sequence[ScoredHypothesis]) -> Parts[list[ScoredHypothesis]]:
         self.told = len(scored)
+        yield
         return [
             replace(scored[0], hypothesis=says("joints", pose_at(self.place)), comparison=compared(NEAR), cost=NEAR)
         ]
@@ -154,6 +156,22 @@ def test_in_a_first_frame_the_verifier_gets_the_hypotheses_of_all_bodies_and_com
     result = step(person)
     assert verifier.told == 2
     assert result.pose[0] == 5.0 and SOURCES[result.source] == "joints"
+
+
+def test_a_detection_stops_after_each_search_of_each_body_and_changes_nothing_before_its_end() -> None:
+    bodies, verifier = [load_body("child"), load_body("neutral")], FakeVerifier(5.0)
+    search = FakeSearch("first", Proposal((says("extrema", pose_at(1.0), FAR),)))
+    person = follower([search], sizes=bodies, sized=False, verifier=verifier)
+    before = person.state
+    parts, stops = person.step_parts(sighting(), 0.0, StageClock(STAGES)), 0
+    with pytest.raises(StopIteration) as ended:
+        while True:
+            next(parts)
+            stops += 1
+            assert person.state is before
+    assert stops == 3 and ended.value.value.pose[0] == 5.0 and person.state is not before
+    again = [1 for _ in person.step_parts(sighting(), 0.1, StageClock(STAGES))]
+    assert not again, "a tracked person is followed in one part"
 
 
 def test_no_verification_for_a_tracked_person_or_without_hypotheses() -> None:

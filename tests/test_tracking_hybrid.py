@@ -20,12 +20,16 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
+from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
+from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
+from toolkit.tracking.live_people import LivePeople
+from toolkit.tracking.multi_person import MultiPersonTracker
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
@@ -300,3 +304,42 @@ def test_the_body_of_the_person_is_learnt_from_the_recording(
     found = steps(solo, film, range(len(film)))
     assert solo.body is learnt
     assert errors(found, film).mean() < 0.03
+
+
+def test_a_live_person_of_any_size_has_a_pose_in_each_frame_and_the_rows_of_a_recording(
+    database: PoseDatabase, clip: PoseClip, record: Record
+) -> None:
+    person = subject_body("child")
+    film = record("live", PoseClip("child", clip.poses[:14], 30.0, "procedural"), body=person, distance=3.1)
+    shape = ShapeSettings(seconds=0.2, rate=30.0)
+    settings = replace(SETTINGS, hypotheses=("local", "extrema", "joints", "arms"), shape=shape, restarts=1)
+    people = [
+        kind(
+            HybridTracker(database, settings),
+            SinglePersonSegmenter(film.camera, up_camera=film.up_camera),
+            film.up_camera,
+        )
+        for kind in (LivePeople, MultiPersonTracker)
+    ]
+    frames = list(film.stream())
+    live = [people[0].advance(frame) for frame in frames]
+    rows = [row.result for each in live for row in each.rows] + [row.result for row in people[0].finish()]
+    assert digest(rows) == digest([row.result for frame in frames for row in people[1].step(frame)])
+    shown = [each.poses[0].row.result for each in live]
+    assert all(each.poses[0].provisional for each in live) and len(shown) == len(film)
+    assert errors(shown[:1], film).mean() < 0.06, "the first one, of the size that the joint network gives"
+    assert errors(shown, film).mean() < 0.05
+
+
+def test_a_preview_repeats_no_work_of_the_learner(database: PoseDatabase, recording: Recording) -> None:
+    tracker = HybridTracker(database, replace(SETTINGS, restarts=1))
+    rotation = level_rotation(recording.up_camera)
+    learner = tracker.learner(recording.camera, rotation)
+    finder = SinglePersonSegmenter(recording.camera, up_camera=recording.up_camera)
+    seen = [finder.find(recording.depth(i), i / 30.0, {})[0] for i in range(3)]
+    assert not learner.found and learner.preview(None, 0.0) is None
+    assert learner.preview(seen[0], 0.01) is not None and learner.found and learner.body is None
+    learner.observe(seen[1], 1 / 30.0)
+    assert learner.preview(seen[1], 1 / 30.0) is learner.result
+    after = learner.preview(seen[2], 2 / 30.0)
+    assert after is not None and after is not learner.result

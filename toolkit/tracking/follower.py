@@ -19,9 +19,17 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.heading import estimated_facing, weighed
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
+from toolkit.tracking.parts import Parts, whole
 from toolkit.tracking.person import HEAD, FollowedPerson
 from toolkit.tracking.search.labelings import EFFECTORS
-from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
+from toolkit.tracking.search.search_protocol import (
+    Hypothesis,
+    ScoredHypothesis,
+    Search,
+    SearchInParts,
+    Verifier,
+    cost_of,
+)
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import head_top, off_floor, stature_prior_cost
@@ -115,8 +123,12 @@ class Follower(FollowedPerson):
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """See `PersonFollower.step`; without a sighting the frame is empty."""
+        return whole(self.step_parts(sighting, timestamp, clock))
+
+    def step_parts(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> Parts[FrameResult]:
+        """See `StepsInParts.step_parts`."""
         self.observation = None
-        followed = self.follow(self.state, sighting, timestamp, StepContext(self.sizes), clock)
+        followed = yield from self.follow_parts(self.state, sighting, timestamp, StepContext(self.sizes), clock)
         self.state, self.observation = followed.state, followed.observation
         return followed.row
 
@@ -135,6 +147,17 @@ class Follower(FollowedPerson):
         state : before this frame; without a previous pose the person is detected again
         timestamp : seconds, after or before those of the state
         """
+        return whole(self.follow_parts(state, sighting, timestamp, context, clock))
+
+    def follow_parts(
+        self,
+        state: PersonState,
+        sighting: Sighting | None,
+        timestamp: float,
+        context: StepContext,
+        clock: StageClock,
+    ) -> Parts[FollowedFrame]:
+        """Find the person as `follow` does; where the person is detected again, in one part for each search."""
         # Baak 2013, 5.3.1: the person's depth as a cloud.
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         clock.record("prepare")
@@ -151,7 +174,7 @@ class Follower(FollowedPerson):
         clock.record("landmarks")
 
         # 5.4.1 and 5.4.3: hypotheses of the local optimisation and of the database lookup, and their costs.
-        scored, asked = self._hypotheses(state, observation, context, clock)
+        scored, asked = yield from self._hypotheses(state, observation, context, clock)
 
         # 5.4.4: late fusion; the hypothesis of least cost is the pose.
         costs = [self._selection_cost(each, context, sized=asked.sized) for each in scored]
@@ -205,7 +228,7 @@ class Follower(FollowedPerson):
 
     def _hypotheses(
         self, state: PersonState, observation: Observation, context: StepContext, clock: StageClock
-    ) -> tuple[list[ScoredHypothesis], PersonState]:
+    ) -> Parts[tuple[list[ScoredHypothesis], PersonState]]:
         """Return the hypotheses of all searches, and the state with the memory of the searches."""
         rng = self.rng(state)
         memory = dict(state.memory)
@@ -217,15 +240,21 @@ class Follower(FollowedPerson):
         scored: list[ScoredHypothesis] = []
         for told in (*known, *(replace(state, body=body) for body in bodies)):
             for search in self.searches:
-                proposal = search.propose(observation, told, rng, min(scored, key=cost_of, default=None))
+                best = min(scored, key=cost_of, default=None)
+                if redetected and isinstance(search, SearchInParts):
+                    proposal = yield from search.propose_parts(observation, told, rng, best)
+                else:
+                    proposal = search.propose(observation, told, rng, best)
                 improved = [hypothesis.improves for hypothesis in proposal.hypotheses]
                 scored = [each for each in scored if each not in improved]
                 scored += [self._scored(each, told.body, observation, redetected) for each in proposal.hypotheses]
                 if proposal.memory is not None:
                     memory[search.name] = proposal.memory
                 clock.record(search.name)
+                if redetected and proposal.hypotheses:
+                    yield
         if self._verifier is not None and redetected and scored:
-            scored += self._verifier.verified(observation, scored)
+            scored += yield from self._verifier.verified(observation, scored)
             clock.record(self._verifier.name)
         return scored, replace(state, memory=memory, generator=self.after(rng), turn=_turn(state))
 

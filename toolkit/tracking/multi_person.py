@@ -6,6 +6,7 @@ bone lengths do not change within a track. Rows of these seconds therefore come 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -39,10 +40,17 @@ class Row(NamedTuple):
 
 @dataclass
 class Waiting:
-    """Stored sightings of a person whose body is not learnt yet; the learner exists once there are enough."""
+    """Stored sightings of a person whose body is not learnt yet.
 
-    frames: list[tuple[StoredSighting | None, float, float]] = field(default_factory=list)
-    seen_since: int | None = None
+    Attributes
+    ----------
+    frames : sighting or None, timestamp, and milliseconds of the detection
+    seen_since : timestamp of the first frame with enough points, None before
+    learner : of the sightings since then
+    """
+
+    frames: deque[tuple[StoredSighting | None, float, float]] = field(default_factory=deque)
+    seen_since: float | None = None
     learner: BodyLearner | None = None
 
 
@@ -130,7 +138,7 @@ class MultiPersonTracker:
         known = self._followers.keys() | self._waiting.keys()
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
         for person in sorted(sightings.keys() - known):
-            self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self.timestamps])
+            self._waiting[person] = Waiting(deque((None, moment, 0.0) for moment in self.timestamps))
         self.timestamps.append(frame.timestamp)
         self.frames += 1
         return sightings, prepare_ms
@@ -183,18 +191,24 @@ class MultiPersonTracker:
             )
 
     def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:
-        """Store a sighting and return True if there are enough."""
+        """Store a sighting, learn from it, and return True if there are enough."""
+        self._store(waiting, sighting, timestamp, prepare_ms)
+        if waiting.learner is not None and sighting is not None:
+            waiting.learner.observe(sighting, timestamp)
+        return self._enough(waiting, timestamp)
+
+    def _store(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> None:
+        """Store a sighting; learning begins with the first one that has enough points."""
         waiting.frames.append((None if sighting is None else StoredSighting.of(sighting), timestamp, prepare_ms))
         if waiting.seen_since is None and sighting is not None:
             if np.count_nonzero(sighting.depth) >= self.tracker.settings.smallest_person:
-                waiting.seen_since = len(waiting.frames) - 1
+                waiting.seen_since = timestamp
                 if self.tracker.learning_seconds:
                     waiting.learner = self.tracker.learner(self.finder.camera, self.level_rotation, self._floor)
-        if waiting.learner is not None and sighting is not None:
-            waiting.learner.observe(sighting, timestamp)
-        if waiting.seen_since is None:
-            return False
-        return timestamp - waiting.frames[waiting.seen_since][1] >= self.tracker.learning_seconds
+
+    def _enough(self, waiting: Waiting, timestamp: float) -> bool:
+        """Return True if the sightings up to `timestamp` suffice for the body."""
+        return waiting.seen_since is not None and timestamp - waiting.seen_since >= self.tracker.learning_seconds
 
     def _learnt(self, person: int) -> list[Row]:
         """Track the stored frames of a person with the learnt body."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -123,7 +123,8 @@ class SearchingTracker(ABC):
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FollowedBody:
         """See `Tracker.learner`."""
         follower = self._follower(camera, level_rotation, self._first_body, sized=False, learning=True, floor=floor)
-        return FollowedBody(follower, self.stage_names, self._common.shape, self._common.fitting)
+        preview = partial(self.of_preview()._follower, camera, level_rotation, self._first_body, sized=False)
+        return FollowedBody(follower, preview, self.stage_names, self._common.shape, self._common.fitting)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
         """See `Tracker.follower`."""
@@ -132,6 +133,10 @@ class SearchingTracker(ABC):
 
     def of_still(self) -> SearchingTracker:
         """Return the tracker for a recording of one frame."""
+        return self
+
+    def of_preview(self) -> SearchingTracker:
+        """Return the tracker for poses that are shown while the body is learnt, see `BodyLearner.preview`."""
         return self
 
     @property

@@ -8,13 +8,16 @@ stature.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.kernels import linear
 from toolkit.landmarks.cuts import CUT_PIXELS
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.cloud import Cloud
 
 COST_PER_LOG_ODDS = 0.004
@@ -32,6 +35,22 @@ def stature_prior_cost(stature: float) -> float:
     adults, spread, tails = 1.70, 0.09, 2.0
     away = (stature - adults) / spread
     return COST_PER_LOG_ODDS * 0.5 * (tails + 1.0) * math.log1p(away**2 / tails)
+
+
+def likeliest_size(bodies: Sequence[Body], estimate: JointEstimate | None) -> Body:
+    """Return the body whose bones are as long as those between the estimated joints; the one of the most probable
+    stature without an estimate.
+    """
+    if estimate is None:
+        return min(bodies, key=lambda body: stature_prior_cost(body.height))
+    first, second = skeleton.BONE_ROWS.T
+    weights = estimate.reliability[first] * estimate.reliability[second]
+
+    def total_length(joints: np.ndarray) -> float:
+        return linear.dot(weights, linear.lengths(joints[first] - joints[second]))
+
+    rest, seen = np.zeros(skeleton.POSE_SIZE), total_length(estimate.points)
+    return min(bodies, key=lambda body: abs(total_length(body.joint_positions(rest)) - seen))
 
 
 def off_floor(lowest: float, floor: float | None) -> float:

@@ -12,6 +12,7 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.parts import Parts
 from toolkit.tracking.state import State
 from toolkit.tracks import FrameResult
 
@@ -71,6 +72,10 @@ class PersonFollower(Protocol):
         """Find the person in the next frame, at `timestamp` seconds; None without a sighting."""
         ...
 
+    def step_parts(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> Parts[FrameResult]:
+        """Compute the same as `step` in parts; a detection has one for each search and body."""
+        ...
+
     def predicted(self) -> PredictedBody:
         """Return the body predicted for the next frame."""
         ...
@@ -91,14 +96,7 @@ class BodyLearner(Protocol):
     ----------
     found : True once the person was found, so that `predicted` is available
     body : as learnt so far; None before the first sighting
-    result : of the last sighting that was taken in, with the body as learnt until then; None before the first one, and
-        always for a learner that does not follow the person
     """
-
-    @property
-    def result(self) -> FrameResult | None:
-        """See above."""
-        ...
 
     @property
     def found(self) -> bool:
@@ -112,6 +110,17 @@ class BodyLearner(Protocol):
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
         """Process the next sighting, at `timestamp` seconds."""
+        ...
+
+    def observe_parts(self, sighting: Sighting, timestamp: float) -> Parts[None]:
+        """Compute the same as `observe` in parts, which begin with a stop; none if the sighting is left out."""
+        ...
+
+    def preview(self, sighting: Sighting | None, timestamp: float) -> FrameResult | None:
+        """Return a pose of the newest frame, which may be later than the last observed one, with the body so far.
+
+        None as long as the person is not found, and always for a learner that does not follow the person.
+        """
         ...
 
     def predicted(self) -> PredictedBody:

@@ -16,6 +16,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.parts import Parts
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, cost_of
 
@@ -42,9 +43,10 @@ class InitialPoseVerifier:
     def __init__(self, objective: Objective, refiner: Refiner, arms: AimedArms) -> None:
         self._objective, self._refiner, self._arms = objective, refiner, arms
 
-    def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+    def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> Parts[list[ScoredHypothesis]]:
         """See `Verifier.verified`: `scored` are the hypotheses of all searches and bodies."""
         aimed = [self._arms.of(each, observation) for each in best_of_each_body(scored)]
+        yield
         best = min(aimed, key=cost_of)
         others = facing_elsewhere(best, scored)
         if observation.estimate is not None:

@@ -126,6 +126,14 @@ class HybridTracker(SearchingTracker):
         other.settings = replace(self.settings, restarts=max(self.settings.restarts, STILL_RESTARTS))
         return other
 
+    def of_preview(self) -> HybridTracker:
+        """See `SearchingTracker.of_preview`: detects a person by the joint network, if it is used, and one pose."""
+        other, asked = copy(self), self.settings.hypotheses
+        omitted = {"head_hands", "extrema"} if "joints" in asked else {"head_hands"}
+        fewer = tuple(name for name in asked if name not in omitted)
+        other.settings = replace(self.settings, hypotheses=fewer or asked, restarts=1)
+        return other
+
     def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
         """See `SearchingTracker.verifier`."""
         if "head_hands" not in self.settings.hypotheses:

@@ -30,6 +30,7 @@ from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose
 from toolkit.trackers.lopez2011.sighting import Limits, UpperViewer
 from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.parts import Parts
 from toolkit.tracking.person import PREDICTED, FollowedPerson
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.state import PersonState, Previous
@@ -113,6 +114,11 @@ class ParticleFollower(FollowedPerson):
         self._objective = Objective(placer, settings.fitting)
         self._refiner = Refiner(placer, settings.fitting)
         self._workspace = Workspace()
+
+    def step_parts(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> Parts[FrameResult]:
+        """See `PersonFollower.step_parts`: one part."""
+        yield from ()
+        return self.step(sighting, timestamp, clock)
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """See `PersonFollower.step`: the three layers of the filter, or a first pose by the fork."""

@@ -15,6 +15,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.parts import Parts, whole
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
@@ -83,8 +84,18 @@ class DatabaseLookup:
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """Propose retrieved poses, see `Search.propose`."""
+        return whole(self.propose_parts(observation, state, rng, best))
+
+    def propose_parts(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
+    ) -> Parts[Proposal]:
+        """See `SearchInParts.propose_parts`: without a previous pose, each query is a part."""
         if state.previous is None:
-            firsts = (self._first(query, observation, state.body) for query in self._queries)
+            firsts = []
+            for number, query in enumerate(self._queries):
+                if number:
+                    yield
+                firsts.append(self._first(query, observation, state.body))
             return Proposal(tuple(first for first in firsts if first is not None))
         bound = np.inf if best is None else self._budget.promising * best.comparison.distance
         nearest, chosen, found = bound, None, None

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Comparison
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.parts import Parts
 from toolkit.tracking.state import PersonState
 
 
@@ -99,6 +100,17 @@ class Search(Protocol):
         ...
 
 
+@runtime_checkable
+class SearchInParts(Search, Protocol):
+    """Search that takes long where the person has to be detected again."""
+
+    def propose_parts(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
+    ) -> Parts[Proposal]:
+        """Compute the same as `propose` in parts."""
+        ...
+
+
 class Verifier(Protocol):
     """Source of further hypotheses where the person is detected again, after all searches of all bodies.
 
@@ -109,6 +121,6 @@ class Verifier(Protocol):
 
     name: str
 
-    def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        """Return further hypotheses, given all scored ones."""
+    def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> Parts[list[ScoredHypothesis]]:
+        """Compute further hypotheses in parts, given all scored ones."""
         ...
