@@ -27,7 +27,7 @@ from toolkit.retrieval.workflow.motions import load_motion
 
 ACTORS = ("bd", "bk", "dg")
 SYMMETRIC = frozenset(
-    ("hopBothLegs1hops", "lieDownFloor", "rotateArmsBothBackward1Reps", "squat1Reps", "throwBasketball")
+    ("hopBothLegs1hops", "lieDownFloor", "rotateArmsBothBackward1Reps", "squat1Reps", "standUpFloor", "throwBasketball")
 )
 """Classes that are equal to their mirror image; mirror images of other classes belong to no class."""
 SPEEDS = (0.8, 1.25)
@@ -39,6 +39,25 @@ FILLER_SHARE = 0.5
 FILLER_SECONDS = (2.0, 6.0)
 PIECE, SHORTEST_PIECE = 90, 15
 """Length of a counterexample cut out of a document, and its minimum, frames at 30 Hz."""
+REVERSED = {"lieDownFloor": "standUpFloor"}
+"""Class of HDM05 -> class of its clips played backwards."""
+CUT_FROM_CMU = (
+    ("cartwheelLeft", 0.9, {"bd": [("49_06", 2.2)], "bk": [("49_07", 1.4)], "dg": [("49_08", 3.4)]}),
+    ("punchRight", 0.5, {
+        "bd": [("02_05", s) for s in (1.4, 5.77, 10.04)],
+        "bk": [("02_05", s) for s in (2.86, 7.2, 11.56)],
+        "dg": [("02_05", s) for s in (4.36, 8.63, 13.08)],
+    }),
+    ("hopLeftLeg", 0.27, {
+        "bd": [("49_02", s) for s in (8.68, 9.22, 9.74, 10.26, 10.79, 11.32)],
+        "bk": [("49_02 mirrored", s) for s in (13.33, 13.97, 14.49)],
+        "dg": [("49_03", 4.78), ("49_03", 5.37), ("49_03 mirrored", 6.49), ("49_03 mirrored", 7.03)],
+    }),
+)  # fmt: skip
+"""Classes of Table 5.1 that the excerpt of HDM05 lacks, cut from CMU motions: label, seconds of a clip before and after
+its middle, and motion with middle (s) of each clip by the rotation in which it is left out. The middles are the largest
+reach of the fist, the highest point of the root in a hop, and the handstand. Each class is of one person.
+"""
 HOW = (
     "documents put together from cut HDM05 clips (half of them mirrored, speed 0.8 to 1.25) and excerpts of CMU "
     "motions, joined by eased straight lines; mirror images of one-sided classes and CMU motions bear no label"
@@ -75,6 +94,32 @@ def load_examples(data: Path) -> list[Example]:
         _, actor, label, *_ = file.stem.split("_")
         examples.append(Example(load_motion(file), actor, label))
     return examples
+
+
+def load_missing(data: Path, examples: Sequence[Example]) -> list[Example]:
+    """Return clips of the four classes of Table 5.1 that HDM05's excerpt lacks: some played backwards, some of CMU.
+
+    "actor" is the rotation in which a clip is left out; only standUpFloor has clips of three people.
+    """
+    found = [
+        Example(_backwards(example.motion), example.actor, REVERSED[example.label])
+        for example in examples
+        if example.label in REVERSED
+    ]
+    for label, half, folds in CUT_FROM_CMU:
+        for actor, clips in folds.items():
+            for name, middle in clips:
+                motion = load_motion(data / "mocap" / "cmu" / f"{name.split()[0]}.bvh")
+                first, last = (round((middle + offset) * motion.frame_rate) for offset in (-half, half))
+                clip = replace(motion.sliced(first, last), name=f"{name} {middle:g} s")
+                found.append(Example(clip.mirrored() if name.endswith("mirrored") else clip, actor, label))
+    return found
+
+
+def _backwards(motion: Motion) -> Motion:
+    axis = motion.root_axis
+    back = None if axis is None else np.ascontiguousarray(axis[::-1])
+    return replace(motion, joints=np.ascontiguousarray(motion.joints[::-1]), root_axis=back)
 
 
 def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:

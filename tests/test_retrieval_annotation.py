@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
 from toolkit.io.errors import RetrievalError
+from toolkit.io.spans import spans
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, _segments_of
 from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
@@ -173,3 +174,23 @@ def test_true_segments_that_overlap_or_end_before_they_start_are_refused() -> No
         check_truth([Segment(0, 2, "squat"), Segment(1, 3, "squat")], "doc")
     with pytest.raises(RetrievalError, match="from 2.0 s to 1.0 s"):
         check_truth([Segment(2.0, 1.0, "squat")], "doc")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 1.0])
+def test_segments_are_the_runs_of_each_class_with_their_smallest_distance(share: float) -> None:
+    rng = np.random.default_rng(3)
+    frames, distances = rng.random((3, 40)) < share, rng.random((3, 40))
+    plain = [
+        Segment(run.start / 30.0, run.stop / 30.0, "abc"[row], 1.0 - distances[row, run].min())
+        for row in range(3)
+        for run in spans(frames[row])
+    ]
+    assert _segments_of(frames, distances, "abc", 30.0) == sorted(plain, key=lambda s: (s.start, s.end, s.label))
+
+
+def test_the_first_of_the_cheapest_classes_is_decided_in_searched_frames() -> None:
+    rng = np.random.default_rng(4)
+    distances = np.where(rng.random((3, 200)) < 0.5, rng.integers(0, 3, (3, 200)) / 10.0, np.inf)
+    plain = np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
+    searched = np.isfinite(distances).any(axis=0) | (rng.random(200) < 0.5)
+    assert (dtw.decide(distances, searched) == plain).all()

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.io.errors import RetrievalError, SettingsError
-from toolkit.io.spans import spans
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
@@ -154,8 +153,8 @@ class Annotator:
                 f"motion {features.name!r} has {len(features)} frames at 30 Hz, but the shortest template needs "
                 f"{self.shortest}; give a longer motion"
             )
-        distances = self._distances(features, intervals)
-        decided = decide(distances)
+        distances, searched = self._distances(features, intervals)
+        decided = dtw.decide(distances, searched)
         frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, decided, frames,
@@ -164,31 +163,34 @@ class Annotator:
             tuple(motion_class.threshold for motion_class in self.classes),
         )  # fmt: skip
 
-    def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:
-        """Return modified distance functions (P, L), each on the intervals of its class."""
+    def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> tuple[np.ndarray, np.ndarray]:
+        """Return modified distance functions (P, L), each on the intervals of its class, and all searched frames (L,)."""
         words = features.words
         whole = [(0, len(words))]
-        distances = np.full((len(self.classes), len(words)), np.inf)
+        distances, searched = np.full((len(self.classes), len(words)), np.inf), np.zeros(len(words), dtype=bool)
         for row, motion_class in zip(distances, self.classes, strict=True):
             wanted = whole if intervals is None else intervals.get(motion_class.label, ())
             pieces = np.clip(np.array(wanted, dtype=np.int64).reshape(-1, 2), 0, len(words))
             dtw.search_pieces(
                 *motion_class.template.packed, words, pieces, motion_class.threshold, self.settings.overlap, row
             )
-        return distances
-
-
-def decide(distances: np.ndarray) -> np.ndarray:
-    """Return the class with the smallest modified distance per frame: int64 (L,), -1 if all are infinite (Eq. 5.6)."""
-    return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
+            for start, stop in pieces.tolist():
+                searched[start:stop] = True
+        return distances, searched
 
 
 def _segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
     """Return runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance."""
-    found = []
-    for row, label in enumerate(labels):
-        found += [
-            Segment(span.start / frame_rate, span.stop / frame_rate, label, 1.0 - float(distances[row, span].min()))
-            for span in spans(frames[row])
-        ]
+    length = frames.shape[1]
+    places = np.flatnonzero(frames)  # of rows one after the other; a run ends with its row
+    heads = np.flatnonzero((np.diff(places, prepend=-2) > 1) | (places % length == 0))
+    if not len(places):
+        return []
+    rows, starts = np.divmod(places[heads], length)
+    stops = starts + np.diff(heads, append=len(places))
+    scores = 1.0 - np.minimum.reduceat(distances.ravel()[places], heads)
+    found = [
+        Segment(start / frame_rate, stop / frame_rate, labels[row], score)
+        for row, start, stop, score in zip(*(a.tolist() for a in (rows, starts, stops, scores)), strict=True)
+    ]
     return sorted(found, key=lambda segment: (segment.start, segment.end, segment.label))
