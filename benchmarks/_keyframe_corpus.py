@@ -6,7 +6,7 @@ mirrored, sped up and slowed down, and joined with filler by eased straight line
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -58,6 +58,10 @@ CUT_FROM_CMU = (
 its middle, and motion with middle (s) of each clip by the rotation in which it is left out. The middles are the largest
 reach of the fist, the highest point of the root in a hop, and the handstand. Each class is of one person.
 """
+HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", *(f"49_{n:02d}" for n in range(2, 13)))
+"""CMU motions with a motion of the 11 classes: a jog, jumps and hops, a bend to the floor, a kick, acrobatics."""
+PUNCHES = ("02_05",)
+"""CMU motions with another class of Table 5.1, filler where that is no class."""
 HOW = (
     "documents put together from cut HDM05 clips (half of them mirrored, speed 0.8 to 1.25) and excerpts of CMU "
     "motions, joined by eased straight lines; mirror images of one-sided classes and CMU motions bear no label"
@@ -96,12 +100,14 @@ def load_examples(data: Path) -> list[Example]:
     return examples
 
 
-def load_missing(data: Path, examples: Sequence[Example]) -> list[Example]:
-    """Return clips of the four classes of Table 5.1 that HDM05's excerpt lacks: some played backwards, some of CMU.
+def load_all(data: Path) -> list[Example]:
+    """Return the HDM05 clips, and clips of the four classes of Table 5.1 that HDM05's excerpt lacks.
 
-    "actor" is the rotation in which a clip is left out; only standUpFloor has clips of three people.
+    The latter are HDM05 clips played backwards, and parts of CMU motions. "actor" is the rotation in which a clip is
+    left out; of the four classes only standUpFloor has clips of three people.
     """
-    found = [
+    examples = load_examples(data)
+    found = examples + [
         Example(_backwards(example.motion), example.actor, REVERSED[example.label])
         for example in examples
         if example.label in REVERSED
@@ -119,7 +125,8 @@ def load_missing(data: Path, examples: Sequence[Example]) -> list[Example]:
 def _backwards(motion: Motion) -> Motion:
     axis = motion.root_axis
     back = None if axis is None else np.ascontiguousarray(axis[::-1])
-    return replace(motion, joints=np.ascontiguousarray(motion.joints[::-1]), root_axis=back)
+    joints = np.ascontiguousarray(motion.joints[::-1])
+    return replace(motion, name=f"{motion.name} (backwards)", joints=joints, root_axis=back)
 
 
 def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:
@@ -130,9 +137,9 @@ def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:
     return classes
 
 
-def load_filler(data: Path) -> list[Motion]:
-    """Return all CMU motions, sorted by name, without the initial T-pose."""
-    motions = (load_motion(file) for file in find_clips(data / "mocap" / "cmu"))
+def load_filler(data: Path, without: Collection[str] = ()) -> list[Motion]:
+    """Return all CMU motions but those of some names, sorted by name, without the initial T-pose."""
+    motions = (load_motion(file) for file in find_clips(data / "mocap" / "cmu") if file.stem not in without)
     return [motion.sliced(1, len(motion)) for motion in motions]
 
 

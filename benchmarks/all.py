@@ -79,6 +79,7 @@ COMMANDS: dict[str, str] = {
     "motion_model": "motion_model {data} --seeds 3 --curve",
     "by_example": "by_example {data}",
     "keyframe_search": "keyframes search {data}",
+    "keyframe_manual": "keyframes manual {data}",
     "keyframe_learning": "keyframes learning {data}",
 }
 """Result -> arguments of `depthmocap bench` that write it; the longest come first."""

@@ -5,7 +5,8 @@
   preselection (thesis 5.4, Table 5.2), and with keyframes at one threshold after the other (Fig. 5.6). The threshold is
   chosen by learning templates and keyframes from each training actor alone and annotating documents of the other with
   both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins
-  and unlabelled filler.
+  and unlabelled filler. Once with the 11 classes of the excerpt of HDM05, once with the 15 of Table 5.1
+  (`_keyframe_corpus.load_all`).
 - `events [--split report] [--queries FILE] [--threshold 0.06]`: motion events during tracking. True poses of the
   sequences of `tests/support/labelled.py`, with other motions between the clips, on the neutral body's proportions;
   classes of the other actors. F over segments of the events against that of annotation of the whole, both without
@@ -18,7 +19,7 @@ from __future__ import annotations
 import argparse
 import time
 import timeit
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,18 +29,21 @@ import numpy as np
 from benchmarks._events import told_events
 from benchmarks._keyframe_corpus import (
     ACTORS,
+    HOLDS_A_CLASS,
+    PUNCHES,
     Example,
     Fold,
     LabelledDocument,
     confusion,
     learn_threshold,
     learned_from,
+    load_all,
     load_examples,
     load_filler,
 )
-from benchmarks._record import RESULTS, run_part, save_figures
+from benchmarks._record import RESULTS, run_part, save_figures, show
 from toolkit.retrieval.annotation.annotation_report import plot_annotation
-from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, DecisionSettings, Intervals
+from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotation, Annotator, DecisionSettings, Intervals
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
@@ -48,13 +52,10 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.keyframes.query_file import load_queries, save_queries
 from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
 
 CLIPS_PER_DOCUMENT = 12
-HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", "49_02", *(f"49_{n:02d}" for n in range(3, 13)))
-"""CMU motions left out of the filler: a jog, jumps and hops, a bend to the floor, a kick, acrobatics."""
 LAST_TRAINING_SUBJECT = 8
 """Last CMU subject whose motions are filler in training; the others are filler of the reported documents."""
 HOW = (
@@ -111,26 +112,16 @@ def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
     return found
 
 
-def train(
-    examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace, kept: Path | None
-) -> Trained:
-    """Return templates, threshold and keyframes from the clips of some actors and filler of the training subjects.
-
-    Keyframes are learned in this run, unless `kept` is a file of an earlier one; where it is missing it is written.
-    """
+def train(examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace) -> Trained:
+    """Return templates, threshold and keyframes from the clips of some actors and filler of the training subjects."""
     folds = []
     for actor in sorted({example.actor for example in examples}):
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
         unknown = [(features, segments) for features, segments, _ in make_documents(unseen, filler, options.seed)]
         folds.append(Fold(learn_classes(classes_of(seen)), unknown, keyframes_of(seen, filler, options)))
     threshold = learn_threshold(folds)
-    if kept is not None and kept.exists():
-        queries = load_queries(kept)
-    else:
-        queries = keyframes_of(examples, filler, options)
-        if kept is not None:
-            save_queries(kept, queries)
-    return Trained(Annotator(learn_classes(classes_of(examples), threshold=threshold)), queries, threshold)
+    classes = learn_classes(classes_of(examples), threshold=threshold)
+    return Trained(Annotator(classes), keyframes_of(examples, filler, options), threshold)
 
 
 def keyframes_of(
@@ -193,20 +184,6 @@ def swept(
     return found
 
 
-def plot_thresholds(rows: Sequence[dict[str, Scores]], path: Path) -> None:
-    """Plot precision, recall and F over thresholds, of frames and segments, as in Fig. 5.6."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9, 3.6), layout="constrained")
-    for panel, measure in zip(figure.subplots(1, 2), MEASURES, strict=True):
-        for key, colour in (("precision", "black"), ("recall", "tab:red"), ("f", "tab:green")):
-            panel.plot(THRESHOLDS, [getattr(row[measure], key) for row in rows], color=colour, label=key)
-        panel.set(title=measure, xlabel="threshold", ylim=(0, 1.02))
-        panel.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=8)
-    figure.savefig(path, dpi=110)
-
-
 def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> dict[str, float]:
     """Return CPU seconds to annotate a document of about `minutes`, made of repeated parts, and the speed-up.
 
@@ -242,80 +219,58 @@ def _cpu_seconds(run: Callable[[], object], repeats: int = 5) -> float:
     return min(timeit.repeat(run, timer=time.process_time, repeat=repeats, number=1))
 
 
-def hdm05(options: argparse.Namespace) -> dict[str, Any]:
-    """Yield all three rotations."""
-    examples = load_examples(options.data)
-    filler = {name: motion for motion in load_filler(options.data) if (name := motion.name) not in HOLDS_A_CLASS}
+def rotations(examples: Sequence[Example], filler: Mapping[str, Motion], options: argparse.Namespace) -> dict[str, Any]:
+    """Return the figures of all three rotations, and draw the best and the worst document."""
     training = [m for name, m in filler.items() if int(name.split("_")[0]) <= LAST_TRAINING_SUBJECT]
     reporting = [m for name, m in filler.items() if int(name.split("_")[0]) > LAST_TRAINING_SUBJECT]
-    rotations: dict[str, dict[str, Any]] = {}
-    speeds = {}
+    found: dict[str, dict[str, Any]] = {}
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        kept = options.queries and options.queries / f"without_{actor}.json"
-        trained = train(seen, training, options, kept)
-        documents = make_documents(unseen, reporting, options.seed + 1)
-        rotations[actor] = measured(trained, documents)
+        trained, documents = train(seen, training, options), make_documents(unseen, reporting, options.seed + 1)
+        found[actor] = measured(trained, documents)
         dense = [features for features, _, _ in documents]
-        speeds[actor] = {
+        found[actor]["speed"] = {
             "documents": speed(trained, dense, options.minutes),
             "with more filler": speed(trained, diluted(documents, reporting), options.minutes),
         }
-        _print_rotation(actor, rotations[actor], speeds[actor])
-    totals = {name: _summed([rotations[a][name]["scores"] for a in ACTORS]) for name in VARIANTS}
-    for name in VARIANTS:
-        print(f"all actors, {name}: {_line(totals[name])}")
-    tables = {name: sum(rotations[a][name]["confusion"] for a in ACTORS) for name in list(VARIANTS)[:2]}
-    thresholds = [_summed([rotations[a]["over thresholds"][place] for a in ACTORS]) for place in range(len(THRESHOLDS))]
-    plot_thresholds(thresholds, RESULTS / "annotation_thresholds.jpg")
-    names = [*trained.annotator.labels, "no class"]
-    plot_confusion(tables["with keyframes"], names, RESULTS / "annotation_confusion.jpg", "HDM05, frames")
-    done = [annotation for r in rotations.values() for annotation in r["with keyframes"]["annotations"]]
-    whole = [annotation for annotation in done if len(annotation[2]) == CLIPS_PER_DOCUMENT]
-    ranked = sorted(whole, key=lambda item: item[0])
-    for name, (_, found, segments) in (("bad", ranked[0]), ("good", ranked[-1])):
-        plot_annotation(found, segments).savefig(RESULTS / f"annotation_{name}.jpg", dpi=110)
-    feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
-    feature_seconds *= options.minutes * 60.0 / sum(e.motion.duration for e in examples)
-    print(f"relational features of {options.minutes:.0f} minutes at 120 Hz: {feature_seconds:.1f} s")
+    totals = {name: _summed([found[actor][name]["scores"] for actor in ACTORS]) for name in VARIANTS}
+    swept = [_summed([found[actor]["over thresholds"][k] for actor in ACTORS]) for k in range(len(THRESHOLDS))]
+    tables = {name: sum(found[actor][name]["confusion"] for actor in ACTORS) for name in list(VARIANTS)[:2]}
+    drawn = _draw_examples([one for own in found.values() for one in own["with keyframes"]["annotations"]])
+    timings = {name: [found[actor]["speed"][name]["speed_up"] for actor in ACTORS] for name in found["bd"]["speed"]}
     return {
         "documents": HOW,
-        "features": {"minutes": options.minutes, "cpu_seconds": feature_seconds},
         "all_actors": {name: _scores(total) for name, total in totals.items()},
-        "over_thresholds": {f"{tau:g}": _scores(row) for tau, row in zip(THRESHOLDS, thresholds, strict=True)},
+        "over_thresholds": {"tau": THRESHOLDS, **{of: _curves([_scores(row)[of] for row in swept]) for of in MEASURES}},
         "by_actor_left_out": {
             actor: {
-                "threshold": r["threshold"], "minutes": r["minutes"], "share_searched": r["share_searched"],
-                **{name: _scores(r[name]["scores"]) for name in VARIANTS}, "speed": speeds[actor],
+                "threshold": own["threshold"], "minutes": own["minutes"], "share_searched": own["share_searched"],
+                **{name: _scores(own[name]["scores"]) for name in VARIANTS}, "speed": own["speed"],
             }
-            for actor, r in rotations.items()
+            for actor, own in found.items()
         },
-        "speed_up": {
-            name: float(np.mean([found[name]["speed_up"] for found in speeds.values()])) for name in speeds[ACTORS[0]]
-        },
-        "confusion": {"labels": names, **tables},
+        "speed_up": {name: float(np.mean(factors)) for name, factors in timings.items()},
+        "confusion": {"labels": [*trained.annotator.labels, "no class"], **tables},
+        "drawn": drawn,
     }  # fmt: skip
 
 
-def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: str) -> None:
-    """Draw a confusion matrix, rows true, columns found, each row as fractions."""
-    from matplotlib.figure import Figure
+def _curves(rows: Sequence[dict[str, float]]) -> dict[str, list[float]]:
+    return {key: [row[key] for row in rows] for key in rows[0]}
 
-    size = 2.5 + 0.33 * len(labels)
-    figure = Figure(figsize=(size + 1, size), layout="constrained")
-    axes = figure.subplots()
-    shares = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
-    image = axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0)
-    for row, column in zip(*np.nonzero(shares >= 0.01), strict=True):
-        text = f"{100 * shares[row, column]:.0f}"
-        axes.text(
-            column, row, text, ha="center", va="center", fontsize=7, color="w" if shares[row, column] > 0.5 else "k"
-        )
-    axes.set_xticks(range(len(labels)), labels, rotation=90, fontsize=8)
-    axes.set_yticks(range(len(labels)), labels, fontsize=8)
-    axes.set(xlabel="found", ylabel="true", title=f"{title}: percent of the true class")
-    figure.colorbar(image, ax=axes, shrink=0.7)
-    figure.savefig(path, dpi=110)
+
+def _draw_examples(annotations: Sequence[tuple[float, Annotation, Sequence[Segment]]]) -> dict[str, float]:
+    """Draw the whole documents with the lowest and the highest F over frames (Fig. 5.5), and return these."""
+    whole = sorted((one for one in annotations if len(one[2]) == CLIPS_PER_DOCUMENT), key=lambda one: one[0])
+    for name, (_, found, segments) in (("worst", whole[0]), ("best", whole[-1])):
+        plot_annotation(found, segments).savefig(RESULTS / f"annotation_{name}.jpg", dpi=80)
+    return {"worst": whole[0][0], "best": whole[-1][0]}
+
+
+def features_of(examples: Sequence[Example], minutes: float) -> dict[str, float]:
+    """Return the CPU seconds of the relational features of so many minutes at 120 Hz."""
+    seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
+    return {"minutes": minutes, "cpu_seconds": seconds * minutes * 60.0 / sum(e.motion.duration for e in examples)}
 
 
 def _summed(parts: Sequence[dict[str, Scores]]) -> dict[str, Scores]:
@@ -326,38 +281,23 @@ def _scores(scores: dict[str, Scores]) -> dict[str, dict[str, float]]:
     return {key: {"precision": s.precision, "recall": s.recall, "f": s.f} for key, s in scores.items()}
 
 
-def _line(scores: dict[str, Scores]) -> str:
-    return ", ".join(f"{key} P {s.precision:.2f} R {s.recall:.2f} F {s.f:.3f}" for key, s in scores.items())
-
-
-def _print_rotation(actor: str, rotation: dict[str, Any], timings: dict[str, dict[str, float]]) -> None:
-    print(f"{actor} left out ({rotation['minutes']:.1f} minutes, threshold {rotation['threshold']:g})")
-    for name in VARIANTS:
-        print(f"  {name}: {_line(rotation[name]['scores'])}")
-    print(f"  {100 * rotation['share_searched']:.1f} % searched")
-    for name, timing in timings.items():
-        print(
-            f"  {name}, {timing['minutes']:.0f} minutes: {timing['seconds_without_keyframes']:.3f} s without and "
-            f"{timing['seconds_with_keyframes']:.3f} s with keyframes, {timing['speed_up']:.1f} times faster, "
-            f"{100 * timing['share_searched']:.1f} % searched",
-            flush=True,
-        )
-
-
 def thesis(parser: argparse.ArgumentParser) -> None:
     """Parse the command line, measure, print and store the figures."""
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--runs", type=int, default=30, help="genetic runs per class")
     parser.add_argument("--generations", type=int, default=100)
-    parser.add_argument("--queries", type=Path, help="folder of queries of an earlier run, or to keep them in")
     parser.add_argument("--minutes", type=float, default=74.0, help="length of the document that is timed")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
 
-    print(HOW)
-    figures = {"hdm05": hdm05(options)}
-    settings = {name: value for name, value in vars(options).items() if name not in ("data", "queries")}
-    settings["queries"] = "learned in this run" if options.queries is None else "kept from an earlier run"
+    eleven, fifteen = load_examples(options.data), load_all(options.data)
+    figures = {}
+    for name, examples, holding in (("hdm05", eleven, HOLDS_A_CLASS), ("fifteen", fifteen, HOLDS_A_CLASS + PUNCHES)):
+        filler = {motion.name: motion for motion in load_filler(options.data, holding)}
+        figures[name] = rotations(examples, filler, options)
+        show({key: figures[name][key] for key in ("all_actors", "by_actor_left_out", "speed_up")}, name)
+    figures["hdm05"]["features"] = features_of(eleven, options.minutes)
+    settings = {name: value for name, value in vars(options).items() if name not in ("data", "part")}
     print(save_figures("annotation", figures, settings))
 
 

@@ -27,14 +27,15 @@ import numpy as np
 
 from benchmarks._keyframe_corpus import (
     ACTORS,
+    HOLDS_A_CLASS,
     Fold,
     confusion,
     learn_threshold,
     load_examples,
     load_filler,
 )
-from benchmarks._record import RESULTS, save_figures
-from benchmarks.annotation import HOLDS_A_CLASS, LAST_TRAINING_SUBJECT, plot_confusion
+from benchmarks._record import RESULTS, drawn, save_figures
+from benchmarks.annotation import LAST_TRAINING_SUBJECT
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document
@@ -273,6 +274,19 @@ def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool
     return figures
 
 
+def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: str) -> None:
+    """Draw a confusion matrix, rows true, columns found, each row as fractions."""
+    shares, size = table / np.maximum(table.sum(axis=1, keepdims=True), 1), 2.5 + 0.33 * len(labels)
+    with drawn(path, (size, size)) as (axes,):
+        axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0)
+        for row, column in zip(*np.nonzero(shares >= 0.01), strict=True):
+            colour = "w" if shares[row, column] > 0.5 else "k"
+            axes.text(column, row, f"{100 * shares[row, column]:.0f}", ha="center", va="center", size=7, color=colour)
+        axes.set_xticks(range(len(labels)), labels, rotation=90, fontsize=8)
+        axes.set_yticks(range(len(labels)), labels, fontsize=8)
+        axes.set(xlabel="found", ylabel="true", title=f"{title}: percent of the true class")
+
+
 def main() -> None:
     """Parse the command line, measure, print and store the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -285,7 +299,7 @@ def main() -> None:
     clips = [CutClip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
     searched = {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
     measured = Measured({name: {} for name in SETS}, searched, [], [])
-    filler = [motion for motion in load_filler(options.data) if motion.name not in HOLDS_A_CLASS]
+    filler = load_filler(options.data, HOLDS_A_CLASS)
     for seed in range(options.seed, options.seed + options.seeds):
         for actor in ACTORS:
             rotate(measured, clips, filler, actor, seed, options)

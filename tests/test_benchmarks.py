@@ -12,12 +12,17 @@ import pytest
 
 from benchmarks import _room_scores
 from benchmarks import rooms as rooms_benchmark
+from benchmarks._keyframe_corpus import load_all
+from benchmarks.keyframes import MANUAL
 from tests.support import suite
 from tests.support.casting import listed
 from tests.support.scenes import scenes
 from tests.support.suite import takes
 from toolkit.app.cli.bench import benchmarks
 from toolkit.body import skeleton
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.search.find import find
 
 
 @pytest.mark.parametrize("name", sorted(benchmarks()))
@@ -84,3 +89,15 @@ def test_annotated_joints_get_the_full_score_and_no_track_misses_everything(name
     assert _room_scores.score(truth, [])["heads"] == [0, required]
     beside = _room_scores.score(truth, perfect_tracks(truth, shift=3.0))
     assert beside["heads"][0] == 0 and sum(beside["false"].values()) > 0
+
+
+@pytest.mark.data("cmu-mocap", "hdm05")
+def test_hand_written_keyframes_find_the_clips_that_they_were_written_for(data_folder: Path) -> None:
+    clips = [example for example in load_all(data_folder) if example.actor == "bd"]
+    queries = {query.label: query for query in load_queries(MANUAL)}
+    assert len(queries) == 15 and set(queries) == {clip.label for clip in clips}
+    index = KeyframeIndex.build([clip.features for clip in clips])
+    found = {(label, int(number)) for label, query in queries.items() for number in find(index, query).documents}
+    right = [(clip.label, number) in found for number, clip in enumerate(clips)]
+    wrong = [(label, number) in found for label in queries for number, c in enumerate(clips) if c.label != label]
+    assert np.mean(right) > 0.9 and np.mean(wrong) < 0.05
