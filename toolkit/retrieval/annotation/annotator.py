@@ -164,7 +164,7 @@ class Annotator:
         )  # fmt: skip
 
     def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> tuple[np.ndarray, np.ndarray]:
-        """Return modified distance functions (P, L), each on the intervals of its class, and the searched frames (L,)."""
+        """Return modified distances (P, L), each on the intervals of its class, and all searched frames (L,)."""
         words = features.words
         whole = [(0, len(words))]
         distances, searched = np.full((len(self.classes), len(words)), np.inf), np.zeros(len(words), dtype=bool)
