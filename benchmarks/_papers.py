@@ -117,7 +117,7 @@ def _draw(group: Mapping[str, Any], figures: Any, path: Path) -> None:
     axes = figure.add_subplot()
     for name, values in lines.items():
         axes.plot(x, values, lw=1.4, label=name)
-    axes.set(xlabel=curves["xlabel"], ylabel=curves["ylabel"], title=f"{group['source']}: {group['says']}")
+    axes.set(xlabel=curves["xlabel"], ylabel=curves["ylabel"], title=group["source"])
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
     save_bytes(path, png_of(figure))

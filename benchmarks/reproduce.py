@@ -10,25 +10,23 @@ from __future__ import annotations
 
 import argparse
 import sys
+from itertools import groupby
 from pathlib import Path
 
-from benchmarks._papers import Comparison, compared, papers, plots, results_of
+from benchmarks._papers import compared, papers, plots, results_of
 from benchmarks._rows import add_database_options, poses_of
 from benchmarks.all import list_pending, measure
 from toolkit.datasets.folder import data_folder
 
 
-def row_of(one: Comparison) -> tuple[str, str, str, str]:
-    """Return the cells of a line of the table."""
-    return one.source, f"{one.figure}: {one.name}", *one.cells()
-
-
 def print_tables(paper: str) -> None:
     """Print the numbers of a paper beside the last results, draw its curves, and print the paths of the pictures."""
-    rows = [("source", "figure", "paper", "here"), *(row_of(one) for one in compared(paper))]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for source, figure, own, here in rows:
-        print(f"{source:<{widths[0]}}  {figure:<{widths[1]}}  {own:>{widths[2]}}  {here:>{widths[3]}}")
+    rows = list(compared(paper))
+    width = max(len(one.name) for one in rows)
+    for (source, figure), group in groupby(rows, lambda one: (one.source, one.figure)):
+        print(f"{source}: {figure}\n  {'':<{width}} {'paper':>8} {'here':>12}")
+        for one in group:
+            print(f"  {one.name:<{width}} {one.cells()[0]:>8} {one.cells()[1]:>12}")
     for source, path in plots(paper):
         print(f"{source}: {path}")
 

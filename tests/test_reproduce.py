@@ -105,7 +105,7 @@ def test_stored_results_are_compared_without_measuring(
     monkeypatch.setattr(_papers, "RESULTS", thesis_results)
     assert run("reproduce", "thesis", "--stored") == 0
     out = capsys.readouterr().out
-    assert re.search(r"Fig\. 4\.3 .*: recall +drawn +0\.80\n", out)
+    assert re.search(r"Fig\. 4\.3: .*\n.* paper +here\n.*\n  recall +drawn +0\.80\n", out)
     assert out.splitlines()[-1] == f"Fig. 4.3: {thesis_results / 'keyframe_learning.png'}"
 
 
