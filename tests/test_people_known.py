@@ -10,7 +10,7 @@ import pytest
 from tests.sensing_scenes import KINECT
 from toolkit.io.errors import TrackError
 from toolkit.people.evidence import Evidence
-from toolkit.people.known_people import PATIENCE, KnownPeople
+from toolkit.people.known_people import PATIENCE, KnownPeople, match_heads
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -82,6 +82,16 @@ def test_who_walks_out_of_the_image_is_gone_and_who_is_hidden_within_it_is_not()
     assert not known.people[0].gone
     walked_out(known)
     assert known.people[0].gone
+
+
+@pytest.mark.parametrize(("aside", "gone"), [(1.5, True), (1.3, False)], ids=["half outside", "inside"])
+def test_a_person_at_the_border_is_gone_so_that_the_next_to_enter_there_is_another(aside: float, gone: bool) -> None:
+    known, place = KnownPeople(LENS, most=3), np.array([aside, 0.4, -3.0])
+    met(known, place)
+    known.end_frame(0.2)
+    (person,) = known.present(0.4, {})
+    assert person.gone == gone
+    assert match_heads([person], [place - (0.6, 0.0, 0.0)], 0.4) == ({} if gone else {0: 0})
 
 
 @pytest.mark.parametrize(

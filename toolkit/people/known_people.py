@@ -111,9 +111,10 @@ class KnownPeople:
         return 0
 
     def end_frame(self, timestamp: float) -> None:
-        """Mark people who left the image: unseen in this frame and expected outside the image."""
+        """Mark people who left the image: unseen in this frame and expected outside or at the border of the image."""
+        half_width = 0.25  # m from a head to a shoulder: half of a person whose head is so near the border is outside
         for k, person in enumerate(self.people):
-            unseen = person.last < timestamp and not self._lens.shows(person.expected(timestamp))
+            unseen = person.last < timestamp and not self._lens.shows(person.expected(timestamp), half_width)
             self.people[k] = replace(person, gone=person.gone or unseen)
 
     def export_state(self) -> dict[str, Any]:

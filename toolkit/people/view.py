@@ -69,13 +69,14 @@ class CoarseCamera:
         """Rotate vectors (N, 3) from the level frame to the camera frame."""
         return linear.rotated(vectors, self.rotation)
 
-    def shows(self, place: np.ndarray) -> bool:
-        """Return True if a point (3,), level frame, metres, lies within the image."""
+    def shows(self, place: np.ndarray, margin: float = 0.0) -> bool:
+        """Return True if a point (3,), level frame, lies in the image, `margin` from its border; in metres."""
         x, y, z = self.from_level(place[None])[0]
         if z <= 0:
             return False
         u, v = self.camera.fx * x / z + self.camera.cx, self.camera.fy * y / z + self.camera.cy
-        return bool(0 <= u < self.camera.width and 0 <= v < self.camera.height)
+        aside, above = self.camera.fx * margin / z, self.camera.fy * margin / z
+        return bool(aside <= u < self.camera.width - aside and above <= v < self.camera.height - above)
 
     def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
         """Downsample a frame (H, W), millimetres: float32 (h, w), metres, 0 out of range."""
