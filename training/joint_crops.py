@@ -20,7 +20,6 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -146,7 +145,7 @@ class CropPainter:
         root = np.array([0.0, -np.sin(elevation), -np.cos(elevation)]) * distance - middle
         root[0] += rng.uniform(-0.35, 0.35) * distance
 
-        own = [Surface(vertices + root, self._faces), *self._attached(vertices, joints, root)]
+        own = [Surface(vertices + root, self._faces), *self._attached(vertices, root)]
         foreign = []
         if rng.random() < 0.25:
             meshes = occluder_meshes(self._poses, self._space, root, yaw, vertices, rng)
@@ -193,8 +192,8 @@ class CropPainter:
             layers[THIGHS] = rng.uniform(0.02, 0.08)
         return thickened(body, vertices, self._faces, layers)
 
-    def _attached(self, vertices: np.ndarray, joints: np.ndarray, root: np.ndarray) -> list[Surface]:
-        """Return objects that a segmentation leaves in a person's mask: floor, an object at hand, a bag on the back."""
+    def _attached(self, vertices: np.ndarray, root: np.ndarray) -> list[Surface]:
+        """Return objects that a segmentation leaves in a person's mask: floor, an object at hand."""
         rng, found = self._rng, []
         if rng.random() < 0.25:
             floor = vertices[:, 1].min()
@@ -204,13 +203,6 @@ class CropPainter:
         if rng.random() < 0.15:
             place = vertices[rng.integers(len(vertices))] * rng.uniform(0.9, 1.1)
             found.append(box(root + place, tuple(rng.uniform(0.05, 0.45, 3)), rng.uniform(0, 3)))
-        if rng.random() < 0.08:
-            across = joints[_row("left_shoulder")] - joints[_row("right_shoulder")]
-            forward = np.cross(across, joints[_row("neck")] - joints[_row("pelvis")])
-            forward /= np.linalg.norm(forward) + 1e-9
-            size = rng.uniform((0.22, 0.3, 0.08), (0.4, 0.55, 0.25))
-            back = 0.5 * (joints[_row("spine")] + joints[_row("neck")]) - (0.1 + 0.5 * size[2]) * forward
-            found.append(box(root + back, tuple(size), float(np.arctan2(forward[0], forward[2]))))
         return [Surface(mesh.vertices, mesh.faces.astype(np.int64)) for mesh in found]
 
     def _rendered(self, own: list[Surface], foreign: list[Surface], joints: np.ndarray) -> Crop | None:
@@ -222,8 +214,6 @@ class CropPainter:
         view = CropView(focal, 0.5 * (SIZE - 1) - focal * middle)
         inverse = view.inverse_depth(own)
         pixels = view.pixels(joints)
-        if rng.random() < 0.15:
-            inverse = self._loose_coat(inverse, pixels)
         blocked = view.inverse_depth(foreign)
         alone = view.inverse_depth(own[:1])
         depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
@@ -240,17 +230,6 @@ class CropPainter:
         near_surface = (surface > joints[:, 2] - 0.16) | (alone[v, u] == 0)
         seen = np.where(inside, np.where(near_surface, VISIBLE, SELF_OCCLUDED), OUTSIDE)
         return Crop(depth, np.array([reference, *middle]), joints, seen)
-
-    def _loose_coat(self, inverse: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """Close the gaps between arms and trunk, and between the thighs, as loose cloth does."""
-        rng = self._rng
-        radius = int(rng.integers(3, 9))
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (radius, radius))
-        closed = cv2.morphologyEx(inverse.astype(np.float32), cv2.MORPH_CLOSE, kernel)
-        neck, pelvis, left, right = pixels[[_row(n) for n in ("neck", "pelvis", "left_knee", "right_knee")], 1]
-        hem = pelvis + rng.uniform(0.1, 1.0) * (0.5 * (left + right) - pelvis)
-        rows = np.arange(SIZE)[:, None]
-        return np.where((rows > neck - 2) & (rows < hem), np.maximum(inverse, closed), inverse)
 
     def _outside(self, pixels: np.ndarray) -> np.ndarray:
         """Return bool (128, 128): outside an image whose borders truncate a third of the people."""
