@@ -15,6 +15,7 @@ from toolkit.body.shape import load_body
 from toolkit.database.canonical import body_facing
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.io.parts import whole
 from toolkit.kernels.fit import particles as kernel
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
@@ -30,7 +31,6 @@ from toolkit.trackers.hybrid.initial_pose import (
 from toolkit.trackers.lopez2011.head_hands import HeadHandSearch, HeadHandSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.parts import whole
 from toolkit.tracking.search.search_protocol import Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 

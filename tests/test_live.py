@@ -246,7 +246,7 @@ def test_a_realsense_camera_gives_millimetres_and_its_loss_is_reported(monkeypat
 
 
 class RoomFinder:
-    """Finder of people that keeps the rooms that it receives."""
+    """Finder of people that keeps the rooms that it receives, and what it is asked for."""
 
     camera = CAMERA
     lens = SimpleNamespace(coarse=lambda depth: depth)
@@ -255,34 +255,56 @@ class RoomFinder:
         self.rooms: list[Any] = []
         self.seen: tuple[Sighting, ...] = ()
         self.evidence: dict[int, Evidence] = {}
+        self.asked: list[tuple[int | None, bool]] = []
 
     def use_room(self, room: Any) -> None:
         self.rooms.append((len(self.rooms), room))
 
-    def find(self, depth: np.ndarray, timestamp: float, predicted: Any) -> tuple[Sighting, ...]:
-        return self.seen
+    def find(
+        self, depth: np.ndarray, timestamp: float, predicted: Any, *, only: int | None = None, searches: bool = True
+    ) -> tuple[Sighting, ...]:
+        self.asked.append((only, searches))
+        return tuple(each for each in self.seen if only is None or each.id == only)
 
 
-def test_a_room_is_learned_from_the_samples_so_far(take: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def room_finder(take: Recording, finder: RoomFinder) -> live_room.RoomLearningFinder:
+    return live_room.RoomLearningFinder(finder, FakeTracker().settings.sensing, take, None, -1.2)  # type: ignore[arg-type]
+
+
+def test_a_room_is_learned_from_the_samples_so_far_in_parts(take: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     empty = np.zeros((1, 1), np.float32)
     sizes: list[int] = []
+    parts: list[int] = []
 
-    def learnt(frames: list[np.ndarray], *_: object) -> Surroundings:
+    def learnt_parts(frames: list[np.ndarray], *_: object) -> Iterator[None]:
         sizes.append(len(frames))
+        for _part in range(10):
+            parts.append(now)
+            yield
         return Surroundings(False, True, empty, empty, empty > 0)
 
-    monkeypatch.setattr(live_room, "learnt", learnt)
+    monkeypatch.setattr(live_room, "learnt_parts", learnt_parts)
     finder = RoomFinder()
-    sensing = FakeTracker().settings.sensing
-    room = live_room.RoomLearningFinder(finder, sensing, take, None, -1.2)  # type: ignore[arg-type]
+    room = room_finder(take, finder)
     depth, changes = take.depth(0), []
-    for i in range(800):  # 26.7 s at 30 frames a second
+    for now in range(800):  # 26.7 s at 30 frames a second
         before = len(finder.rooms)
-        room.find(depth, i / 30, {})
-        changes += [i] * (len(finder.rooms) > before)
+        room.find(depth, now / 30, {})
+        changes += [now] * (len(finder.rooms) > before)
     assert sizes == list(live_room.LEARNED_AFTER)
-    assert changes == [120, 240, 600], "half a second after the 8th, 16th and 40th sample"
+    # the 8th, 16th and 40th sample are of 3.5, 7.5 and 19.5 s; a part is computed in every fourth frame
+    assert changes == [106 + 40, 226 + 40, 586 + 40]
+    assert len(set(parts)) == 30 and {part % live_room.PERIOD for part in parts} == {2}
     assert all(learned.floor == -1.2 for _, learned in finder.rooms)
+
+
+def test_heads_are_searched_in_every_fourth_frame_and_while_no_person_is_found(take: Recording) -> None:
+    finder = RoomFinder()
+    room, depth = room_finder(take, finder), take.depth(0)
+    for k in range(14):
+        finder.seen = (Sighting(1, depth.astype(np.float32), None, CAMERA),) if k >= 3 else ()
+        room.find(depth, k / 30, {})
+    assert [k for k, (_, searches) in enumerate(finder.asked) if searches] == [0, 1, 2, 3, 4, 8, 12]
 
 
 def test_one_person_in_a_room_is_the_largest_and_stays_it_unless_it_is_furniture() -> None:
@@ -302,6 +324,7 @@ def test_one_person_in_a_room_is_the_largest_and_stays_it_unless_it_is_furniture
     assert found(sighting(1, 500), sighting(2, 900)) == [900]
     assert found(sighting(1, 950), sighting(2, 400)) == [400]
     assert found(sighting(1, 950)) == [0]
+    assert [only for only, _ in inner.asked] == [None, None, 2, 2], "only the selected person is cut out"
     inner.evidence = {2: replace(Evidence(), looks=10, judged=-1e6)}
     assert inner.evidence[2].log_odds <= 0
     assert found(sighting(1, 950), sighting(2, 990)) == [950]

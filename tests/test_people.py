@@ -104,6 +104,17 @@ def test_people_in_a_room_are_found_in_a_single_frame(tilt):
     assert min(truth_of(s, who)[1] for s in sightings) > 0.85, "all but the soles"
 
 
+def test_people_who_walk_in_an_unknown_room_keep_their_surfaces_in_frames_without_a_search():
+    finder, room = MultiPersonFinder(KINECT, UP), {"height": 1.5, "wall": 4.5, "floor": True}
+    for k in range(12):
+        depth, who = scene(KINECT, ((-0.6 + 0.02 * k, 2.6), (0.6, 3.1 - 0.02 * k)), **room)
+        sightings = finder.find(depth, k / 30, {}, searches=k % 4 == 0)
+        assert [s.id for s in sightings] == [1, 2]
+        assert min(truth_of(s, who)[1] for s in sightings) > 0.85
+    (alone,) = finder.find(depth, 0.4, {}, only=2, searches=False)
+    assert alone.id == 2 and truth_of(alone, who)[1] > 0.85
+
+
 def test_an_empty_room_has_no_people():
     depth, _ = scene(KINECT, (), height=1.5, wall=4.0, floor=True)
     finder = MultiPersonFinder(KINECT, UP)

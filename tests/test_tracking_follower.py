@@ -21,13 +21,13 @@ from tests.fake_tracker_parts import (
 )
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.io.parts import Parts
 from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.occluded_limbs import Guess
-from toolkit.tracking.parts import Parts
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracks import LOST, TRACKED, FrameResult

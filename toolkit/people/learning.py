@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from toolkit.io.parts import Parts, whole
 from toolkit.people.detection import near_head
 from toolkit.people.hypothesis import (
     EvidenceSample,
@@ -74,6 +75,16 @@ def learnt(
 
     `floor` is the y of the floor, metres, level frame, None if unknown.
     """
+    return whole(learnt_parts(frames, lens, judge, floor))
+
+
+def learnt_parts(
+    frames: Sequence[np.ndarray],
+    lens: CoarseCamera,
+    judge: PersonClassifier | None,
+    floor: float | None = None,
+) -> Parts[Surroundings]:
+    """Compute the same as `learnt` in parts: two for each frame, and some for all."""
     if len(frames) < FEWEST:
         return room_of(frames[0], lens)
     stack = np.stack(frames)
@@ -82,13 +93,14 @@ def learnt(
     still = (same.sum(axis=0) >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
     moved = np.stack([_opened((depth > 0) & (rough - depth > rough_margin)) for depth in stack])
     tolerance = tolerances(rough, lens)
+    yield
     planes = find_planes(rough, lens.rays, tolerance)
-    seen = [
-        s
-        for k in range(len(stack))
-        for s in _seen(k, stack, moved, rough_margin, planes, lens, judge, floor)
-        if possible_height(s.place, floor)
-    ]
+    seen: list[HeadTrack] = []
+    for k in range(len(stack)):
+        yield
+        heads = yield from _seen(k, stack, moved, rough_margin, planes, lens, judge, floor)
+        seen += [s for s in heads if possible_height(s.place, floor)]
+    yield
     occupied, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
     people: list[HeadTrack] = []
     stays: list[list[HeadTrack]] = []
@@ -103,6 +115,7 @@ def learnt(
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             figures.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, lens)
+    yield
     margin, near = _margins(stack, background, lens)
     owned = background == 0  # a person's in all samples
     count = near.sum(axis=0)
@@ -110,15 +123,17 @@ def learnt(
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     background[left_with(people, stack, near, background, lens)] = 0.0
+    yield
     below = below_heads(people, near, background, lens)
     if judge is not None and (stays or below.any()):
-        odds = _judged(stack, lens, judge)
+        odds = yield from _judged(stack, lens, judge)
         likely, below = odds > LEAST_ODDS, below & (odds > 0)
         background[below], owned[below] = 0.0, True
         for figure in stays:
             furniture = still & ~likely & (sum(s.own for s in figure) > MOSTLY * len(figure))
             background[furniture], margin[furniture] = rough[furniture], rough_margin[furniture]
         for figure in stays:
+            yield
             theirs = still & hanging(figure, people, stack, still, likely, planes, lens)
             background[theirs], owned[theirs] = 0.0, True
     return Surroundings(
@@ -164,7 +179,7 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.
     return found
 
 
-def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> np.ndarray:
+def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> Parts[np.ndarray]:
     """Return the mean log odds of a person, over samples and neighbours, of each pixel: float32 (h, w), 0 if
     unmeasured.
     """
@@ -172,6 +187,7 @@ def _judged(stack: np.ndarray, lens: CoarseCamera, judge: PersonClassifier) -> n
 
     total, count = (np.zeros(stack.shape[1:], dtype=np.float32) for _ in range(2))
     for depth in stack[:: -(-len(stack) // JUDGED_SAMPLES)]:
+        yield
         total += judge.log_odds(depth, lens.camera)
         count += depth > 0
     nearby, measured = (cv2.blur(image, (PATCH, PATCH)) for image in (total, count))
@@ -270,13 +286,14 @@ def _seen(
     lens: CoarseCamera,
     judge: PersonClassifier | None,
     floor: float | None,
-) -> list[HeadTrack]:
+) -> Parts[list[HeadTrack]]:
     """Return the head candidates of one sample. `moved` bool (K, h, w): surfaces before the rough background."""
     depth = stack[frame]
     on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
     view = lens.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
     people, others, labels = people_and_furniture(view, lens)
     found = []
+    yield
     for k, place in enumerate([*people, *others], start=1):
         own, head = labels == k, near_head(view, place) & view.foreground
         changed = _changed(own | head, depth, stack, margin)
@@ -316,8 +333,8 @@ def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.n
     """
     changed = np.zeros(own.shape, dtype=np.int32)
     box = _box(own)
-    for whole in stack:
-        other = whole[box]
+    for sample in stack:
+        other = sample[box]
         away = np.abs(other - depth[box])
         changed[box] += _opened(own[box] & (other > 0) & (away > margin[box]) & (away < CLOSE_BY))
     return np.asarray(changed >= OFTEN * len(stack))

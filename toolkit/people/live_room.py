@@ -1,22 +1,22 @@
 """People before a live camera in a room that is learned while they are found.
 
 A recording's room is learned from frames spread over all of it (`toolkit.people.survey`). A live camera has only the
-frames so far: the room is learned from samples of the first seconds, several times, in a thread beside the frames. Its
-result is used from the next sample on, so that the same frames give the same people on every machine.
+frames so far: the room is learned from samples of the first seconds, several times, one part beside every fourth frame.
+The same frames give the same people on every machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from toolkit.io.parts import Parts
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.hypothesis import PersonClassifier
-from toolkit.people.learning import FEWEST, learnt
+from toolkit.people.learning import FEWEST, learnt_parts
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.people.single_person import SinglePersonSegmenter
@@ -27,6 +27,10 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
+PERIOD = 4
+"""Frames of which one has heads and limbs searched while the room is not known, and another one has a part of learning,
+20 to 40 ms each.
+"""
 LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 """Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
 
@@ -85,8 +89,8 @@ class RoomLearningFinder:
         self.camera = finder.camera
         self._samples: list[np.ndarray] = []
         self._due = -np.inf
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="depthmocap-room")
-        self._learning: Future[Surroundings] | None = None
+        self._learning: Parts[Surroundings] | None = None
+        self._frames, self._anyone = 0, False
 
     @property
     def evidence(self) -> Mapping[int, Evidence]:
@@ -94,26 +98,40 @@ class RoomLearningFinder:
         return self._finder.evidence
 
     def find(
-        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+        self,
+        depth_mm: np.ndarray,
+        timestamp: float,
+        predicted: Mapping[int, PredictedBody],
+        *,
+        only: int | None = None,
     ) -> tuple[Sighting, ...]:
-        """See `PeopleFinder.find`."""
-        if timestamp >= self._due and (self._learning is not None or len(self._samples) < SAMPLES):
+        """See `PeopleFinder.find`; with `only`, that of one person."""
+        if timestamp >= self._due and len(self._samples) < SAMPLES:
             self._sample(depth_mm, timestamp)
-        return self._finder.find(depth_mm, timestamp, predicted)
+        if self._learning is not None and self._frames % PERIOD == PERIOD // 2:
+            self._learn(self._learning)
+        searches = not self._anyone or self._frames % PERIOD == 0
+        self._frames += 1
+        found = self._finder.find(depth_mm, timestamp, predicted, only=only, searches=searches)
+        self._anyone = bool(found)
+        return found
 
     def _sample(self, depth_mm: np.ndarray, timestamp: float) -> None:
-        """Use the room learnt from earlier samples, and start learning again when it is due."""
-        if self._learning is not None:
-            self._finder.use_room(replace(self._learning.result(), floor=self._floor))
-            self._learning = None
+        """Store a sample, and start learning when it is due and the room of fewer samples is known."""
         sample_seconds = 0.5  # interval of the room samples: the `SAMPLES` of a recording take 20 s
         self._due = timestamp + sample_seconds
-        if len(self._samples) == SAMPLES:
-            return
         self._samples.append(self._finder.lens.coarse(self._filter.checked(depth_mm)))
         if len(self._samples) in LEARNED_AFTER:
             frames = list(self._samples)
-            self._learning = self._thread.submit(learnt, frames, self._finder.lens, self._judge, self._floor)
+            self._learning = learnt_parts(frames, self._finder.lens, self._judge, self._floor)
+
+    def _learn(self, learning: Parts[Surroundings]) -> None:
+        """Compute the next part, and use the room after the last one."""
+        try:
+            next(learning)
+        except StopIteration as ended:
+            self._finder.use_room(replace(ended.value, floor=self._floor))
+            self._learning = None
 
     def redetect(self) -> MultiPersonFinder:
         """See `PeopleFinder.redetect`."""
@@ -146,7 +164,9 @@ class FirstPersonFinder:
         """See `PeopleFinder.find`: no sighting before the first person, then one in every frame, which may be empty."""
         only = 1
         bodies = {self._selected: predicted[only]} if self._selected is not None and only in predicted else {}
-        found = self._finder.find(depth_mm, timestamp, bodies)
+        no_people = furniture(self._finder.evidence)
+        only_selected = None if self._selected in no_people else self._selected
+        found = self._finder.find(depth_mm, timestamp, bodies, only=only_selected)
         no_people = furniture(self._finder.evidence)
         if self._selected is None or self._selected in no_people:
             people = [sighting for sighting in found if sighting.id not in no_people]

@@ -10,11 +10,11 @@ from toolkit.body.body import Body
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
+from toolkit.io.parts import Parts, whole
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower, StepContext
-from toolkit.tracking.parts import Parts, whole
 from toolkit.tracking.state import PersonState
 from toolkit.tracking.stature import likeliest_size
 from toolkit.tracks import TRACKED, FrameResult

@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
+from toolkit.io.parts import Parts, whole
 from toolkit.people.connection import HELD, connected
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
@@ -19,7 +20,6 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.heading import estimated_facing, weighed
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
-from toolkit.tracking.parts import Parts, whole
 from toolkit.tracking.person import HEAD, FollowedPerson
 from toolkit.tracking.search.labelings import EFFECTORS
 from toolkit.tracking.search.search_protocol import (

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.io.parts import Parts
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.parts import Parts
 from toolkit.tracking.state import State
 from toolkit.tracks import FrameResult
 

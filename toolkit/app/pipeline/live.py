@@ -195,6 +195,9 @@ def track_live(
     OutputError
         The recording cannot be written.
     """
+    import cv2
+
+    cv2.setNumThreads(1)  # more threads of a small network wait for each other: 7 ms of a room's frame
     tracked, summary = begin_live(source.first, tracker, people), LiveSummary()
     with stop_request() as stop:
         newest = _Newest(source, stop, writer)

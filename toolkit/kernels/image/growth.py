@@ -172,9 +172,14 @@ def refine_labels(
             z = np.int64(depth[v, u])
             if z == 0:
                 continue
+            first, left = v // step, u // step
+            last, right = min(first + 1, rows - 1), min(left + 1, columns - 1)
+            # most pixels have no person around them
+            if labels[first, left] == labels[first, right] == labels[last, left] == labels[last, right] == 0:
+                continue
             best = np.int64(tolerance_mm) + 1
-            for r in range(v // step, min(v // step + 2, rows)):
-                for c in range(u // step, min(u // step + 2, columns)):
+            for r in range(first, last + 1):
+                for c in range(left, right + 1):
                     m = np.int64(coarse[r, c])
                     off = abs(m - z)
                     if m > 0 and off < best:

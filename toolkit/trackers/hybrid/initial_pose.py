@@ -14,9 +14,9 @@ import numpy as np
 from toolkit.database import canonical
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
+from toolkit.io.parts import Parts
 from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.parts import Parts
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, cost_of
 

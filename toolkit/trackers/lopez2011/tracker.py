@@ -16,6 +16,7 @@ from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.io.errors import SettingsError
+from toolkit.io.parts import Parts
 from toolkit.io.typed_values import constant
 from toolkit.landmarks.graph import Workspace
 from toolkit.people.connection import connected
@@ -30,7 +31,6 @@ from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose
 from toolkit.trackers.lopez2011.sighting import Limits, UpperViewer
 from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.parts import Parts
 from toolkit.tracking.person import PREDICTED, FollowedPerson
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.state import PersonState, Previous

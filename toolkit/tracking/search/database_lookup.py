@@ -14,8 +14,8 @@ from toolkit.database.database import PoseDatabase
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
+from toolkit.io.parts import Parts, whole
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.parts import Parts, whole
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Comparison
+from toolkit.io.parts import Parts
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.parts import Parts
 from toolkit.tracking.state import PersonState
 
 
