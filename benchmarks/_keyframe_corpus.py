@@ -54,9 +54,11 @@ CUT_FROM_CMU = (
         "dg": [("49_03", 4.78), ("49_03", 5.37), ("49_03 mirrored", 6.49), ("49_03 mirrored", 7.03)],
     }),
 )  # fmt: skip
-"""Classes of Table 5.1 that the excerpt of HDM05 lacks, cut from CMU motions: label, seconds of a clip before and after
-its middle, and motion with middle (s) of each clip by the rotation in which it is left out. The middles are the largest
-reach of the fist, the highest point of the root in a hop, and the handstand. Each class is of one person.
+"""Three classes of Table 5.1, which the excerpt of HDM05 lacks, cut from CMU motions: label, seconds of a clip before
+and after its middle, and motion with middle (s) of each clip by the rotation in which it is left out.
+
+The middles are the largest reach of the fist, the highest point of the root in a hop, and the handstand. Each class is
+of one person.
 """
 HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", *(f"49_{n:02d}" for n in range(2, 13)))
 """CMU motions with a motion of the 11 classes: a jog, jumps and hops, a bend to the floor, a kick, acrobatics."""
@@ -101,7 +103,7 @@ def load_examples(data: Path) -> list[Example]:
 
 
 def load_all(data: Path) -> list[Example]:
-    """Return the HDM05 clips, and clips of the four classes of Table 5.1 that HDM05's excerpt lacks.
+    """Return the HDM05 clips, and clips of four more classes of Table 5.1; neutral, tpose and turn are missing.
 
     The latter are HDM05 clips played backwards, and parts of CMU motions. "actor" is the rotation in which a clip is
     left out; of the four classes only standUpFloor has clips of three people.

@@ -5,8 +5,8 @@
   preselection (thesis 5.4, Table 5.2), and with keyframes at one threshold after the other (Fig. 5.6). The threshold is
   chosen by learning templates and keyframes from each training actor alone and annotating documents of the other with
   both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins
-  and unlabelled filler. Once with the 11 classes of the excerpt of HDM05, once with the 15 of Table 5.1
-  (`_keyframe_corpus.load_all`).
+  and unlabelled filler. Once with the 11 classes of the excerpt of HDM05, once with 15, which cover 12 of
+  Table 5.1 (`_keyframe_corpus.load_all`).
 - `events [--split report] [--queries FILE] [--threshold 0.06]`: motion events during tracking. True poses of the
   sequences of `tests/support/labelled.py`, with other motions between the clips, on the neutral body's proportions;
   classes of the other actors. F over segments of the events against that of annotation of the whole, both without

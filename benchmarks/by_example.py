@@ -21,7 +21,6 @@ the same with weights from the example, the same in two steps, and with the plac
 
 from __future__ import annotations
 
-import argparse
 import os
 import resource
 import subprocess
@@ -39,7 +38,7 @@ from numba import njit
 from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_examples, load_filler
-from benchmarks._record import pin_to_one_processor, save_figures
+from benchmarks._record import parser_of, pin_to_one_processor, save_figures, show
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
@@ -250,16 +249,6 @@ def table(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, An
             "map": float(values[:, 0].mean()), "map_interval": interval(values[:, 0]),
             "precision_at_10": float(values[:, 1].mean()), "classes": classes, "seconds": seconds,
         }  # fmt: skip
-        low, high = rows[name]["map_interval"]
-        print(
-            f"  {name:40s} MAP {rows[name]['map']:.3f} ({low:.3f} to {high:.3f}), "
-            f"P@10 {100 * rows[name]['precision_at_10']:.1f} %, worst class {min(classes.values()):.2f} "
-            f"({min(classes, key=classes.__getitem__)})",
-            flush=True,
-        )
-    plain, ours = (rows[name]["classes"] for name in (list(rows)[0], list(rows)[-1]))
-    for label in plain if len(plain) < 20 else ():
-        print(f"    {label:32s} positions {plain[label]:.2f}, shipped {ours[label]:.2f}")
     return rows
 
 
@@ -291,7 +280,6 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
         "hours": index.duration / 3600.0, "mean_example_seconds": float(np.mean(seconds)),
         "median_milliseconds": float(np.median(milliseconds)), "worst_milliseconds": float(np.max(milliseconds)),
     }  # fmt: skip
-    print(", ".join(f"{key} {value:.2f}" for key, value in figures.items()), flush=True)
     return figures
 
 
@@ -312,7 +300,6 @@ def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
             subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
             after = resource.getrusage(resource.RUSAGE_CHILDREN)
             seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    print(f"the whole command on {corpus.index.duration / 60:.0f} minutes: {min(seconds):.2f} s of a processor")
     return min(seconds)
 
 
@@ -351,7 +338,7 @@ def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> No
 
 def main() -> None:
     """Parse the command line, measure, print and store the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--tune", action="store_true", help="examples by bd and bk, with the other filler, instead")
     parser.add_argument("--constants", action="store_true", help="print the tables of features/grades.py and stop")
@@ -369,17 +356,17 @@ def main() -> None:
         examples, late = [e for e in examples if e.actor != REPORTED], early
     queries = [(e.motion, e.label) for e in examples if options.tune or e.actor == REPORTED]
     clip = next((options.data / "mocap" / "hdm05").glob("*squat*.amc"))
-    figures: dict[str, Any] = {}
-    print(f"people: {len(queries)} examples", flush=True)
     corpus = corpus_of(examples, late, options.seed, decoys=False, joins=JOINS)
-    figures["people"] = table(corpus, queries)
-    print("decoys", flush=True)
-    figures["decoys"] = table(corpus_of(examples, late, options.seed, decoys=True, joins=HARD_JOINS), queries)
-    figures["an hour"] = timed(corpus, queries)
-    figures["seconds_of_the_command"] = processor_seconds_of_the_command(corpus, clip)
+    decoys = corpus_of(examples, late, options.seed, decoys=True, joins=HARD_JOINS)
     kinect, actions = kinect_corpus(options.data, TUNED_SUBJECTS if options.tune else REPORTED_SUBJECTS)
-    print(f"UTD-MHAD: {len(actions)} examples", flush=True)
-    figures["utd_mhad"] = table(kinect, actions)
+    figures = {
+        "people": table(corpus, queries),
+        "decoys": table(decoys, queries),
+        "an hour": timed(corpus, queries),
+        "seconds_of_the_command": processor_seconds_of_the_command(corpus, clip),
+        "utd_mhad": table(kinect, actions),
+    }
+    show(figures)
     settings = {"seed": options.seed, "tune": options.tune}
     print(save_figures("by_example_tune" if options.tune else "by_example", figures, settings))
 

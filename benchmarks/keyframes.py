@@ -7,7 +7,7 @@
   of what is searched. Every query searches the whole index; recall and data left are counted on the documents of the
   actor left out.
 - `manual DATA`: the hand-written queries of `examples/keyframes.json` (3.6.1) beside learned ones, for 15 classes, in a
-  corpus of the same size of the actors bk and dg. Queries were written, and learned, with clips of bd. The four classes
+  corpus of the same size of the actors bk and dg. Queries were written, and learned, with clips of bd. Four classes
   that the excerpt of HDM05 lacks are made by `_keyframe_corpus.load_all`.
 - `learning DATA [--runs 24]`: for each of the actors bd, bk and dg, keyframes of the 11 classes are learned from the
   cut clips of the other two and tried on all clips of this one: F-measure with beta 2 over documents, as in Eq. 4.11.

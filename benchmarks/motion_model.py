@@ -34,7 +34,7 @@ from benchmarks._keyframe_corpus import (
     load_examples,
     load_filler,
 )
-from benchmarks._record import RESULTS, drawn, save_figures
+from benchmarks._record import RESULTS, drawn, parser_of, save_figures, show
 from benchmarks.annotation import LAST_TRAINING_SUBJECT
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
@@ -43,7 +43,7 @@ from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_fr
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import CutClip, documents_of, train, two_sided
 from toolkit.retrieval.features.motion import Motion
-from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
+from toolkit.retrieval.features.relational import FEATURE_RATE
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.search_files import by_class
 
@@ -125,15 +125,12 @@ def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.nda
     return table
 
 
-def show_search(table: np.ndarray) -> list[dict[str, float]]:
-    """Print and return what a search for classes leaves."""
-    rows = [
+def search_scores(table: np.ndarray) -> list[dict[str, float]]:
+    """Return what a search for classes leaves."""
+    return [
         {"doubt": doubt, "touched": touched / all_, "half": half / all_, "left_over_relevant": left / relevant}
         for doubt, (left, relevant, touched, half, all_) in zip(DOUBTS, table.tolist(), strict=True)
     ]
-    for row in rows:
-        print("    search:", ", ".join(f"{key} {value:.3f}" for key, value in row.items()))
-    return rows
 
 
 def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
@@ -149,21 +146,15 @@ def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
 def interval(rows: Sequence[dict[str, Any]], key: str) -> tuple[float, float]:
     """Return the 95 % interval of F by a bootstrap over left-out people and seeds."""
     counts = np.array([[r[key].right_found, r[key].found, r[key].right_true, r[key].true] for r in rows])
-    drawn = np.random.default_rng(0).integers(len(rows), size=(DRAWS, len(rows)))
-    values = [Scores(*map(int, part)).f for part in counts[drawn].sum(axis=1)]
+    draws = np.random.default_rng(0).integers(len(rows), size=(DRAWS, len(rows)))
+    values = [Scores(*map(int, part)).f for part in counts[draws].sum(axis=1)]
     return float(np.percentile(values, 2.5)), float(np.percentile(values, 97.5))
 
 
-def shown(name: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Print and return the scores of an annotator over all rotations and seeds, with their intervals."""
+def scores_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the scores of an annotator over all rotations and seeds, with their intervals."""
     frames, segments = (sum((row[key] for row in rows), NOTHING) for key in ("frames", "segments"))
     spread = [interval(rows, key) for key in ("frames", "segments")]
-    print(
-        f"  {name:34s} F frames {frames.f:.3f} ({spread[0][0]:.2f} to {spread[0][1]:.2f}), "
-        f"segments {segments.f:.3f} ({spread[1][0]:.2f} to {spread[1][1]:.2f}); "
-        f"P {segments.precision:.2f}, R {segments.recall:.2f}",
-        flush=True,
-    )
     return {
         "frames": frames.f, "segments": segments.f, "precision": segments.precision, "recall": segments.recall,
         "frames_interval": spread[0], "segments_interval": spread[1],
@@ -184,17 +175,7 @@ def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[fl
         seeds = len(both) // len(ACTORS)
         per_seed = both.reshape(seeds, -1) - alone.reshape(seeds, len(ACTORS), -1).mean(axis=2)
         gains[key] = per_seed.mean(axis=0).tolist()
-        print(f"    a second person adds to F {key}: {', '.join(f'{gain:+.3f}' for gain in gains[key])}")
     return gains
-
-
-def mistakes(table: np.ndarray, names: Sequence[str], most: int = 6) -> None:
-    """Print the largest entries of a confusion matrix off its diagonal, as fractions of their row."""
-    shares = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
-    np.fill_diagonal(shares, 0.0)
-    ranked = np.argsort(shares, axis=None)[::-1][:most]
-    found = [(names[k // len(names)], names[k % len(names)], shares.flat[k]) for k in ranked]
-    print("    mistaken:", "; ".join(f"{a} for {b} {100 * share:.0f} %" for a, b, share in found))
 
 
 class Measured(NamedTuple):
@@ -259,16 +240,14 @@ def rotate(
 
 
 def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool) -> dict[str, Any]:
-    """Print and return all figures of one set of documents."""
+    """Return all figures of one set of documents, and draw the confusion matrix."""
     results = measured.rows[name]
-    figures: dict[str, Any] = {row: shown(row, found) for row, found in results.items()}
+    figures: dict[str, Any] = {row: scores_of(found) for row, found in results.items()}
     figures["classes"] = {label: sum((r["classes"][label] for r in results[TWO]), NOTHING).f for label in labels}
-    print("    F segments of classes:", ", ".join(f"{label} {f:.2f}" for label, f in figures["classes"].items()))
     if curve:
         figures["second_person"] = second_person(results)
-    figures["search"] = show_search(measured.searched[name])
+    figures["search"] = search_scores(measured.searched[name])
     table, names = sum(row["confusion"] for row in results[TWO]), [*labels, "no class"]
-    mistakes(table, names)
     figures["confusion"] = {"labels": names, "frames": table}
     plot_confusion(table, names, RESULTS / f"motion_model_{name}.jpg", f"HDM05, {name}, frames")
     return figures
@@ -289,7 +268,7 @@ def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: 
 
 def main() -> None:
     """Parse the command line, measure, print and store the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = parser_of(__doc__)
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--seeds", type=int, default=3, help="of training and of the documents reported")
     parser.add_argument("--seed", type=int, default=0, help="the first one")
@@ -306,14 +285,12 @@ def main() -> None:
     labels = sorted({clip.label for clip in clips})
     figures: dict[str, Any] = {"how": __doc__}
     for name in SETS:
-        print(name)
         figures[name] = figures_of(measured, name, labels, options.curve)
     figures["seconds"] = {
         "training": float(np.median(measured.training)),
         "minutes annotated per second": float(np.median(measured.annotated)),
     }
-    corpus_minutes = sum(relational_features(c.motion).duration for c in clips) / 60.0
-    print(figures["seconds"], f"of {corpus_minutes:.1f} minutes of clips")
+    show(figures)
     settings = {name: value for name, value in vars(options).items() if name != "data"}
     print(save_figures("motion_model", figures, settings))
 
