@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import socket
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -20,7 +21,8 @@ from toolkit.app.cli.main import main
 from toolkit.app.pipeline.live import begin_live, track_live
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.io.errors import DepthMocapError, RecordingError
-from toolkit.output.pose_stream import SCHEMA, UdpStream, joint_names_line
+from toolkit.output import live_view
+from toolkit.output.pose_stream import SCHEMA, LiveUpdate, UdpStream, joint_names_line
 from toolkit.people import live_room
 from toolkit.people.evidence import Evidence
 from toolkit.people.sighting import Sighting
@@ -31,6 +33,9 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
+from toolkit.tracking.live_people import LivePose
+from toolkit.tracking.multi_person import Row
+from toolkit.tracks import TRACKED, FrameResult
 
 FRAMES = 12
 
@@ -60,22 +65,23 @@ class Burst:
         self.closed = True
 
 
-class Lines(list[dict[str, Any]]):
-    """Output that keeps its lines."""
+class Updates(list[LiveUpdate]):
+    """Output that keeps its frames."""
 
-    def send(self, line: str) -> None:
-        self.append(json.loads(line))
+    def send(self, update: LiveUpdate) -> None:
+        self.append(update)
 
 
 def test_frames_that_cannot_be_kept_up_with_are_dropped_and_counted_and_recorded(
     take: Recording, tmp_path: Path
 ) -> None:
-    lines = Lines()
+    updates = Updates()
     writer = RecordingWriter(tmp_path / "copy.npz", take.camera)
-    summary = track_live(Burst(take, 0.005), FakeTracker(seconds=0.03), writer=writer, outputs=[lines])
+    summary = track_live(Burst(take, 0.005), FakeTracker(seconds=0.03), writer=writer, outputs=[updates])
     writer.close()
     assert summary.dropped > 0 and summary.frames + summary.dropped == FRAMES
-    numbers = [line["frame"] for line in lines]
+    numbers = [update.frame for update in updates]
+    assert all((update.depth_mm == take.depth(update.frame)).all() for update in updates)
     assert numbers == sorted(set(numbers)) and len(numbers) == summary.frames == len(summary.latencies_ms)
     assert numbers[-1] == FRAMES - 1, "the newest frame is never the one that is dropped"
     assert max(summary.latencies_ms) < 1000 * (0.03 + 0.1)
@@ -135,6 +141,76 @@ def test_the_command_plays_a_recording_streams_and_records_it(
     assert "from frame to pose" in capsys.readouterr().out
 
 
+def test_the_command_streams_bundles_of_open_sound_control(take: Recording, command: Callable[..., int]) -> None:
+    osc_packet = pytest.importorskip("pythonosc.osc_packet")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as consumer:
+        consumer.bind(("127.0.0.1", 0))
+        consumer.settimeout(5.0)
+        assert command("file:take.npz", "--stream", f"osc://127.0.0.1:{consumer.getsockname()[1]}") == 0
+        packet = osc_packet.OscPacket(consumer.recv(65_536))
+    messages = {each.message.address: each.message.params for each in packet.messages}
+    assert messages["/depthmocap/frame"][1:] == [0.0, 0] and messages["/depthmocap/person/1/state"] == ["tracked", 0]
+    joints = [values for address, values in messages.items() if address.count("/") == 4 and len(values) == 4]
+    assert len(joints) == 20 == len({tuple(values) for values in joints}) * 20
+    assert messages["/depthmocap/person/1/left_hand"][3] == 1.0
+
+
+def test_without_its_package_open_sound_control_names_the_command(
+    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pythonosc", None)
+    assert command("file:take.npz", "--stream", "osc://127.0.0.1:9000") == 2
+    assert "pip install 'depthmocap[osc]'" in capsys.readouterr().err
+
+
+def test_the_view_shows_each_frame_and_clears_who_is_gone(
+    take: Recording, tmp_path: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rerun = pytest.importorskip("rerun")
+    monkeypatch.setattr(live_view, "spawn_viewer", lambda stream: stream.save(str(tmp_path / "live.rrd")))
+    assert command("file:take.npz", "--view") == 0
+    assert (tmp_path / "live.rrd").stat().st_size > 1000
+    logged: list[tuple[str, str]] = []
+
+    def log(self: object, entity: str, *parts: object, static: bool = False) -> None:
+        logged.extend((entity, type(part).__name__) for part in parts)
+
+    monkeypatch.setattr(rerun.RecordingStream, "log", log)
+    view = live_view.RerunView(RecordingSource(take).first, lambda stream: None)
+    result = FrameResult(
+        np.zeros(43), np.zeros((20, 3), np.float32), np.ones(20, np.float32), TRACKED, 0, np.zeros(2, np.float32)
+    )
+    for seconds, people in ((0.0, [1, 2]), (0.1, [2])):
+        poses = [LivePose(Row(person, 0, seconds, result), False) for person in people]
+        view.send(LiveUpdate(0, seconds, 1.0, 0, poses, take.depth(0)))
+    view.close()
+    assert [entity for entity, kind in logged if kind == "Clear"] == ["world/person_01"]
+    kinds = [kind for entity, kind in logged if entity.startswith("world/person_02")]
+    assert kinds == ["Points3D", "LineStrips3D"] * 2
+    assert [kind for entity, kind in logged if entity == "world/camera/depth"] == ["DepthImage"] * 2
+
+
+def test_a_viewer_that_cannot_start_is_one_sentence(
+    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rerun = pytest.importorskip("rerun")
+
+    def spawn(**options: Any) -> None:
+        raise RuntimeError("no display")
+
+    monkeypatch.setattr(rerun, "spawn", spawn)
+    assert command("file:take.npz", "--view") == 1
+    assert "the viewer rerun cannot be started: no display; leave out --view" in capsys.readouterr().err
+
+
+def test_without_its_package_the_view_names_the_command(
+    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    assert command("file:take.npz", "--view") == 2
+    assert "pip install 'depthmocap[rerun]'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "code", "reason"),
     [
@@ -174,7 +250,7 @@ def test_a_stream_without_a_consumer_never_fails() -> None:
         port = consumer.getsockname()[1]
     stream = UdpStream(f"udp://127.0.0.1:{port}")
     for _ in range(5):
-        stream.send("{}")
+        stream.send(LiveUpdate(0, 0.0, 1.0, 0, (), np.zeros((1, 1), np.uint16)))
         time.sleep(0.01)
     stream.close()
     assert stream.lost > 0

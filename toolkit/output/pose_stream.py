@@ -1,10 +1,11 @@
-"""Poses as JSON lines over UDP, for programs that show or use them while they are tracked (docs/live.md)."""
+"""Poses over UDP as JSON lines or OSC bundles, for programs that show or use them live (docs/live.md)."""
 
 from __future__ import annotations
 
 import json
 import socket
 from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -17,17 +18,37 @@ from toolkit.tracks import STATE_NAMES
 SCHEMA = "depthmocap.live/1"
 
 
-def live_line(frame: int, timestamp: float, latency_ms: float, dropped: int, poses: Sequence[LivePose]) -> str:
-    """Return one frame as a line of JSON, without the line break.
+class LiveUpdate(NamedTuple):
+    """A tracked frame of a live source.
 
-    Parameters
+    Attributes
     ----------
     frame : number of the frame, from 0
     timestamp : seconds, of the source
     latency_ms : from the arrival of the frame to its poses
     dropped : frames that were left out since the start
     poses : of each person in the frame
+    depth_mm : uint16 (H, W), millimetres, the frame itself
     """
+
+    frame: int
+    timestamp: float
+    latency_ms: float
+    dropped: int
+    poses: Sequence[LivePose]
+    depth_mm: np.ndarray
+
+
+class LiveOutput(Protocol):
+    """A consumer of the poses of each frame."""
+
+    def send(self, update: LiveUpdate) -> None:
+        """Take a tracked frame; it must not wait."""
+        ...
+
+
+def live_line(update: LiveUpdate) -> str:
+    """Return a tracked frame as a line of JSON, without the line break."""
     decimals = 4  # of metres and confidences: a tenth of a millimetre, and 0.5 kB less for each person
     people = [
         {
@@ -37,11 +58,11 @@ def live_line(frame: int, timestamp: float, latency_ms: float, dropped: int, pos
             "joints": np.round(pose.row.result.joints.astype(np.float64), decimals).tolist(),
             "confidence": np.round(pose.row.result.confidence.astype(np.float64), decimals).tolist(),
         }
-        for pose in poses
+        for pose in update.poses
     ]
     line = {
-        "schema": SCHEMA, "frame": frame, "time": round(timestamp, 6), "latency_ms": round(latency_ms, 3),
-        "dropped": dropped, "people": people,
+        "schema": SCHEMA, "frame": update.frame, "time": round(update.timestamp, 6),
+        "latency_ms": round(update.latency_ms, 3), "dropped": update.dropped, "people": people,
     }  # fmt: skip
     return json.dumps(line, separators=(",", ":"), allow_nan=False)
 
@@ -51,16 +72,16 @@ def joint_names_line() -> str:
     return json.dumps({"schema": SCHEMA, "joint_names": list(REPORTED)}, separators=(",", ":"))
 
 
-class UdpStream:
-    """Sends lines as datagrams to one address; a consumer that is slow or gone never delays the sender.
+class DatagramStream:
+    """Sends datagrams to one address; a consumer that is slow or gone never delays the sender.
 
     Parameters
     ----------
-    url : "udp://HOST:PORT"
+    url : "SCHEME://HOST:PORT" with the scheme of the class
 
     Attributes
     ----------
-    lost : lines that the system did not take, because the consumer is gone or its buffer is full
+    lost : datagrams that the system did not take, because the consumer is gone or its buffer is full
 
     Raises
     ------
@@ -70,14 +91,10 @@ class UdpStream:
         The host is not known.
     """
 
+    scheme = ""
+
     def __init__(self, url: str) -> None:
-        parts = urlsplit(url)
-        try:
-            host, port = parts.hostname, parts.port
-        except ValueError:
-            host, port = None, None
-        if parts.scheme != "udp" or not host or not port or parts.path not in ("", "/"):
-            raise UsageError(f"--stream is {url!r}; give udp://HOST:PORT, such as udp://127.0.0.1:9000")
+        host, port = _address(url, self.scheme)
         try:
             family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
@@ -87,13 +104,88 @@ class UdpStream:
             raise OutputError(f"cannot stream to {url}: {error.strerror or error}; check the address") from error
         self.lost = 0
 
-    def send(self, line: str) -> None:
-        """Send one line."""
-        try:
-            self._socket.send(f"{line}\n".encode())
-        except OSError:  # full buffer, or no consumer at that port
-            self.lost += 1
-
     def close(self) -> None:
         """Release the socket."""
         self._socket.close()
+
+    def send_bytes(self, datagram: bytes) -> None:
+        """Send one datagram."""
+        try:
+            self._socket.send(datagram)
+        except OSError:  # full buffer, or no consumer at that port
+            self.lost += 1
+
+
+class UdpStream(DatagramStream):
+    """Sends lines of JSON, first the names of the joints; see `DatagramStream`."""
+
+    scheme = "udp"
+
+    def __init__(self, url: str) -> None:
+        super().__init__(url)
+        self.send_bytes(f"{joint_names_line()}\n".encode())
+
+    def send(self, update: LiveUpdate) -> None:
+        """See `LiveOutput.send`."""
+        self.send_bytes(f"{live_line(update)}\n".encode())
+
+
+class OscStream(DatagramStream):
+    """Sends each frame as a bundle of Open Sound Control; see `DatagramStream`.
+
+    Raises
+    ------
+    UsageError
+        The package python-osc is not installed.
+    """
+
+    scheme = "osc"
+
+    def __init__(self, url: str) -> None:
+        try:
+            from pythonosc import osc_bundle_builder, osc_message_builder
+        except ImportError as error:
+            raise UsageError("OSC needs its package; type `pip install 'depthmocap[osc]'`") from error
+        super().__init__(url)
+        self._bundles, self._messages = osc_bundle_builder, osc_message_builder
+
+    def send(self, update: LiveUpdate) -> None:
+        """See `LiveOutput.send`."""
+        bundle = self._bundles.OscBundleBuilder(self._bundles.IMMEDIATELY)
+
+        def add(address: str, types: str, *values: object) -> None:
+            message = self._messages.OscMessageBuilder(address)
+            for kind, value in zip(types, values, strict=True):
+                message.add_arg(value, kind)
+            bundle.add_content(message.build())
+
+        add("/depthmocap/frame", "idi", update.frame, update.timestamp, update.dropped)
+        for pose in update.poses:
+            found, person = pose.row.result, f"/depthmocap/person/{pose.row.person}"
+            add(f"{person}/state", "si", STATE_NAMES[found.state], int(pose.provisional))
+            for name, place, confidence in zip(REPORTED, found.joints.tolist(), found.confidence.tolist(), strict=True):
+                add(f"{person}/{name}", "ffff", *place, confidence)
+        self.send_bytes(bundle.build().dgram)
+
+
+def stream_of(url: str) -> UdpStream | OscStream:
+    """Open the stream of a URL by its scheme, "udp" or "osc".
+
+    Raises
+    ------
+    UsageError, OutputError
+        See `DatagramStream` and `OscStream`.
+    """
+    return OscStream(url) if urlsplit(url).scheme == OscStream.scheme else UdpStream(url)
+
+
+def _address(url: str, scheme: str) -> tuple[str, int]:
+    """Return host and port of a URL."""
+    parts = urlsplit(url)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if parts.scheme != scheme or not host or not port or parts.path not in ("", "/"):
+        raise UsageError(f"--stream is {url!r}; give udp://HOST:PORT or osc://HOST:PORT, such as udp://127.0.0.1:9000")
+    return host, port

@@ -27,8 +27,13 @@ def live(
     ] = None,
     stream: Annotated[
         str | None,
-        typer.Option(metavar="udp://HOST:PORT", help="Send the poses of each frame as JSON lines.", show_default=False),
+        typer.Option(
+            metavar="udp://HOST:PORT|osc://HOST:PORT",
+            help="Send the poses of each frame as JSON lines, or as messages of Open Sound Control.",
+            show_default=False,
+        ),
     ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Show depth and skeletons in the viewer rerun.")] = False,
     reading: Reading = Reading(),
 ) -> None:
     """Track the people before a camera until Ctrl-C, and print how late the poses come.
@@ -39,7 +44,8 @@ def live(
     from toolkit.app.pipeline.live import track_live
     from toolkit.io.files import check_output
     from toolkit.io.interrupts import interrupts_deferred
-    from toolkit.output.pose_stream import UdpStream, joint_names_line
+    from toolkit.output.live_view import RerunView
+    from toolkit.output.pose_stream import LiveOutput, stream_of
     from toolkit.recordings.live_sources import FILE, live_source
     from toolkit.recordings.writer import RecordingWriter
 
@@ -48,18 +54,21 @@ def live(
     if record is not None:
         check_output(record, [Path(source.removeprefix(FILE))])
     with ExitStack() as stack:
-        outputs = []
-        if stream is not None:
-            outputs.append(UdpStream(stream))
-            stack.callback(outputs[0].close)
+        outputs: list[LiveOutput] = []
+        poses = None if stream is None else stream_of(stream)
+        if poses is not None:
+            outputs.append(poses)
+            stack.callback(poses.close)
         camera = live_source(source, **options)
         stack.callback(camera.close)
+        if view:
+            shown = RerunView(camera.first)
+            outputs.append(shown)
+            stack.callback(shown.close)
         tracker = tracking.recipe().build()
         writer = None
         if record is not None:
             writer = RecordingWriter(record, camera.first.camera, background=camera.first.background)
-        for output in outputs:
-            output.send(joint_names_line())
         say(f"tracking {camera.name}; Ctrl-C ends it", file=sys.stderr)
         try:
             summary = track_live(camera, tracker, people=count, writer=writer, outputs=outputs)
@@ -69,5 +78,5 @@ def live(
                 with interrupts_deferred():
                     writer.close()
     say(summary.text())
-    if outputs and outputs[0].lost:
-        say(f"{outputs[0].lost} lines of the stream were not taken; is a program listening?", file=sys.stderr)
+    if poses is not None and poses.lost:
+        say(f"{poses.lost} datagrams of the stream were not taken; is a program listening?", file=sys.stderr)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import Placer
 from toolkit.io.errors import DepthMocapError
-from toolkit.output.pose_stream import live_line
+from toolkit.output.pose_stream import LiveOutput, LiveUpdate
 from toolkit.people.live_room import live_finder
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.live_sources import LiveSource
@@ -70,14 +70,6 @@ def _warm_up(tracker: Tracker, camera: Camera, up_camera: np.ndarray) -> None:
         for i in range(warm_up_frames):
             people.advance(Frame(depth, i / 30.0))
         people.finish()
-
-
-class LiveOutput(Protocol):
-    """A consumer of the poses of each frame."""
-
-    def send(self, line: str) -> None:
-        """Take one line of `toolkit.output.pose_stream`; it must not wait."""
-        ...
 
 
 class _Arrived(NamedTuple):
@@ -185,7 +177,7 @@ def track_live(
     tracker : makes a follower for each person
     people : maximum number of tracked people, None = all
     writer : takes each frame that comes, also the dropped ones; the caller closes it
-    outputs : take the poses of each tracked frame as a line of JSON
+    outputs : take the poses of each tracked frame
     show : called after each tracked frame
 
     Raises
@@ -208,10 +200,10 @@ def track_live(
                 summary.frames, summary.dropped = tracked.frames, newest.dropped
                 summary.latencies_ms.append(latency)
                 summary.people |= {pose.row.person for pose in poses}
-                if outputs:
-                    line = live_line(arrived.number, arrived.frame.timestamp, latency, newest.dropped, poses)
-                    for output in outputs:
-                        output.send(line)
+                frame = arrived.frame
+                update = LiveUpdate(arrived.number, frame.timestamp, latency, newest.dropped, poses, frame.depth_mm)
+                for output in outputs:
+                    output.send(update)
                 show(summary, poses)
         finally:
             stop.set()

@@ -12,6 +12,7 @@ from toolkit.body import skeleton
 from toolkit.io.errors import UsageError
 from toolkit.io.files import atomic_path
 from toolkit.output.export.origin import Origin
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -20,6 +21,10 @@ from toolkit.tracks.runs import Person
 
 STREAMED_POINTS = 6000
 """Number of measured pixels of the first frame above which depth images are subsampled."""
+PERSON_COLORS = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
+"""Colours of people, in order of appearance, red, green and blue."""
+UNOBSERVED_COLOR = (150, 156, 166)
+"""Colour of joints without a measurement."""
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
@@ -49,7 +54,6 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
         import rerun.blueprint as views
     except ImportError as error:
         raise UsageError("rerun files need its package; type `pip install 'depthmocap[rerun]'`") from error
-    colors = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
     with atomic_path(path) as temporary:
         stream = rr.RecordingStream("depthmocap", recording_id="depthmocap")
         scene, plots = views.Spatial3DView(origin="world"), views.TimeSeriesView(origin="plots")
@@ -60,7 +64,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
         if recording is not None:
             _write_depth(rr, stream, recording, times, people[0].R_level_camera, origin.offset)
         for number, person in enumerate(people):
-            _write_person(rr, stream, person, times, colors[number % len(colors)])
+            _write_person(rr, stream, person, times, PERSON_COLORS[number % len(PERSON_COLORS)])
         stream.flush()
         stream.disconnect()
 
@@ -70,21 +74,30 @@ def _write_depth(
 ) -> None:
     """Write the camera, and undistorted depth images as PNG with about `STREAMED_POINTS` measured pixels."""
     polisher = DepthFilter(recording.camera, SensingSettings())
-    step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(recording.depth(0)) / STREAMED_POINTS))))
-    camera = polisher.flat_camera.subsampled(step)
+    step = point_step(recording.depth(0))
     place = rr.Transform3D(translation=-offset, mat3x3=R_level_camera)
-    lens = rr.Pinhole(
-        image_from_camera=camera.matrix, resolution=[camera.width, camera.height], camera_xyz=rr.ViewCoordinates.RDF
-    )
+    log_camera(rr, stream, polisher.flat_camera.subsampled(step), place)
     facts = rr.EncodedDepthImage.from_fields(
         media_type="image/png", meter=1000.0, colormap="grayscale", point_fill_ratio=0.3
     )
-    stream.log("world/camera", place, lens, static=True)
     stream.log("world/camera/depth", facts, static=True)
     for time, depth in zip(times.tolist(), recording.frames(), strict=False):
         stream.set_time("time", duration=time)
         image = _png(polisher.undistort(depth)[::step, ::step])
         stream.log("world/camera/depth", rr.EncodedDepthImage.from_fields(blob=image))
+
+
+def point_step(depth_mm: np.ndarray) -> int:
+    """Return the step of rows and columns at which a frame has about `STREAMED_POINTS` measured pixels."""
+    return max(1, int(np.ceil(np.sqrt(np.count_nonzero(depth_mm) / STREAMED_POINTS))))
+
+
+def log_camera(rr: Any, stream: Any, camera: Camera, place: Any) -> None:
+    """Log the camera of the depth images and its place, a transform of rerun."""
+    lens = rr.Pinhole(
+        image_from_camera=camera.matrix, resolution=[camera.width, camera.height], camera_xyz=rr.ViewCoordinates.RDF
+    )
+    stream.log("world/camera", place, lens, static=True)
 
 
 def _png(image: np.ndarray) -> bytes:
@@ -110,13 +123,12 @@ def _write_person(rr: Any, stream: Any, person: Person, times: np.ndarray, color
 
     every = np.arange(len(times))
     write(f"{plots}/state", every, rr.TextLog.columns(text=[STATE_NAMES[state] for state in track.state]))
-    grey = (150, 156, 166)
     if len(there):
         joints = person.joints_level[there]
         vertices = np.concatenate([person.body.vertex_positions(track.pose[frame]) for frame in there])
         write(f"{place}/body", there, rr.Mesh3D.columns(vertex_positions=vertices), len(person.body.vertices))
-        observed = np.where(track.observed[there][..., None], np.array(color), np.array(grey)).astype(np.uint8)
-        dots = rr.Points3D.columns(positions=joints.reshape(-1, 3), colors=observed.reshape(-1, 3))
+        colors = np.where(track.observed[there][..., None], np.array(color), np.array(UNOBSERVED_COLOR))
+        dots = rr.Points3D.columns(positions=joints.reshape(-1, 3), colors=colors.astype(np.uint8).reshape(-1, 3))
         write(f"{place}/joints", there, dots, len(skeleton.REPORTED))
         strips = joints[:, skeleton.BONE_ROWS].reshape(-1, 2, 3)
         write(f"{place}/bones", there, rr.LineStrips3D.columns(strips=strips), len(skeleton.BONE_ROWS))
