@@ -13,9 +13,6 @@ from tests.support.solo import Solo
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.tracker_protocol import Tracker
 
-EVERY = 6
-"""Frames between two cold starts."""
-
 
 class Tracked:
     """Joints of one recording.
@@ -23,13 +20,11 @@ class Tracked:
     Attributes
     ----------
     joints, truth : estimated and true joints (T, 20, 3), metres
-    confidence : of the joints (T, 20); None without a tracker
     milliseconds : per frame (T,)
     """
 
-    def __init__(self, joints: Any, truth: Any, confidence: Any = None, milliseconds: Any = ()) -> None:
+    def __init__(self, joints: Any, truth: Any, milliseconds: Any = ()) -> None:
         self.joints, self.truth, self.milliseconds = np.array(joints), np.array(truth), np.array(milliseconds)
-        self.confidence: Any = None if confidence is None else np.array(confidence)
 
     @cached_property
     def errors(self) -> np.ndarray:
@@ -43,21 +38,14 @@ class Tracked:
         return np.array([is_right(joints, truth) for joints, truth in zip(self.joints, self.truth, strict=True)])
 
 
-def follow(tracker: Tracker, recording: Recording, *, cold: bool = False, frames: int | None = None) -> Tracked:
-    """Track the first `frames` of a recording; with `cold` each sixth frame alone, with the learned body."""
+def follow(tracker: Tracker, recording: Recording) -> Tracked:
+    """Track a recording."""
     solo = Solo(tracker, recording)
-    first = solo.follower.state
-    chosen, results = range(0, min(len(recording), frames or len(recording)), EVERY if cold else 1), []
-    for i in chosen:
-        if cold:
-            solo.follower.state = first
-        results.append(solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i)))
-    return Tracked(
-        [result.joints for result in results],
-        [recording.joints[i] for i in chosen],
-        [result.confidence for result in results],
-        [result.stage_ms.sum() for result in results],
-    )
+    results = [
+        solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
+        for i in range(len(recording))
+    ]
+    return Tracked([r.joints for r in results], recording.joints, [r.stage_ms.sum() for r in results])
 
 
 def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
@@ -71,19 +59,6 @@ def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
     if len(times):
         figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
     return figures
-
-
-def calibration(tracked: Sequence[Tracked]) -> list[dict[str, float]]:
-    """Return mean confidence and fraction of joints within 50 mm, in tenths of the confidence."""
-    said = np.concatenate([t.confidence.ravel() for t in tracked])
-    within = np.concatenate([t.errors.ravel() for t in tracked]) < 0.05
-    tenth = np.minimum((10.0 * said).astype(int), 9)
-    rows = []
-    for k in np.unique(tenth):
-        inside = tenth == k
-        row = {"said": said[inside].mean(), "found": within[inside].mean(), "joints": inside.sum()}
-        rows.append({name: float(value) for name, value in row.items()})
-    return rows
 
 
 def print_row(name: str, figures: dict[str, float]) -> None:
