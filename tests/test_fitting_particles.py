@@ -10,6 +10,7 @@ from toolkit.body.shape import load_body
 from toolkit.io.errors import SettingsError
 from toolkit.kernels.fit import particles as kernel
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011 import filter as room
 from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
@@ -17,6 +18,7 @@ from toolkit.trackers.lopez2011.filter import UpperFilter
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose, place_hands
 from toolkit.trackers.lopez2011.proposals import NEAR_SCALE, diffusion
+from toolkit.trackers.lopez2011.sizing import shoulder_breadth, sized_body
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
@@ -160,6 +162,17 @@ def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody
     )  # fmt: skip
     assert first is not None
     assert first.score < -ParticleTrackerSettings().lost_cost
+
+
+def test_shoulders_and_arms_are_measured_and_give_a_body_of_that_size(upper: UpperBody) -> None:
+    pose = pose_of()
+    breadth = shoulder_breadth(Cloud.from_depth(depth_of(upper, pose), CAMERA, LEVEL))
+    shoulders = upper.body.joint_positions(pose)[[skeleton.REPORTED.index(f"{s}_shoulder") for s in ("left", "right")]]
+    assert breadth == pytest.approx(np.linalg.norm(shoulders[0] - shoulders[1]), abs=0.08)
+    assert sized_body([], []) is None
+    small, large = sized_body([0.30], [0.5]), sized_body([0.42], [0.65])
+    assert small is not None and large is not None
+    assert small.height < load_body().height < large.height
 
 
 @pytest.mark.parametrize(

@@ -47,9 +47,10 @@ def nearest(effectors: Effectors, point: np.ndarray) -> float:
     return float(np.linalg.norm(effectors.points - point, axis=1).min())
 
 
-def test_head_and_hands_are_among_the_candidates() -> None:
+@pytest.mark.parametrize("tree", [False, True])
+def test_head_and_hands_are_among_the_candidates(tree: bool) -> None:
     pose = raised_arms()
-    effectors = find_effectors(body_cloud(load_body(), pose))
+    effectors = find_effectors(body_cloud(load_body(), pose), EffectorSettings(tree=tree))
     for name in ("left_hand", "right_hand", "head"):
         assert nearest(effectors, tips(pose)[name]) < 0.1
 
@@ -118,7 +119,7 @@ def test_impossible_settings_are_named(values: dict[str, float], message: str) -
 def test_lopez2011_takes_the_fork_by_the_cosines_of_neighbouring_prongs() -> None:
     """Lopez-Mendez 2011, 3: relative slopes within [0.5, 0.9]."""
     settings = load_settings(ParticleTrackerSettings, "lopez2011").effectors
-    assert settings.count == 3
+    assert settings.count == 3 and settings.tree
 
     def prongs(*degrees: float) -> Effectors:
         turns = np.radians(degrees)

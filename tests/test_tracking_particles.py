@@ -24,7 +24,7 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 UPPER = UpperBodies(LEVEL).of(load_body())
 HANDS = [skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right")]
-SETTINGS = ParticleTrackerSettings(initial=InitialSettings(rounds=4))
+SETTINGS = ParticleTrackerSettings(measured_seconds=0.0, initial=InitialSettings(rounds=4))
 """Settings with a known body and fewer filter rounds in first frames, which take most of the time."""
 
 
@@ -104,7 +104,8 @@ CLASPED = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1
 
 
 def test_with_the_fork_alone_people_are_found_after_its_first_appearance() -> None:
-    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", {"initial.unlabelled": False}))
+    waits = {"measured_seconds": 0.0, "initial.unlabelled": False}
+    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", waits))
     waiting = followed(person, [CLASPED] * 2)
     assert all(r.state == LOST and np.isfinite(r.joints).all() for r in waiting)
     assert followed(person, [pose_of()] * 3, start=1.0)[-1].state == TRACKED
@@ -205,3 +206,15 @@ def test_a_person_who_returns_elsewhere_is_detected_again() -> None:
     results = followed(person, elsewhere, start=1.0)
     assert ParticleTracker.source_names[results[0].source] == "detected"
     assert hands_off(results[-1], elsewhere[-1]) < 0.15
+
+
+def test_the_size_is_measured_from_the_first_frames() -> None:
+    tracker = ParticleTracker()
+    learner = tracker.learner(CAMERA, LEVEL)
+    for i, pose in enumerate(WAVING):
+        learner.observe(sighting_of(pose), i / 30)
+    assert learner.body is not None and 1.5 < learner.body.height < 2.0
+    learner = tracker.learner(CAMERA, LEVEL)
+    learner.observe(of_depth(np.zeros(CAMERA.shape)), 0.0)
+    assert learner.body is None and not learner.found
+    assert ParticleTracker(body=load_body("neutral")).learning_seconds == 0.0

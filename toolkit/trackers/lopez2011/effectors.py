@@ -10,13 +10,15 @@ import numpy as np
 
 from toolkit.io.errors import SettingsError
 from toolkit.io.typed_values import constant
-from toolkit.kernels.cloud import geodesic
+from toolkit.kernels.cloud import component_tree, geodesic
 from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
+SMALLEST_AREA = 0.004
+"""Minimum area of a summit, square metres: half a fist."""
 GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8)
 """Graph settings of upper bodies: neighbours within 0.1 m (with bridges, results are stable from 0.05 to 0.12), bridges
 up to 0.5 m, because forearms that point at the camera are not measured; a hand at 2 m has 30 pixels of 160x120."""
@@ -29,6 +31,8 @@ class EffectorSettings:
     Attributes
     ----------
     count : number of candidates per frame (3 in the paper); head and both hands are more often among the first 6
+    tree : use the summits of the component tree of geodesic distances with the largest dynamics instead of the first
+        extrema; the results are equal
     source_drop : metres of the source below the centre of mass ("we find more convenient to lower the center of mass")
     prong : path length at which the direction of a prong is measured, metres: outside the source's neighbourhood,
         before the shoulder. The paper gives neither number
@@ -37,6 +41,7 @@ class EffectorSettings:
     """
 
     count: int = constant(6)
+    tree: bool = False
     source_drop: float = constant(0.1)
     prong: float = constant(0.25)
     narrowest: float = constant(20.0)
@@ -87,12 +92,12 @@ def find_effectors(
     unobserved: np.ndarray | None = None,
     workspace: Workspace | None = None,
 ) -> Effectors:
-    """Return the candidates in an organised cloud of one person; extrema at cuts are left out.
+    """Return the candidates in an organised cloud of one person; extrema at cuts are left out, summits are not.
 
     Parameters
     ----------
     cloud : level frame
-    settings : number of candidates, and position of the source
+    settings : how many, and of what kind
     unobserved : bool (H, W), pixels without information about the person, or None
     workspace : kept from frame to frame, it saves the allocations
 
@@ -108,8 +113,10 @@ def find_effectors(
     lowered = replace(GRAPH, source_drop=settings.source_drop)
     source = source_node(graph, cloud.points, middle, lowered)
     # the number of possible cuts is added
-    extrema = extrema_of_graph(graph, cloud.points, 2 * settings.count, source, workspace)
-    nodes = extrema.nodes[~on_cuts(cloud, extrema.nodes, unobserved)][: settings.count]
+    extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
+    nodes = extrema.nodes
+    nodes = _summits(cloud, graph, extrema) if settings.tree else nodes[~on_cuts(cloud, nodes, unobserved)]
+    nodes = nodes[: settings.count]
     paths = tuple(_path(graph, extrema, int(node), cloud.points) for node in nodes)
     start = cloud.points[source].astype(np.float64)
     return Effectors(cloud.points[nodes].astype(np.float64), start, _summit(cloud.points, start), paths)
@@ -120,6 +127,23 @@ def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
     column_width = 0.15  # half width of the column above the source that contains the head, metres
     column = np.flatnonzero(np.abs(points[:, 0] - source[0]) < column_width)
     return points[column[np.argmax(points[column, 1])]].astype(np.float64)
+
+
+def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
+    """Return the nodes of the summits of geodesic distance with an area of at least `SMALLEST_AREA`, by decreasing
+    dynamics."""
+    count = len(graph)
+    distances = extrema.from_source
+    reached = np.flatnonzero(distances != geodesic.UNREACHED)
+    order = reached[np.argsort(-distances[reached], kind="stable")]
+    parents = np.empty(count, dtype=np.int64)
+    component_tree.max_tree(distances, order, graph.neighbours, graph.more, parents)
+    nodes, dynamics, areas = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count)
+    depth = cloud.depth.reshape(-1)[cloud.pixels].astype(np.float64)
+    sizes = depth**2 / (cloud.camera.fx * cloud.camera.fy)
+    found = component_tree.summits(distances, order, parents, sizes, nodes, dynamics, areas)
+    large = np.flatnonzero(areas[:found] >= SMALLEST_AREA)
+    return nodes[large[np.argsort(-dynamics[large], kind="stable")]]
 
 
 def _path(graph: Graph, extrema: Extrema, node: int, points: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ from toolkit.io.parts import Parts
 from toolkit.io.typed_values import constant
 from toolkit.landmarks.graph import Workspace
 from toolkit.people.connection import connected
-from toolkit.people.sighting import Sighting
+from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.trackers.lopez2011.costs import ParticleFrame, mean_cost
@@ -28,13 +28,14 @@ from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, fi
 from toolkit.trackers.lopez2011.filter import UpperFilter
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
 from toolkit.trackers.lopez2011.initial import InitialSettings, initial_pose
-from toolkit.trackers.lopez2011.sighting import Limits, UpperViewer
+from toolkit.trackers.lopez2011.sighting import Limits, UpperSighting, UpperViewer
+from toolkit.trackers.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
 from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.person import PREDICTED, FollowedPerson
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracking.tracker_protocol import BodyLearner, Wanted
+from toolkit.tracking.tracker_protocol import Wanted
 from toolkit.tracking.tracking_settings import check_seed
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
@@ -58,6 +59,8 @@ class ParticleTrackerSettings:
         truncated at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
     lap : maximum distance below the crown for points in front of the trunk, metres: thighs, knees and desks. Elbows
         hang 0.6 m down; 0 = no limit
+    measured_seconds : duration of the size measurement at the beginning, seconds ("a short period of time"); 0 = an
+        average body
     smallest_person : minimum number of measured points; frames with fewer are empty. A person at 8 m in a 176x144 image
     lost_cost : cost of an estimate above which a frame is lost; a body that explains nothing costs 60, a correct one of
         the wrong size 20 to 30. A first pose is accepted if its log-probability by Eq. 7 exceeds the negative value
@@ -69,12 +72,13 @@ class ParticleTrackerSettings:
     refined: bool = True
     reach: float = 0.9
     lap: float = 0.6
+    measured_seconds: float = 1.5
     smallest_person: int = 300
     lost_cost: float = 38.0
     patience: float = 0.15
     sensing: SensingSettings = field(default_factory=SensingSettings)
+    effectors: EffectorSettings = field(default_factory=EffectorSettings)
     particles: ParticleSettings = field(default_factory=ParticleSettings)
-    effectors: EffectorSettings = constant(EffectorSettings())
     initial: InitialSettings = constant(InitialSettings())
     fitting: FittingSettings = constant(FittingSettings())
 
@@ -85,7 +89,7 @@ class ParticleTrackerSettings:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        for name in ("reach", "lap", "smallest_person"):
+        for name in ("reach", "lap", "measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
                 raise SettingsError(f"{name} is {getattr(self, name)}; give 0 or more")
         if not self.patience > 0 or not self.lost_cost > 0:
@@ -228,34 +232,83 @@ class ParticleFollower(FollowedPerson):
         return self.row(pose, joints, confidence, observed, TRACKED if tracked else LOST, source)
 
 
+class MeasuredBody:
+    """A `BodyLearner` that measures shoulders and arms; see `sizing`.
+
+    Parameters
+    ----------
+    settings : see `ParticleTrackerSettings`
+    camera, level_rotation : see `Tracker.learner`
+    """
+
+    found = False
+    result: FrameResult | None = None
+
+    def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
+        self._settings = settings
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
+        self._seen: list[UpperSighting] = []
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        """See `BodyLearner.observe`."""
+        seen = self._viewer.look(sighting)
+        if seen.points >= max(self._settings.smallest_person, 1):
+            self._seen.append(seen)
+
+    def predicted(self) -> PredictedBody:
+        """Return None, because no person is tracked during the measurement."""
+        raise NotImplementedError("a body measurement has no position")
+
+    @property
+    def body(self) -> Body | None:
+        """See `BodyLearner.body`: from shoulder width and arm length in frames with a fork."""
+        settings, workspace = self._settings.effectors, Workspace()
+        breadths: list[float] = []
+        arms: list[float] = []
+        for seen in self._seen:
+            breadth = shoulder_breadth(seen.cloud)
+            breadths += [] if breadth is None else [breadth]
+            effectors = seen.effectors(settings, workspace)
+            fork = find_fork(effectors, settings)
+            if fork is not None:
+                lengths = [arm_length(effectors.paths[row]) for row in (fork.left_hand, fork.right_hand)]
+                arms += [length for length in lengths if length is not None]
+        return sized_body(breadths, arms)
+
+
 class ParticleTracker:
-    """Tracker of Lopez-Mendez 2011: first pose by geodesic candidates, then the particle filter; see `Tracker`.
+    """Tracker of Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see
+    `Tracker`.
 
     Legs are not tracked: they hang straight down with confidence 0.
 
     Parameters
     ----------
     settings : see `ParticleTrackerSettings`
-    body : the person's own body if known; default: the average one
+    body : the person's own body if known; default: measured
     """
 
     stage_names = ("prepare", "detect", "trunk", "arms", "refine")
     source_names = (PARTICLES, DETECTED, PREDICTED)
     database = ""
-    learning_seconds = 0.0
     joints_wanted: Wanted = "none"
 
     def __init__(self, settings: ParticleTrackerSettings | None = None, *, body: Body | None = None) -> None:
         self.settings = settings or ParticleTrackerSettings()
         self._known_body = body
 
+    @property
+    def learning_seconds(self) -> float:
+        """See `Tracker.learning_seconds`."""
+        return self.settings.measured_seconds if self._known_body is None else 0.0
+
     def know(self, body: Body) -> None:
         """See `TakesBody.know`."""
         self._known_body = body
 
-    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> BodyLearner:
-        """Raise NotImplementedError: this tracker learns no body."""
-        raise NotImplementedError("the particle filter learns no body")
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> MeasuredBody:
+        """See `Tracker.learner`."""
+        return MeasuredBody(self.settings, camera, level_rotation)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> ParticleFollower:
         """See `Tracker.follower`."""
