@@ -18,7 +18,7 @@ LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
 LARGEST_ISLAND = 0.15  # m^2: an arm with its hand, or a leg
 ISLAND_GAP = 0.5  # m from such a piece to the person (Baak 2013, 5.4.2)
 LIMB = 3.2  # mean log odds of a limb in an unknown room; at 2.0 of the earlier forest 24 of 27 pieces were limbs
-SAMPLES = 200  # pixels of a piece, and of a person, between which the gap is measured
+SAMPLES = 200  # maximum number of pixels of either surface from which their gap is measured
 
 
 def attach_islands(

@@ -44,7 +44,7 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
 
     Returns
     -------
-    float64 (T, 2): x and z in the level frame, as long as it is sure that they walk, 0 to 1
+    float64 (T, 2): x and z in the level frame; the length is the certainty that they walk, 0 to 1
     """
     known = np.flatnonzero(rows["state"] == TRACKED)
     walked = np.zeros((len(timestamps), 2))

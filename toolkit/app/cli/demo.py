@@ -131,7 +131,7 @@ def run_real_demo(output: str | Path, *, data: str | Path | None = None, show: P
     folder, data_set = Path(output), data_set_of(REAL)
     fetched = fetch_data_set(data_set, data, progress=show)
     frames, run = folder / REAL, folder / "real_run"
-    for file in data_set.files:  # a recording of these frames only, beside its run
+    for file in data_set.files:  # copied, so that the run refers to files in the same folder
         inside = Path(file.path).relative_to(data_set.folder)
         with atomic_path(frames / inside, lasting=False) as temporary:
             shutil.copyfile(fetched / inside, temporary)
