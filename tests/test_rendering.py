@@ -127,7 +127,7 @@ def test_a_film_shows_the_feet_that_carry_and_the_ground_under_them(take, panel)
     pictures = {}
     for carry in (False, True):
         contact = np.zeros((4, 2), dtype=bool)
-        contact[1], contact[3] = (carry, False), True  # frame 1: the left foot; frame 3: both, for the legend of both pictures
+        contact[1], contact[3] = (carry, False), True  # frame 3 brings both feet into the legend
         person = replace(people_of(track, body)[0], track=replace(track, contact=contact))
         painter = FramePainter([person], recording, settings=RenderSettings(panels=(panel,), extrema=0))
         pictures[carry] = painter.paint(1, recording.depth(1))[40:-40]

@@ -104,9 +104,9 @@ def labelings(
 def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Assign extrema to expected end effectors.
 
-    Pairs of an expected end effector and an extremum at most `reach` metres apart are taken nearest first; each point occurs
-    in at most one pair.
-    End effectors that merge with the body have no extremum near them and stay unlabelled: the query leaves them out.
+    Pairs of an expected end effector and an extremum at most `reach` metres apart are taken nearest first; each point
+    occurs in at most one pair. End effectors that merge with the body have no extremum near them and stay unlabelled:
+    the query leaves them out.
 
     extrema : float64 (E, 3), expected : float64 (5, 3), metres, the same frame
     Returns float64 (5, 3) points (0 where absent) and bool (5,), which are present.
