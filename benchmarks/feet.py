@@ -101,10 +101,7 @@ def stands_still(feet: Feet, contact: np.ndarray, times: np.ndarray) -> np.ndarr
 def row(feet: Feet, contact: np.ndarray, still: np.ndarray, times: np.ndarray) -> dict[str, Any]:
     """Return figures of feet during `contact` (T, 2)."""
     steps = sliding_mm(feet.soles, contact)
-    return {
-        "sliding_mm": float(np.mean(steps)) if steps else None,
-        "jitter_mm": jitter_mm(feet.ankles, still, times),
-    }
+    return {"sliding_mm": float(np.mean(steps)) if steps else None, "jitter_mm": jitter_mm(feet.ankles, still, times)}
 
 
 def simulated(found: Tracked) -> dict[str, Any]:

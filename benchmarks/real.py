@@ -22,15 +22,7 @@ import numpy as np
 
 from benchmarks._movement import tracked_run
 from benchmarks._record import part_suffix, run_part, save_figures, show
-from benchmarks._rows import (
-    ROWS,
-    add_database_options,
-    figures_of,
-    make_tracker,
-    poses_of,
-    settings_of,
-    track_each,
-)
+from benchmarks._rows import ROWS, add_database_options, figures_of, make_tracker, poses_of, settings_of, track_each
 from tests.support.suite import WORK
 from toolkit.app.config import parse_overrides
 from toolkit.body import skeleton

@@ -99,8 +99,7 @@ def test_files_that_are_there_are_left_alone_whatever_their_line_ends(
 
 
 @pytest.mark.parametrize(
-    ("fault", "message"),
-    [("half", "broke off"), ("other", "another file"), ("error page", "503 Server Error")],
+    ("fault", "message"), [("half", "broke off"), ("other", "another file"), ("error page", "503 Server Error")]
 )
 def test_a_bad_answer_is_not_kept_and_the_next_fetch_goes_on(
     server: Server, data_set: DataSet, tmp_path: Path, fault: str, message: str

@@ -65,9 +65,7 @@ def test_a_bvh_repeats_the_nearest_pose_in_absent_frames_and_notes_it(tmp_path: 
     assert "ground at y = 0" in notes["axes"]
 
 
-def test_an_always_absent_person_is_blank_in_tables_and_rejected_by_other_formats(
-    tmp_path: Path,
-) -> None:
+def test_an_always_absent_person_is_blank_in_tables_and_rejected_by_other_formats(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", random_poses(3), absent=3)
     export_run(run, tmp_path / "a.csv")
     assert all(row["head_x_m"] == "" for row in csv.DictReader((tmp_path / "a.csv").open(newline="")))

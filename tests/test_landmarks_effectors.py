@@ -14,14 +14,7 @@ from toolkit.io.errors import SegmentationError, SettingsError
 from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.extrema import extrema_of_graph
 from toolkit.landmarks.graph import grid_graph
-from toolkit.trackers.lopez2011.effectors import (
-    GRAPH,
-    Effectors,
-    EffectorSettings,
-    Fork,
-    find_effectors,
-    find_fork,
-)
+from toolkit.trackers.lopez2011.effectors import GRAPH, Effectors, EffectorSettings, Fork, find_effectors, find_fork
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 
 
@@ -106,10 +99,7 @@ def test_an_empty_cloud_is_an_error() -> None:
 
 @pytest.mark.parametrize(
     ("values", "message"),
-    [
-        ({"count": 0}, "effectors.count is 0"),
-        ({"narrowest": 80.0}, "effectors.narrowest and widest are 80.0 and 75.0"),
-    ],
+    [({"count": 0}, "effectors.count is 0"), ({"narrowest": 80.0}, "effectors.narrowest and widest are 80.0 and 75.0")],
 )
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError, match=message):

@@ -72,10 +72,7 @@ BIPED = rig(
     "Bip01_{}_Clavicle Bip01_{}_UpperArm Bip01_{}_Forearm Bip01_{}_Hand "
     "Bip01_{}_Thigh Bip01_{}_Calf Bip01_{}_Foot Bip01_{}_Toe0", ("L", "R"),
 )  # fmt: skip
-XSENS = rig(
-    "Pelvis L3 T8 Neck Head",
-    "{}Shoulder {}UpperArm {}ForeArm {}Hand {}UpperLeg {}LowerLeg {}Foot {}Toe",
-)
+XSENS = rig("Pelvis L3 T8 Neck Head", "{}Shoulder {}UpperArm {}ForeArm {}Hand {}UpperLeg {}LowerLeg {}Foot {}Toe")
 ROKOKO = rig("Hips Spine1 Spine4 Neck Head", "{}Shoulder {}Arm {}ForeArm {}Hand {}Thigh {}Shin {}Foot {}Toe")
 VICON = rig(
     "pelvis lowerback thorax neck head",

@@ -10,13 +10,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.errors import UsageError
 from toolkit.mocap.choreography import MOTIONS
-from toolkit.mocap.procedural import (
-    NAMES,
-    SEATED_MOTIONS,
-    SEATED_SUBJECT_MOTIONS,
-    perform,
-    procedural_clips,
-)
+from toolkit.mocap.procedural import NAMES, SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, perform, procedural_clips
 
 
 def joint(positions: np.ndarray, name: str) -> np.ndarray:

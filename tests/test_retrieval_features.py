@@ -79,6 +79,13 @@ def test_a_person_who_stands_with_hanging_arms_turns_no_feature_on() -> None:
         (moved(left_shoulder=(0.0, 0.0, 0.1), right_shoulder=(0.0, 0.0, -0.1)), {35}),
         (moved(left_shoulder=(0.0, 0.0, -0.1), right_shoulder=(0.0, 0.0, 0.1)), {36}),
         (moved(root=(0.0, 0.0, -0.5)), {31}),
+        (moved(left_ankle=(0.25, 0.0, 0.0), right_ankle=(-0.25, 0.0, 0.0)), {19}),
+        (moved(right_ankle=(0.0, 0.4, -0.4)), {15, 20}),
+        (moved(right_knee=(0.0, 0.35, 0.4)), {29}),
+        (moved(neck=(0.0, -0.4, 0.4)), {32}),
+        (moved(right_fingers=(0.0, -0.5, 0.0)), {33}),
+        ({name: place * [1.0, 0.4, 1.0] for name, place in standing().items()}, {37}),
+        (moved(right_wrist=(-1.2, 0.0, 0.0)), {38}),
     ],
 )
 def test_a_held_pose_turns_on_the_features_that_describe_it(pose: dict[str, np.ndarray], features: set[int]) -> None:
@@ -100,6 +107,7 @@ def test_a_held_pose_turns_on_the_features_that_describe_it(pose: dict[str, np.n
         ({"right_ankle": (-1.0, 0.0, 0.0)}, {24}),
         ({"right_ankle": (0.0, 1.0, 0.0), "right_toes": (0.0, 1.0, 0.0)}, {25}),
         ({"root": (0.0, 0.0, 1.0)}, {39}),
+        ({"left_hip": (0.0, 0.0, 1.0), "right_hip": (0.0, 0.0, -1.0)}, {40}),
     ],
 )
 def test_a_moving_joint_turns_on_the_features_that_describe_it(

@@ -12,20 +12,8 @@ from toolkit.io.errors import RetrievalError, SettingsError
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.learning.genetic import (
-    Breeder,
-    GeneticSettings,
-    Individual,
-    Quality,
-    TrainingSet,
-    evolve,
-)
-from toolkit.retrieval.learning.queries import (
-    LearningSettings,
-    learn,
-    query_of,
-    training_clips,
-)
+from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, Quality, TrainingSet, evolve
+from toolkit.retrieval.learning.queries import LearningSettings, learn, query_of, training_clips
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 from toolkit.retrieval.workflow.motions import load_motion
@@ -185,11 +173,7 @@ def test_training_data_that_cannot_teach_anything_is_refused() -> None:
 
 @pytest.mark.parametrize(
     "make",
-    [
-        lambda: GeneticSettings(population=1),
-        lambda: GeneticSettings(parents=60),
-        lambda: LearningSettings(runs=0),
-    ],
+    [lambda: GeneticSettings(population=1), lambda: GeneticSettings(parents=60), lambda: LearningSettings(runs=0)],
 )
 def test_settings_out_of_range_are_refused(make: object) -> None:
     with pytest.raises(SettingsError):

@@ -15,12 +15,7 @@ from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.place_classifier import MEASURES, ClassifierSettings, PlaceClassifier
-from toolkit.retrieval.annotation.training import (
-    CutClip,
-    folds_of,
-    leave_one_out,
-    train,
-)
+from toolkit.retrieval.annotation.training import CutClip, folds_of, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.workflow.annotate import annotate_motions

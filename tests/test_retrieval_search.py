@@ -13,11 +13,7 @@ from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQu
 from toolkit.retrieval.search.find import HitRanges, find
 
 Segments = list[tuple[int, int]]
-EXAMPLE: list[Segments] = [
-    [(3, 4), (6, 7)],
-    [(1, 2), (4, 6), (9, 10)],
-    [(1, 3), (5, 8), (11, 12), (14, 15)],
-]
+EXAMPLE: list[Segments] = [[(3, 4), (6, 7)], [(1, 2), (4, 6), (9, 10)], [(1, 3), (5, 8), (11, 12), (14, 15)]]
 
 
 def search(lists: list[Segments], bounds: list[tuple[int, int]], document_starts: list[int]) -> Segments:
@@ -158,9 +154,7 @@ def ranges(documents: list[int], starts: list[int], stops: list[int]) -> HitRang
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 20), st.integers(1, 6)), max_size=12))
-def test_a_union_holds_the_frames_of_its_parts_in_as_few_ranges_as_can_be(
-    rows: list[tuple[int, int, int]],
-) -> None:
+def test_a_union_holds_the_frames_of_its_parts_in_as_few_ranges_as_can_be(rows: list[tuple[int, int, int]]) -> None:
     parts = [HitRanges(*(np.array([value]) for value in (d, start, start + size))) for d, start, size in rows]
     none = np.empty(0, np.int64)
     union = HitRanges.union([*parts, HitRanges(none, none, none)])

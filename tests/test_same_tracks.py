@@ -15,16 +15,7 @@ import pytest
 from tests.database_helpers import small_database
 from toolkit.io.files import sha256_of
 
-DECIDING = (
-    "kernels",
-    "sensing",
-    "people",
-    "landmarks",
-    "fitting",
-    "tracking",
-    "trackers",
-    "database",
-)
+DECIDING = ("kernels", "sensing", "people", "landmarks", "fitting", "tracking", "trackers", "database")
 """Packages whose sums can change a choice between hypotheses."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")
 SCRIPTS = Path(__file__).parents[1] / "scripts"

@@ -10,14 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.container_files import (
-    RosWriter,
-    frames,
-    mkv_frames,
-    mkv_recording,
-    realsense_recording,
-    ros_recording,
-)
+from tests.container_files import RosWriter, frames, mkv_frames, mkv_recording, realsense_recording, ros_recording
 from tests.sensing_scenes import TOF, up_of_tilt
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.recordings.opening import open_recording

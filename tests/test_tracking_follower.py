@@ -10,15 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.fake_tracker_parts import (
-    IN_VIEW,
-    FakeObjective,
-    FakeObserver,
-    FakeSearch,
-    compared,
-    pose_at,
-    says,
-)
+from tests.fake_tracker_parts import IN_VIEW, FakeObjective, FakeObserver, FakeSearch, compared, pose_at, says
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.io.parts import Parts

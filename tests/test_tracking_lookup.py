@@ -25,11 +25,7 @@ from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.search.estimate_query import EstimatedJointsQuery, facing_of_joints
 from toolkit.tracking.search.extrema_query import ExtremaQuery
-from toolkit.tracking.search.labelings import (
-    LookupSettings,
-    admissible_labelings,
-    fused_scores,
-)
+from toolkit.tracking.search.labelings import LookupSettings, admissible_labelings, fused_scores
 from toolkit.tracking.state import FIRST_STEP, Previous
 
 # person with the left hand beside the head: left hand, right hand, left foot, right foot, head

@@ -27,12 +27,7 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
 from toolkit.tracking.search.arm_search import ITERATIONS, ArmSearch
-from toolkit.tracking.search.database_lookup import (
-    FIRST_ROUNDS,
-    DatabaseLookup,
-    LookupBudget,
-    is_asked,
-)
+from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_asked
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
