@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.run_helpers import track_of
 from tests.support.worn_sensors import SensorNoise, SimulatedSensors, simulate_sensors
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, subject_body
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.tracks import RunInfo, Track
+from toolkit.tracks import TRACKED, RunInfo
 
 RATE = 30.0
 FIVE = ("left_shin", "right_shin", "left_forearm", "right_forearm", "pelvis")
@@ -39,18 +40,7 @@ def write_run(folder: Path, poses: np.ndarray, state: np.ndarray | None = None) 
     """Write a finished run folder whose track has these poses, on the neutral body."""
     count = len(poses)
     body = ShapeSpace.load().body([])
-    track = Track(
-        joints=body.joint_positions(poses).astype(np.float32),
-        pose=poses,
-        confidence=np.ones((count, 20), np.float32),
-        state=np.zeros(count, np.uint8) if state is None else state.astype(np.uint8),
-        source=np.zeros(count, np.uint8),
-        timestamps=np.arange(count) / RATE,
-        stage_ms=np.ones((count, 1), np.float32),
-        observed=np.ones((count, 20), dtype=bool),
-        source_names=("local",),
-        stage_names=("fit",),
-    )
+    track = track_of(body.joint_positions(poses), poses, np.arange(count) / RATE, TRACKED if state is None else state)
     folder.mkdir(parents=True, exist_ok=True)
     track.save(folder)
     RunInfo(

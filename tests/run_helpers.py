@@ -9,7 +9,7 @@ import pytest
 
 from toolkit.app.cli.main import main
 from toolkit.body import skeleton
-from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter
 from toolkit.tracks.runs import PersonSummary, save_people
 
 TURN = np.diag([1.0, -1.0, -1.0])
@@ -23,6 +23,21 @@ def run(*words: object) -> int:
     with pytest.raises(SystemExit) as stop:
         main([str(word) for word in words])
     return int(stop.value.code or 0)
+
+
+def track_of(
+    joints: np.ndarray, poses: np.ndarray | None = None, times: np.ndarray | None = None,
+    state: np.ndarray | int = TRACKED, confidence: float = 1.0,
+) -> Track:  # fmt: skip
+    """Return a track of joints (T, 20, 3), camera frame; without `times` at 10 frames a second."""
+    count = len(joints)
+    return Track(
+        joints=joints.astype(np.float32), pose=np.zeros((count, skeleton.POSE_SIZE)) if poses is None else poses,
+        confidence=np.full((count, 20), confidence, np.float32), state=np.full(count, state, np.uint8),
+        source=np.zeros(count, np.uint8), timestamps=np.arange(count) / 10.0 if times is None else times,
+        stage_ms=np.ones((count, 1), np.float32), observed=np.ones((count, 20), dtype=bool),
+        source_names=("local",), stage_names=("fit",),
+    )  # fmt: skip
 
 
 def write_run(

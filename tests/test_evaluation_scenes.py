@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.run_helpers import track_of
 from tests.support.calibration import calibration_error
 from tests.support.identities import identities_of
 from tests.support.scene_scores import scene_figures, score_scene
-from toolkit.body import skeleton
 from toolkit.people.known_people import assigned
 from toolkit.sensing.camera import Camera
-from toolkit.tracks import EMPTY, TRACKED, Track
+from toolkit.tracks import EMPTY, TRACKED
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 81, 61)
 PERSON = np.stack([np.linspace(-0.2, 0.2, 20), np.linspace(-0.4, 0.4, 20), np.full(20, 2.1)], axis=1)
@@ -34,22 +34,6 @@ def recording_of(truth: np.ndarray, wall: float = 2.0) -> Any:
         joints=truth.astype(np.float32),
         timestamps=np.arange(frames) / 10.0,
         frames=lambda: iter(np.full((frames, *CAMERA.shape), round(1000 * wall), dtype=np.uint16)),
-    )
-
-
-def track_of(joints: np.ndarray, state: np.ndarray | int = TRACKED, confidence: float = 0.8) -> Track:
-    frames = len(joints)
-    return Track(
-        joints=np.nan_to_num(joints).astype(np.float32),
-        pose=np.zeros((frames, skeleton.POSE_SIZE)),
-        confidence=np.full((frames, 20), confidence, dtype=np.float32),
-        state=np.broadcast_to(np.asarray(state, dtype=np.uint8), frames).copy(),
-        source=np.zeros(frames, dtype=np.uint8),
-        timestamps=np.arange(frames) / 10.0,
-        stage_ms=np.ones((frames, 1), dtype=np.float32),
-        observed=np.ones((frames, 20), dtype=bool),
-        source_names=("local",),
-        stage_names=("all",),
     )
 
 
@@ -146,7 +130,7 @@ def test_a_delay_lasts_from_visibility_to_the_first_tracked_frame() -> None:
     truth = moved(0.0, frames=12)[None].copy()
     truth[0, :2] = np.nan
     late = np.where(np.arange(12) < 8, EMPTY, TRACKED)
-    score = score_scene(recording_of(truth), [track_of(truth[0], late)])
+    score = score_scene(recording_of(truth), [track_of(np.nan_to_num(truth[0]), state=late)])
     assert score.delays[0] == pytest.approx(0.6)
     assert score.numbers_right.tolist() == [True] * 2 + [False] * 6 + [True] * 4
     never = score_scene(recording_of(truth), [])

@@ -13,12 +13,12 @@ import pytest
 import depthmocap
 from depthmocap import step, tracks
 from tests.fake_tracker import CAMERA, FakeFollower, FakeTracker
+from tests.run_helpers import track_of
 from tests.sensing_scenes import neutral, standing
 from toolkit.app.pipeline import track_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
-from toolkit.tracks import Track as Rows
 from toolkit.tracks.runs import Person
 
 INTRINSICS = (CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
@@ -50,13 +50,8 @@ def sways() -> depthmocap.Track:
     body = neutral()[0]
     poses = np.stack([standing(0.01 * i, 2.8, 1.2) for i in range(FRAMES)])
     level = level_rotation(np.array(UP))
-    rows = Rows(
-        joints=(body.joint_positions(poses) @ level).astype(np.float32), pose=poses,
-        confidence=np.full((FRAMES, 20), 0.5, np.float32), state=np.array([TRACKED] * 10 + [EMPTY] * 2, np.uint8),
-        source=np.zeros(FRAMES, np.uint8), timestamps=np.arange(FRAMES) / 20,
-        stage_ms=np.ones((FRAMES, 1), np.float32), observed=np.ones((FRAMES, 20), dtype=bool),
-        source_names=("local",), stage_names=("all",),
-    )  # fmt: skip
+    state = np.array([TRACKED] * 10 + [EMPTY] * 2)
+    rows = track_of(body.joint_positions(poses) @ level, poses, np.arange(FRAMES) / 20, state, 0.5)
     return depthmocap.Track(Person("take", rows, body, level))
 
 

@@ -12,6 +12,7 @@ import pytest
 import depthmocap
 from depthmocap import tracks
 from tests.fake_tracker import FakeTracker
+from tests.run_helpers import track_of
 from tests.sensing_scenes import TOF, neutral, person_alone, standing
 from toolkit.body.skeleton import BONE_ROWS
 from toolkit.output.rendering.open3d_geometry import confidence_colors
@@ -20,7 +21,6 @@ from toolkit.recordings.opening import recording_of
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracks import EMPTY, TRACKED
-from toolkit.tracks import Track as Rows
 from toolkit.tracks.runs import Person
 
 UP = (0.0, -1.0, 0.0)
@@ -151,12 +151,7 @@ def test_a_frame_of_a_track_is_cloud_mesh_and_skeleton(tmp_path: Path) -> None:
     body = neutral()[0]
     poses = np.stack([standing(x, 2.8, 1.2) for x in (0.0, 0.1, 0.2)])
     joints = (body.joint_positions(poses) @ LEVEL).astype(np.float32)
-    rows = Rows(
-        joints=joints, pose=poses, confidence=np.full((3, 20), 1.0, np.float32),
-        state=np.array([TRACKED, TRACKED, EMPTY], np.uint8), source=np.zeros(3, np.uint8), timestamps=np.arange(3) / 20,
-        stage_ms=np.ones((3, 1), np.float32), observed=np.ones((3, 20), dtype=bool),
-        source_names=("local",), stage_names=("all",),
-    )  # fmt: skip
+    rows = track_of(joints, poses, np.arange(3) / 20, np.array([TRACKED, TRACKED, EMPTY]))
     recording = recording_of(np.stack(DEPTHS), intrinsics=TOF.intrinsics)
     track = depthmocap.Track(Person("take", rows, body, LEVEL), lambda: recording)
     cloud, mesh, skeleton = track.to_open3d(1)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.chromium import browser
+from tests.run_helpers import track_of
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
 from toolkit.body import skeleton
 from toolkit.body.skeleton import POSE_NAMES
@@ -24,7 +25,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.raycast import render_depth
-from toolkit.tracks import EMPTY, LOST, RunInfo, Track
+from toolkit.tracks import EMPTY, LOST, RunInfo
 from toolkit.tracks.runs import Person, PersonSummary, save_people
 
 LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))
@@ -40,17 +41,11 @@ def take(tmp_path_factory):
     path = tmp_path_factory.mktemp("take") / "take.npz"
     save_recording(path, depth=depth, camera=KINECT, timestamps=np.arange(4) / 20, up_camera=(0, -1, 0))
     poses = np.stack([standing(x or 0.0, 2.8, HEIGHT) for x in places])
-    return open_recording(path), track_of(poses), body
+    return open_recording(path), rows_of(poses), body
 
 
-def track_of(poses, state=(0, LOST, EMPTY, 0)):
-    joints = neutral()[0].joint_positions(poses) @ LEVEL
-    return Track(
-        joints=joints.astype(np.float32), pose=poses, confidence=np.ones((len(poses), 20), np.float32),
-        state=np.array(state, np.uint8), source=np.zeros(len(poses), np.uint8), timestamps=np.arange(len(poses)) / 20,
-        stage_ms=np.zeros((len(poses), 1), np.float32), observed=np.ones((len(poses), 20), dtype=bool),
-        source_names=("local",), stage_names=("all",),
-    )  # fmt: skip
+def rows_of(poses, state=(0, LOST, EMPTY, 0)):
+    return track_of(neutral()[0].joint_positions(poses) @ LEVEL, poses, np.arange(len(poses)) / 20, np.array(state))
 
 
 def people_of(track, body):
@@ -86,7 +81,7 @@ def test_a_drawn_body_lies_on_the_depth_image(take, monkeypatch):
         painter = FramePainter(people_of(track, body), recording, settings=RenderSettings(panels=("body",)))
         return painter.paint(0, recording.depth(0))[32:-32].astype(int)
 
-    nobody = painted(track_of(np.asarray(track.pose), state=[EMPTY] * 4))
+    nobody = painted(rows_of(np.asarray(track.pose), state=[EMPTY] * 4))
     drawn = (np.abs(painted(track) - nobody).max(axis=2) > 20)[40:]
     measured = (np.abs(nobody - np.array(style.PAPER) // 2).max(axis=2) > 5)[40:]
     assert (drawn & measured).sum() / (drawn | measured).sum() > 0.85
@@ -96,7 +91,7 @@ def test_several_people_have_a_colour_each_and_hide_each_other(tmp_path):
     body = neutral()[0]
     places = ((-0.4, 2.6), (0.5, 2.8), (0.5, 3.4))
     people = [
-        Person(f"person_{k:02d}", track_of(standing(x, z, HEIGHT)[None], (0,)), body, LEVEL)
+        Person(f"person_{k:02d}", rows_of(standing(x, z, HEIGHT)[None], (0,)), body, LEVEL)
         for k, (x, z) in enumerate(places, start=1)
     ]
     depth = np.min([np.where((d := person_alone(KINECT, x, z)) > 0, d, 65535) for x, z in places], axis=0)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.retrieval_motions import random_motion
+from tests.run_helpers import track_of
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.errors import MocapError, RigError
@@ -27,7 +28,7 @@ from toolkit.retrieval.features.motion import (
     joint_maps,
 )
 from toolkit.retrieval.features.relational import relational_features
-from toolkit.tracks import EMPTY, LOST, Track
+from toolkit.tracks import EMPTY, LOST
 
 FILES = {"asf": "mocap/hdm05/HDM_bd_squat1Reps_001_120.amc", "cmu_bvh": "mocap/cmu/02_01.bvh"}
 
@@ -75,14 +76,7 @@ def test_a_skeleton_known_to_retargeting_gives_the_features_of_its_poses(tmp_pat
 def test_a_track_has_the_features_of_its_poses_at_the_rate_of_its_time_stamps() -> None:
     body = load_body("neutral")
     clip = procedural_clips(["wave"], 30.0, body=body, variations=1)[0]
-    frames = len(clip)
-    track = Track(
-        joints=body.joint_positions(clip.poses).astype(np.float32), pose=clip.poses,
-        confidence=np.ones((frames, 20), np.float32), state=np.zeros(frames, np.uint8),
-        source=np.zeros(frames, np.uint8), timestamps=np.arange(frames) / 30.0,
-        stage_ms=np.zeros((frames, 1), np.float32), observed=np.ones((frames, 20), bool),
-        source_names=("local",), stage_names=("all",),
-    )  # fmt: skip
+    track = track_of(body.joint_positions(clip.poses), clip.poses, np.arange(len(clip)) / 30.0)
     motion = from_track(track, body, "run")
     assert motion.frame_rate == pytest.approx(30.0)
     assert relational_features(motion).values[2:4].any()  # a hand waves above the neck
@@ -101,14 +95,7 @@ def test_lost_frames_of_a_track_are_bridged_and_missing_ones_keep_their_time() -
     state = np.zeros(frames, np.uint8)
     state[lost], state[:2] = LOST, EMPTY
     kept = np.delete(np.arange(frames), np.arange(50, 56))
-    track = Track(
-        joints=body.joint_positions(poses[kept]).astype(np.float32), pose=poses[kept],
-        confidence=np.ones((len(kept), 20), np.float32), state=state[kept], source=np.zeros(len(kept), np.uint8),
-        timestamps=5.0 + kept / 30.0, stage_ms=np.zeros((len(kept), 1), np.float32),
-        observed=np.ones((len(kept), 20), bool),
-        source_names=("local",),
-        stage_names=("all",),
-    )  # fmt: skip
+    track = track_of(body.joint_positions(poses[kept]), poses[kept], 5.0 + kept / 30.0, state[kept])
     motion = from_track(track, body, "run")
     assert len(motion) == frames
     seen = np.r_[2:20, 32:50, 56:frames]
