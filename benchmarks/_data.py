@@ -1,7 +1,5 @@
 """Data sets that each benchmark reads."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from toolkit.datasets.folder import data_folder

@@ -1,7 +1,5 @@
 """Live motion events: a part of `depthmocap bench annotation`."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import replace

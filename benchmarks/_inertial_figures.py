@@ -1,7 +1,5 @@
 """Figures 7.12 to 7.14 of the thesis with simulated sensors: thresholds, raw signals, wrong offsets."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

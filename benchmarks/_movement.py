@@ -1,7 +1,5 @@
 """Simulated people who walk, squat, rise and stand, with true poses and tracks, for the benchmarks of feet and gait."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

@@ -5,8 +5,6 @@ lowest vertex stays where it is; a stride goes from one stand's place to the foo
 of the heel before the pelvis nor joint angles are used.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from tests.support.walking import Rising, Walk

@@ -1,7 +1,5 @@
 """The tables and figures of Qammaz, 3.3, on our four sequences: parts of `depthmocap bench swarm`."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict

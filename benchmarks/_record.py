@@ -1,7 +1,5 @@
 """Common parts of the benchmarks: parts of a script, results with machine and commit, steady times."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

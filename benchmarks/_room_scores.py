@@ -19,8 +19,6 @@ stature
     Matched people whose stature is within `STATURE`, and all matched people.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

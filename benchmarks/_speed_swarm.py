@@ -5,8 +5,6 @@
 per hypothesis with balls and with the mesh in images of several sizes. `--network` also times the pose network.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

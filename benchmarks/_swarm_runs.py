@@ -1,7 +1,5 @@
 """Runs of trackers on single recordings, and their figures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any

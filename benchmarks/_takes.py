@@ -1,7 +1,5 @@
 """Recordings of the simulated suite and of Qammaz's four sequences with image joints."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of an upper body: seven joints, in millimetres and in pixels of a 640x480 image (Lopez-Mendez 2011, 4)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

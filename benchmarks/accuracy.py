@@ -7,8 +7,6 @@ incorrect frames shows persistent errors. Figures without the hybrid tracker are
 row, those of a part of the suite to files that end in `_part`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import groupby

@@ -7,8 +7,6 @@ Figures of pixels, and of surfaces (all people, and each patch of 64 pixels with
 expected calibration error at even odds (people and the rest weigh alike), and the fractions over one half.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -6,8 +6,6 @@ of the true poses is a lower bound of the error of any tracker. Joint angles and
 those of the true poses, degrees.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

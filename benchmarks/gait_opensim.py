@@ -5,8 +5,6 @@ simulated body walks with these angles on a treadmill before a simulated depth c
 export `--format opensim` is solved by OpenSim, and the angles are compared: bias and RMS of the difference, degrees.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -11,8 +11,6 @@
   drawn body nearest to samples of the frame, by the settings `grid` and `open3d` in turn. Both must find the same.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

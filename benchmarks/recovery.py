@@ -13,8 +13,6 @@
 Correct is a frame of which 18 of 20 joints are within 150 mm.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import asdict

@@ -6,8 +6,6 @@ laboratory. Each is tracked with `--people all` and no other option, and scored 
 miss, false person and switch. `--joints colour` registers the colour to the depth by the calibration below.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -10,8 +10,6 @@ calibration error is taken over all joints of all people who were found; unobser
 seen. Results of a part of the suite go to files ending in `_part`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

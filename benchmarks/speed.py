@@ -18,8 +18,6 @@
 - `swarm`: the swarm tracker (`benchmarks/_speed_swarm.py`).
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

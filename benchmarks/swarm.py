@@ -20,8 +20,6 @@ it does not say, so that ours is w_D / 3 in metres; in Table 4 the scanned body 
 primitives P.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path

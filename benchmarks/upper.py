@@ -10,8 +10,6 @@
 - `speed`: frames a second of `lopez2011` by particles and image width (Table 1 of the paper), on a repeated still.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import time

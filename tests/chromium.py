@@ -1,7 +1,5 @@
 """Page in a headless Chromium over its debugging pipe: console errors, requested addresses, pixels."""
 
-from __future__ import annotations
-
 import base64
 import json
 import os

@@ -1,7 +1,5 @@
 """Poses, databases and small BVH files for the database tests."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

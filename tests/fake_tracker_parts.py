@@ -1,7 +1,5 @@
 """Fakes of a tracker's parts with given answers, which keep their inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace

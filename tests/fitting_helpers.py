@@ -1,7 +1,5 @@
 """One body in front of one camera, with all parts of a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Motions with inertial sensors, and run folders of them, for the tests of inertial sensors."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 

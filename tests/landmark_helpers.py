@@ -1,7 +1,5 @@
 """A plain figure of boxes and drawn bodies in front of a camera, for the tests of the landmarks."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from toolkit.body.body import Body

@@ -1,7 +1,5 @@
 """A body of joints with the smallest possible mesh, and small mocap files, for the mocap tests."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A standing body in front of a camera, and the normal equations of a term."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from toolkit.body import skeleton

@@ -1,7 +1,5 @@
 """Small synthetic motions for the retrieval tests: a standing figure that faces +z (left at +x), or moves at random."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion

@@ -1,7 +1,5 @@
 """Calls of the command, and run folders of synthetic tracks of one or several people."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Writers of one small valid file for each format that the project reads."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from collections.abc import Callable

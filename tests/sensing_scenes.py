@@ -1,7 +1,5 @@
 """Depth images of people, in a room or alone: the body by ray casting, floor and wall by analytic geometry."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

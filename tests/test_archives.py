@@ -1,7 +1,5 @@
 """The project's NPZ files: round trip, and the error for each kind of bad file."""
 
-from __future__ import annotations
-
 import io
 import os
 import pickle

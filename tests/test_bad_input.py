@@ -1,7 +1,5 @@
 """Each verb with each kind of bad input: exit code 1 or 2 and one sentence, no output, no waiting."""
 
-from __future__ import annotations
-
 import io
 import os
 import pickle

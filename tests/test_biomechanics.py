@@ -1,7 +1,5 @@
 """Angles, strides, contacts and rises of motions with exact truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The kinematic chain, skinning, their Jacobians, the assets and the shape space."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

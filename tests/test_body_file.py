@@ -1,7 +1,5 @@
 """A person's own body: as a file, from recordings of a T-pose, in a track and in its run folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

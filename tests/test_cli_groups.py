@@ -1,7 +1,5 @@
 """A dataclass in a verb's signature is a group of options on the command line."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

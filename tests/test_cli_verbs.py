@@ -1,7 +1,5 @@
 """Arguments that the thin verbs pass to the function that does the work."""
 
-from __future__ import annotations
-
 import os
 import webbrowser
 from collections.abc import Callable

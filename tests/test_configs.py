@@ -1,7 +1,5 @@
 """Settings files in `configs/`."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Parts of container readers: Matroska index, ROS messages, calibration and colour of a Kinect."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

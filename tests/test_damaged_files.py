@@ -1,7 +1,5 @@
 """A damaged file of any format is refused in one sentence or read; a checksum excludes other content."""
 
-from __future__ import annotations
-
 import zlib
 from pathlib import Path
 

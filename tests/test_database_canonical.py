@@ -1,7 +1,5 @@
 """The canonical frame and the common origin of poses and clouds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Pose pool in bounded memory: nothing is thinned while all poses fit; thinned poses still cover all others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

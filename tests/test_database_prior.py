@@ -1,7 +1,5 @@
 """Pose prior conditioned on the situation: conditional Gaussians, situations, file, learning."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

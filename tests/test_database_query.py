@@ -1,7 +1,5 @@
 """Database query against brute force, by each provider, whole and partial."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

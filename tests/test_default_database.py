@@ -1,7 +1,5 @@
 """Pose database of the package: sources, size, and behaviour without it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

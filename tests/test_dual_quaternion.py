@@ -1,7 +1,5 @@
 """Dual quaternion skinning against its definition."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -1,7 +1,5 @@
 """Evaluation on each depth frame: an exactly known body drawn into a recording."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Portability: all modules import, and a folder is locked, without the modules of POSIX."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

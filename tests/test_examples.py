@@ -1,7 +1,5 @@
 """The examples run one after the other in one folder and one process."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from pathlib import Path

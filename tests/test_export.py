@@ -1,7 +1,5 @@
 """Exported poses read back: by our reader, by pybvh, from a table."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Angles, OpenSim motions and gait as files, and their page."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

@@ -1,7 +1,5 @@
 """GLB and BVH files as Blender imports them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Coordinates and markers of OpenSim's model, and JSON of tracks."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scaled models, markers and inverse kinematics by OpenSim itself."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

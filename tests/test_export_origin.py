@@ -1,7 +1,5 @@
 """Exports on the ground, blanks for absent frames, and AMASS round trip."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

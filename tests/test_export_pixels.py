@@ -1,7 +1,5 @@
 """Person of each pixel, the segmented clouds, and the viewer's file."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`depthmocap joints --fetch`: download of the pose model, and its message without network."""
 
-from __future__ import annotations
-
 import hashlib
 import zipfile
 from pathlib import Path

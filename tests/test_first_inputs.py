@@ -1,7 +1,5 @@
 """Files that a newcomer tries first: read if possible, else one sentence with the command to type."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

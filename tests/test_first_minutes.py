@@ -1,7 +1,5 @@
 """Messages of a first use of the program."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Local optimisation: terms, refinement, sparse distance, confidence, personal shape (Baak 2013, 5.4.1 and 5.4.4)."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Arms of other poses for a tracked one: the balls of a body, their cost and fit, and the search."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

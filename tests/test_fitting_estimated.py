@@ -1,7 +1,5 @@
 """Joints of which the network is certain, as evidence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

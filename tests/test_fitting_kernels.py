@@ -1,7 +1,5 @@
 """Compiled loops of the local optimisation: z-buffer, pixel search, correspondences, normal equations, bounded step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The loop of a fit, the comparison and the shape estimate with fake parts: inputs and results of each."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

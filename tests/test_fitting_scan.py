@@ -1,7 +1,5 @@
 """Body from views of a T-pose."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

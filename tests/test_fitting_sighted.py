@@ -1,7 +1,5 @@
 """Joints seen in the image as evidence."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

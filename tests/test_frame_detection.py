@@ -1,7 +1,5 @@
 """One person in any frame: the inputs of the follower, and the use of its result."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """The ground height of a track comes from the camera, from the feet or from an assumption."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

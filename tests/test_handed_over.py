@@ -1,7 +1,5 @@
 """Untrusted inputs cannot run code: run folders, states, databases, indices and all kinds of names."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

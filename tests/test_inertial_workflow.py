@@ -2,8 +2,6 @@
 guide.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

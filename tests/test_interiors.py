@@ -1,7 +1,5 @@
 """Furnished rooms: surfaces and places of pieces, free space."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

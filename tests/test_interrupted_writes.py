@@ -4,8 +4,6 @@ Each writer runs in a forked process that is killed at one of three points: insi
 the file in place, and after it.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 import resource

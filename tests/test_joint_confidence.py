@@ -1,7 +1,5 @@
 """Confidence of joints: inputs of the regressions, their tables, and the distance between both passes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

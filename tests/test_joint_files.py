@@ -1,7 +1,5 @@
 """Joints from folders of JSON, and the source of a run's joints."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The joint network: input, output, joints of simulated people, the same bits everywhere."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

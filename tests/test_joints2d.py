@@ -1,7 +1,5 @@
 """Image joints: stored, flipped, rotated, undistorted, assigned to people and lifted into space."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """The Azure Kinect SDK's JSON: its joint frames against a second source, and its round trip."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

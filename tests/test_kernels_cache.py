@@ -1,7 +1,5 @@
 """Compiled kernels: the package's, else the user cache's; changed sources never run old code."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Linear algebra in a fixed order: correct, and equal at all memory alignments."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cost of particles against separately drawn images and ray casting; resampling."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

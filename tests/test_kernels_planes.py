@@ -1,7 +1,5 @@
 """The plane with the most points near it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Inverse kinematics of an arm against the forward kinematics of the body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -3,8 +3,6 @@
 Eq. 3 and 4 are held against theirs in test_kernels_particles.py, the fork in test_landmarks_effectors.py.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

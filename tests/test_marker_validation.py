@@ -1,7 +1,5 @@
 """Validation against marker files with exact truth."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

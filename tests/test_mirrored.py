@@ -1,7 +1,5 @@
 """Left and right: mirrored motions, classes and sensors give the mirrored result."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """AMASS motions: round trip through our body, and errors for other NPZ files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Clips: resampling, slicing, mirroring, and the rotations behind the retargeting."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

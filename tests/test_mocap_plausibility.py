@@ -1,7 +1,5 @@
 """Motion capture that can be read but is not as intended; skeletons of other systems by joint names."""
 
-from __future__ import annotations
-
 import time
 import warnings
 from dataclasses import replace

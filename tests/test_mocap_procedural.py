@@ -1,7 +1,5 @@
 """Procedural motions: on the floor, within limits, repeatable, and two disjoint sets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """BVH and ASF/AMC readers against independent references, and errors for broken files."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Retargeting: rigs of any names, rest pose and axes move our body as they move."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Names in files of others are displayed unchanged and have no effect; messages have one line."""
 
-from __future__ import annotations
-
 import pickle
 from typing import get_args
 

@@ -1,7 +1,5 @@
 """Arguments and files of the wrong kind: accepted if the meaning is clear, else one sentence."""
 
-from __future__ import annotations
-
 import gc
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Open3D's searches against the compiled ones: correspondences, answers and tracks are equal to the bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

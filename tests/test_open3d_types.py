@@ -1,7 +1,5 @@
 """Open3D types in and out: clouds, RGB-D images, and the geometry of a tracked frame."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small HTML pages: a parser reads the content back, and text stays text."""
 
-from __future__ import annotations
-
 from html.parser import HTMLParser
 
 from toolkit.io.html import page, table

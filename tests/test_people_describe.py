@@ -1,7 +1,5 @@
 """First description of a recording: five lines and a picture."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

@@ -1,7 +1,5 @@
 """Geometry of the finder: floor, candidates beside people and mirrors, seeds, selected person."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace

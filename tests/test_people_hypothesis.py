@@ -1,7 +1,5 @@
 """Person or furniture: sum of evidence, and its effect in a room."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

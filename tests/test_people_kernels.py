@@ -1,7 +1,5 @@
 """Kernels that detect people and assign their pixels, each against a slow plain reference."""
 
-from __future__ import annotations
-
 import heapq
 
 import numpy as np

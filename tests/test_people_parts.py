@@ -1,7 +1,5 @@
 """Parts of the finder: identities, unattached surfaces, joints, mirrors, dropped people."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Vertical: given, from a floor, from walls and people; rotated cameras."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Batches in one process and in several: no recording lost or repeated, each failure named."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """People before their detection: search with reversed time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Events during tracking: reported once, also in the file, and not repeated when a run is resumed."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

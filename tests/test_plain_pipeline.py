@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -7,24 +5,17 @@ import pytest
 
 from benchmarks.speed import compare
 from tests.database_helpers import small_database
-from tests.fitting_helpers import Fit, whole_image
-from tests.support.plain_fitting import PlainObjective, PlainPlacer, plain_refiner, plain_solve
-from tests.support.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
+from tests.fitting_helpers import Fit
+from tests.support.plain_fitting import PlainObjective, PlainPlacer, plain_refiner
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.estimated_joints import EstimatedJoints
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.open3d_scene import Open3DScene
-from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import JointTerm
-from toolkit.kernels.fit import twists
-from toolkit.landmarks.centre import cloud_centre
-from toolkit.landmarks.extrema import extrema_of_graph, source_node
-from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.joint_network import JointEstimate
-from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
@@ -38,54 +29,6 @@ def frame(seed: int) -> tuple[np.ndarray, Cloud]:
     rng = np.random.default_rng(seed)
     pose = moving_poses(20, rng)[seed]
     return pose, Cloud.from_depth(draw(BODY, pose, CAMERA, rng), CAMERA, LEVEL)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
-    settings = LandmarkSettings()
-    _, cloud = frame(seed)
-    scale = (0.8, 1.0, 1.1, 1.2)[seed]
-    centre = cloud_centre(cloud.points, None, scale)
-    assert plain_centre(cloud.points, None, scale) == pytest.approx(centre, abs=1e-6)
-    graph = grid_graph(cloud, settings)
-    matrix, largest = plain_graph(cloud, settings)
-    assert (matrix != graph.matrix()).nnz == 0
-    source = source_node(graph, cloud.points, centre, settings, scale)
-    assert plain_source(cloud.points, largest, centre, settings, scale) == source
-    fast, plain = extrema_of_graph(graph, cloud.points, 20, source), plain_extrema(matrix, cloud.points, source, 20)
-    for name in ("nodes", "points", "distances", "visited"):
-        assert np.array_equal(getattr(fast, name), getattr(plain, name))
-    assert np.array_equal(fast.from_source[fast.nodes], plain.from_source[plain.nodes])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_plainly_placed_body_is_the_compiled_one(seed: int) -> None:
-    pose, cloud = frame(seed)
-    hidden = np.random.default_rng(seed).random(cloud.depth.shape) < 0.2
-    scene = Scene(cloud, np.zeros((0, 3)), 0, unobserved=hidden)
-    fast, plain = (kind(BODY, CAMERA, LEVEL).place(BODY, pose) for kind in (Placer, PlainPlacer))
-    for name in ("vertices", "normals", "rotations", "origins", "axes"):
-        assert getattr(plain, name) == pytest.approx(getattr(fast, name), abs=1e-9), name
-    depth, triangle = whole_image(fast)
-    assert plain.drawn.depth == pytest.approx(depth, abs=1e-9)
-    assert (plain.drawn.triangle == triangle).mean() > 0.9999
-    assert np.array_equal(
-        plain.visible(0.1, 0.03, scene.seen, scene.intrinsics), fast.visible(0.1, 0.03, scene.seen, scene.intrinsics)
-    )
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_plain_bounded_step_is_the_compiled_one(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    half = rng.normal(size=(60, skeleton.POSE_SIZE))
-    matrix, vector = half.T @ half, 60 * rng.normal(size=skeleton.POSE_SIZE)
-    damping = np.full(skeleton.POSE_SIZE, 0.5)
-    pose, step = np.zeros(skeleton.POSE_SIZE), np.empty(skeleton.POSE_SIZE)
-    twists.bounded_step(matrix, vector, pose, skeleton.POSE_LIMITS, damping, step)
-    plain = np.empty_like(step)
-    plain_solve(matrix, vector, pose, skeleton.POSE_LIMITS, damping, plain)
-    assert plain == pytest.approx(step, abs=1e-9)
-    assert (step[6:] == skeleton.POSE_LIMITS[6:, 0]).any()
 
 
 @pytest.mark.parametrize("seed", range(3))

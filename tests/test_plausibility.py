@@ -1,7 +1,5 @@
 """Recordings that can be read but are not as intended: each fault is named with the option that corrects it."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -1,7 +1,5 @@
 """Pose detector: crops, detections in images of known bodies, and tracking of a person."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

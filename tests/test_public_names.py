@@ -1,7 +1,5 @@
 """Tests and benchmarks use public names of the product; names are unique."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """From bundled motions to the table of real recordings, at the command line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

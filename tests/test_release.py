@@ -1,7 +1,5 @@
 """Names and numbers of a release agree in each file that contains them."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of a track: left is left, all views agree, films can be read back."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Report page: complete, self-contained, names are text, and a browser draws and plays it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Annotation of files: learned and stored classes, keyframe preselection, reports, bad inputs."""
 
-from __future__ import annotations
-
 import csv
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Search by example: graded features, the compiled DTW against the recursion, and results."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The 40 relational features: signs, invariances, mirror pairs, hysteresis, and published figures on HDM05."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

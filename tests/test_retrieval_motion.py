@@ -1,7 +1,5 @@
 """Named joints from clips, poses and reported joints, and errors for unsuitable skeletons."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Online annotation: features, costs, events, against those of whole motions."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

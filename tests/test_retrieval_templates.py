@@ -1,7 +1,5 @@
 """Motion templates: the compiled alignment against recursions, steps of the estimator, quantisation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """A command gives the same track to the bit on each processor, in each folder and environment."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re

@@ -1,7 +1,5 @@
 """Messages of readers for files that are cut, hold no depth, or have jumping clocks; and bounded memory."""
 
-from __future__ import annotations
-
 import json
 import tracemalloc
 import zipfile

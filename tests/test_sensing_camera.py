@@ -1,7 +1,5 @@
 """Camera, level frame and cloud."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Cleaning and segmentation: segmented person, and the values of pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

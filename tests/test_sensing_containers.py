@@ -1,7 +1,5 @@
 """Recordings of cameras and robots: RealSense, Azure Kinect, ROS, phones, TUM; and damaged ones."""
 
-from __future__ import annotations
-
 import json
 import sys
 import zipfile

@@ -1,7 +1,5 @@
 """Compiled loops on depth images against NumPy, SciPy and OpenCV."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import ndimage

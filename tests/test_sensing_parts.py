@@ -1,7 +1,5 @@
 """Parts of recordings: correction of raw depth, array checks, rows inside NPZ files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

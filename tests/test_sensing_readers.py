@@ -1,7 +1,5 @@
 """Readers of other formats: UTD-MHAD, PNG folders, raw frames, point clouds."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

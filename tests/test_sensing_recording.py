@@ -1,7 +1,5 @@
 """Recordings as NPZ: round trip, streaming, and bad files."""
 
-from __future__ import annotations
-
 import tracemalloc
 import zipfile
 

@@ -1,7 +1,5 @@
 """Signals that end a command: no traceback, no temporary file, an exit code that says so, and the same work again."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

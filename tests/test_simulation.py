@@ -1,7 +1,5 @@
 """Simulated recordings: exact truth, sensor models, camera placement, and files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

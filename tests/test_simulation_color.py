@@ -1,7 +1,5 @@
 """Colour of simulated recordings: registered to the depth, equal for equal seeds, with separable skin and front."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Simulated motions: joined clips, held objects, images that end at a height below the neck."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

@@ -1,7 +1,5 @@
 """Pages of the documentation site that are made from other files, and its navigation."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Foot contact of occluded legs: contact frames of templates, floor terms, points of a sole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

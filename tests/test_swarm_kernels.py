@@ -1,7 +1,5 @@
 """Poses drawn and scored in bulk, against plain references."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Workflow without a database at the command line: simulate, joints, track, evaluate, render."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The notebook runs from first to last cell and is stored without outputs."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Orientations as evidence: the term against finite differences, the guide, and an unseen limb."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Database lookup: labelings, scores, and the poses of the queries (Baak 2013, 5.4.3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import permutations
 from types import SimpleNamespace

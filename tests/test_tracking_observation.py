@@ -1,7 +1,5 @@
 """Observation of a frame: effects of the person's size, time and previous frame."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

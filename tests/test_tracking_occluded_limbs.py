@@ -1,7 +1,5 @@
 """Unobserved limbs: they stay in place with the uncertainty of the prior."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Second pass: choice between trajectories, stature, heading, keyframes, jumps, continued runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from copy import copy
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Keyframes: the most confident of the frames that show most, in each stretch in view."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Generator
 from dataclasses import replace

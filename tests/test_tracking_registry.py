@@ -1,7 +1,5 @@
 """Trackers by name: the steps of `docs/extending.md`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Searches with fake parts: starting points, queries, refinement, and answers."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import replace
 from types import SimpleNamespace

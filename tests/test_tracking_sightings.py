@@ -1,7 +1,5 @@
 """Stored data of an unfinished second pass: sightings and trajectories, read back to the bit and without trust."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The swarm tracker: depth and image joints, no motion capture."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import replace

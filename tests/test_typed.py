@@ -1,7 +1,5 @@
 """Reader of plain values: the type determines the accepted values."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal

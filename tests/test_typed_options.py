@@ -1,7 +1,5 @@
 """Options as typed at the command line: results, and messages for impossible ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Uncertain stretches of limbs: by limb, joined over short pauses, in seconds since the first frame."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The tables of the pages agree with the results; each listed benchmark exists and is on a page."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

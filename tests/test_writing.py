@@ -1,7 +1,5 @@
 """The texts of the repository use no ruled-out word, and each docstring opens with a verb or a noun."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

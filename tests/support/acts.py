@@ -1,7 +1,5 @@
 """Acts of people in scenes: enter, cross, leave, carry, embrace, hand over."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

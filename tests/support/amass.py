@@ -1,7 +1,5 @@
 """Poses of our body as AMASS files, for tests and for corpora of AMASS's size."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

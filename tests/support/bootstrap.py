@@ -1,7 +1,5 @@
 """Paired bootstrap of the difference between two trackers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

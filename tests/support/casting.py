@@ -1,7 +1,5 @@
 """Actors and scenes of the simulated suites, as `scenes.yaml` lists them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache

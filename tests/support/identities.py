@@ -1,7 +1,5 @@
 """Assignment of tracks to people frame by frame, with CLEAR MOT counts (Bernardin and Stiefelhagen 2008)."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Image joints of a simulated detector, from the truth of a simulated recording."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

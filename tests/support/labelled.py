@@ -5,8 +5,6 @@ the side, hops and squats. The `tune` split is HDM05 actor bk, the `report` spli
 other motions of CMU stand between the clips; neither they nor the joins belong to a class.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Landmarks in NumPy and SciPy, the reference for the compiled ones (Baak 2013, 5.3.4 and 5.4.2)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra

@@ -4,8 +4,6 @@ Plain are the landmarks, the solver and the drawn body; correspondences and look
 `configs/baak2013.yaml`. Cleaning, the joint network and the arms' chains of balls are the compiled ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 

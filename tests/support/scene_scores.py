@@ -1,7 +1,5 @@
 """Figures of a scene with no person, one or several, of which the camera sees a part."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ HDM05 actor bk, `report`, for reporting only, of HDM05 actor dg and the CMU subj
 absent, bundled `subject` motions take its place.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple, fields, replace
 from pathlib import Path

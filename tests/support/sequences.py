@@ -5,8 +5,6 @@ All four do the same: 8 s of bends (CMU 02_06, where the mocap is, else bundled)
 tracker does. They stand in a room whose empty depth is known.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from tests.support.dual_quaternions import dual_skinning

@@ -1,7 +1,5 @@
 """One person of one recording, frame by frame, for scripts that examine each step."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Moving subjects in front of a depth camera, without files: the input of the speed benchmarks."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

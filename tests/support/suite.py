@@ -14,8 +14,6 @@ Takes are scenes of one person. Recordings (`scenes.record_scene`) and databases
 that change with everything they are made from.
 """
 
-from __future__ import annotations
-
 import hashlib
 import inspect
 from collections.abc import Callable, Iterable, Sequence

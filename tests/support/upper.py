@@ -8,8 +8,6 @@ mocap is absent, these take its place. Two more groups are asked for by name: ar
 touch the head, and laps in view.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Synthetic people who walk, squat and rise from seats: strides, durations and contacts are exact."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
