@@ -48,8 +48,7 @@ from toolkit.evaluation.orientations import frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
 from toolkit.inertial.distance import Distances, distances
 from toolkit.inertial.sensor_limbs import TrackedMotion
-from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
-from toolkit.inertial.workflow import clock_of
+from toolkit.inertial.synchronise import Clock, synchronise
 from toolkit.io.errors import InertialError
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
@@ -146,7 +145,7 @@ def clock_errors(motions: Sequence[tuple[TrackedMotion, Any]]) -> dict[str, Any]
     for motion, simulated in motions:
         truth = simulated.offset + 0.5 * motion.times[-1] * (simulated.rate - 1.0)
         try:
-            clock = synchronise(motion, simulated.sensors, SyncSettings())
+            clock = synchronise(motion, simulated.sensors)
             take = CalibrationSequence(motion, simulated.sensors, clock)
             found.append(1000 * abs(calibrate([take]).takes[motion.name].offset - truth))
         except InertialError as error:
@@ -217,10 +216,10 @@ def checked(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) -> Ite
     for seed, own in enumerate(tracks):
         poses, segments = injected(own.track.pose, pool, np.random.default_rng(seed))
         motion, true = own.motion(poses, "take"), own.motion(own.poses, "truth")
-        clock = synchronise(motion, own.simulated.sensors, SyncSettings(), check=False)
+        clock = synchronise(motion, own.simulated.sensors, check=False)
         take = CalibrationSequence(motion, own.simulated.sensors, clock)
         found = calibrate([take], CalibrationSettings(method=method, refuse=False))
-        take = replace(take, clock=clock_of(found.takes["take"], clock))
+        take = replace(take, clock=replace(clock, offset=found.takes["take"].offset))
         for curve in distances(found, take):
             wrong = np.degrees(quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb))) > TURNED
             chain = curve.limb.split("_")[0] + ("_leg" if curve.limb.endswith("shin") else "_arm")

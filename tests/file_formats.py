@@ -160,14 +160,6 @@ QUERIES = json.dumps(
 )
 RIG = "joints:\n  root: Hips\n  thorax: [Spine2, Chest]\n  head: Head\n"
 
-MT = "// Update Rate: 100.0Hz\nPacketCounter\tRoll\tPitch\tYaw\n1\t10\t20\t30\n2\t11\t20\t30\n"
-MVNX = (
-    '<?xml version="1.0" encoding="UTF-8"?><mvnx version="4"><subject label="S" frameRate="60"><segments>'
-    '<segment label="Pelvis" id="1"/></segments><frames>'
-    '<frame time="0" index="0" type="normal"><orientation>1 0 0 0</orientation></frame>'
-    '<frame time="17" index="1" type="normal"><orientation>0.8 0.6 0 0</orientation></frame>'
-    "</frames></subject></mvnx>"
-)
 STO = "DataRate=100.0\nDataType=Quaternion\nversion=3\nendheader\ntime\tpelvis_imu\n0.00\t1,0,0,0\n0.01\t0.8,0.6,0,0\n"
 BOXES = "boxes:\n- {low: [0, 0, 0], high: [1, 0.7, 0.5]}\n- low: [-1, 0, 0]\n  high: [0, 1, 1]\n"
 BONES = "export:\n" + "".join(
@@ -227,8 +219,6 @@ FORMATS: dict[str, Format] = {
     "export rig yaml": Format(text_file("rig.yaml", BONES), read_bones),
     "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
     "sensors csv": Format(sensors_file(".csv"), read_file),
-    "sensors xsens mt": _sensors("MT_00B421AF.txt", MT),
-    "sensors mvnx": _sensors("take.mvnx", MVNX),
     "sensors sto": _sensors("take.sto", STO),
     "sensors czu text": _sensors("pi03", "0 0 1 0 0 90 100.0\n0 0 1 0 0 90 100.003\n"),
     "sensors mat": Format(inertial_matlab_file, read_file),

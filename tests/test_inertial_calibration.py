@@ -40,9 +40,7 @@ def strand_of(rng, world, mounting, count=80, noise=0.0, wrong=0.0) -> Synchroni
 
 def take_of(name="knee_to_elbow", limbs=FIVE, noise="none", seed=0, motion: TrackedMotion | None = None):
     simulated = sensors_of(name, limbs, noise, seed)
-    return simulated, CalibrationSequence(
-        motion or motion_of(name), simulated.sensors, Clock(simulated.offset, simulated.rate)
-    )
+    return simulated, CalibrationSequence(motion or motion_of(name), simulated.sensors, Clock(simulated.offset))
 
 
 def offsets_of(simulated, take, **changes) -> tuple[list[float], list[float]]:
@@ -161,7 +159,7 @@ def test_real_flaws_and_wrong_frames_leave_a_few_degrees(name, wrong):
 
 def test_the_clock_is_improved_by_what_the_calibration_leaves_over():
     simulated, take = take_of(noise="mtx")
-    late = replace(take, clock=Clock(simulated.offset + 0.03, simulated.rate))
+    late = replace(take, clock=Clock(simulated.offset + 0.03))
     found = calibrate([late]).takes[take.motion.name]
     assert abs(found.offset - simulated.offset) < 0.006
 

@@ -68,12 +68,12 @@ def test_frames_are_counted_against_each_truth_at_each_threshold():
 
 def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
     simulated = sensors_of()
-    take = CalibrationSequence(motion_of(), simulated.sensors, Clock(simulated.offset, simulated.rate))
+    take = CalibrationSequence(motion_of(), simulated.sensors, Clock(simulated.offset))
     found = calibrate([take])
     for limb in ("left_shin", "right_forearm"):
         for name, (sensor, track) in signals_of(take, found, limb).items():
             assert np.nanmedian(np.abs(sensor - track)) < 0.3 * max(1.0, np.median(np.abs(track))), name
-    late = replace(take, clock=Clock(simulated.offset + 2.0, simulated.rate))
+    late = replace(take, clock=Clock(simulated.offset + 2.0))
     sensor, _ = signals_of(late, found, "left_shin")["rate of turn"]
     assert np.isnan(sensor[-1]).all() and not np.isnan(sensor[0]).any(), "what was not measured is not known"
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
-from tests.support.worn_sensors import DECLINATION, SensorNoise, earth_field, simulate_sensors
+from tests.support.worn_sensors import simulate_sensors
 from toolkit.app.cli.main import main
 from toolkit.body.rotations import quaternions as quat
-from toolkit.inertial.fusion import NORTH, fused
+from toolkit.inertial.fusion import fused
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors
-from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
+from toolkit.inertial.synchronise import synchronise
 from toolkit.inertial.workflow import load_sensors
 from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import integrate
@@ -53,7 +53,7 @@ def test_the_kernel_that_integrates_is_its_plain_twin():
 @pytest.mark.parametrize("name", ("semaphore", "side_step", "knee_to_elbow"))
 def test_raw_measurements_become_orientations_up_to_the_heading(name):
     stream = sensors_of(name, noise="mtx").sensors.streams[3]
-    found = fused(replace(stream, rotations=None, magnetic=None))
+    found = fused(replace(stream, rotations=None))
     assert found.origin == FREE
     rows = np.flatnonzero(stream.valid)
     difference = quat.multiply(stream.rotations[rows], quat.conjugate(found.rotations[rows]))
@@ -63,32 +63,6 @@ def test_raw_measurements_become_orientations_up_to_the_heading(name):
     assert np.ptp(heading) < 8.0
 
 
-def test_a_steady_field_ties_the_heading_to_north_and_a_disturbed_one_does_not():
-    stream = sensors_of(noise=SensorNoise(gyro_bias=0.02)).sensors.streams[0]
-    field = quat.rotate(quat.conjugate(stream.rotations), [0.5, 0.0, -0.8])
-    north = fused(replace(stream, rotations=None, magnetic=field))
-    assert north.origin == NORTH
-    assert np.degrees(np.median(quat.angle(north.rotations, stream.rotations))) < 6.0
-    disturbed = field * np.random.default_rng(0).uniform(0.3, 3.0, len(field))[:, None]
-    assert fused(replace(stream, rotations=None, magnetic=disturbed)).origin == FREE
-
-
-def test_the_earths_field_dips_and_declines_and_its_declination_is_taken_out():
-    field = earth_field(60.0, 30.0, 2.0)  # Eq. A.4 to A.7
-    np.testing.assert_allclose(field, [np.sqrt(3) / 2, -0.5, -np.sqrt(3)], atol=1e-9)
-    stream = sensors_of(noise=SensorNoise(gyro_bias=0.02)).sensors.streams[0]
-    raw = replace(stream, rotations=None)
-    off = {}
-    for declination in (0.0, DECLINATION, DECLINATION + 40.0):
-        found = fused(raw, declination=declination)
-        assert found.origin == NORTH
-        turn = quat.logarithm(quat.multiply(found.rotations, quat.conjugate(stream.rotations)))
-        off[declination] = float(np.degrees(np.median(turn[:, 2])))
-    assert off[0.0] - off[DECLINATION] == pytest.approx(DECLINATION, abs=0.1)
-    assert off[DECLINATION] - off[DECLINATION + 40.0] == pytest.approx(40.0, abs=1.0)
-    assert abs(off[DECLINATION]) < 5.0
-
-
 @pytest.mark.parametrize("name", ("semaphore", "archery", "knee_to_elbow"))
 @pytest.mark.parametrize("noise", ("none", "mtx", "phone"))
 def test_the_clock_is_found_against_true_poses(name, noise):
@@ -96,13 +70,6 @@ def test_the_clock_is_found_against_true_poses(name, noise):
     clock = synchronise(motion_of(name), simulated.sensors)
     middle = 0.5 * motion_of(name).times[-1] * (simulated.rate - 1.0)
     assert abs(clock.offset - simulated.offset - middle) < 0.01
-
-
-def test_the_ratio_of_clocks_is_found_if_free_and_reported():
-    simulated = sensors_of("semaphore")
-    slow = [replace(stream, times=1.6 * stream.times, gyro=stream.gyro / 1.6) for stream in simulated.sensors]
-    clock = synchronise(motion_of("semaphore"), Sensors(tuple(slow)), SyncSettings(rates=RATES))
-    assert abs(clock.rate - 1.6) < 0.02
 
 
 def test_periodic_motion_is_refused_because_it_locks_a_period_off():
@@ -123,7 +90,7 @@ def test_an_offset_at_the_border_of_the_search_is_refused():
         whole, times=whole.times[5:], rotations=whole.rotations[5:], origins=whole.origins[5:], valid=whole.valid[5:]
     )
     with pytest.raises(InertialError, match="border of the search"):
-        synchronise(late, Sensors(tuple(moved)), SyncSettings(max_offset=0.1))
+        synchronise(late, Sensors(tuple(moved)), 0.1)
 
 
 def typed(*words) -> None:

@@ -63,12 +63,6 @@ def test_vectors_are_turned_and_matrices_have_them_as_columns() -> None:
     assert (quaternions.from_matrices(FIRST.as_matrix())[:, 0] >= 0.0).all()
 
 
-def test_roll_pitch_and_yaw_are_turned_about_x_then_y_then_z() -> None:
-    angles = RNG.uniform(-1.0, 1.0, (5, 3))
-    roll, pitch, yaw = (about(axis, angles[:, axis]) for axis in range(3))
-    same_turn(quaternions.from_euler(angles), yaw * pitch * roll)
-
-
 @pytest.mark.parametrize("stop", [(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
 def test_the_smallest_turn_brings_one_direction_to_the_other(stop: tuple[float, float, float]) -> None:
     start = np.array([1.0, 0.0, 0.0])

@@ -18,23 +18,8 @@ Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
 """Rotation from a world with y up to one with z up."""
 
 
-INCLINATION, DECLINATION, STRENGTH = 64.9, 1.5, 48.3
-"""Degrees, degrees and microtesla: the earth's magnetic field at Saarbruecken in 2012."""
 SOFT_SECONDS = 0.3
 """Correlation time of the soft-tissue rotation between a sensor and its bone, seconds."""
-
-
-def earth_field(inclination: float, declination: float, strength: float) -> np.ndarray:
-    """Return the magnetic field (3,) in a world with x to the north and z up (thesis, Eq. A.4 to A.7).
-
-    Parameters
-    ----------
-    inclination : degrees below the horizon
-    declination : degrees of magnetic north east of north
-    strength : norm of the field, in any unit
-    """
-    down, east = np.radians(inclination), np.radians(declination)
-    return strength * np.array([np.cos(down) * np.cos(east), -np.cos(down) * np.sin(east), -np.sin(down)])
 
 
 @dataclass(frozen=True)
@@ -191,7 +176,6 @@ def _measure(
         gyro=rates + noise.gyro * rng.normal(size=rates.shape) + noise.gyro_bias * rng.normal(size=3),
         acceleration=quat.rotate(quat.conjugate(true), quat.rotate(world, acceleration))
         + noise.acceleration * rng.normal(size=rates.shape),
-        magnetic=quat.rotate(quat.conjugate(true), earth_field(INCLINATION, DECLINATION, STRENGTH)),
     )
     return _thinned(stream, noise.lost, rng)
 
@@ -215,5 +199,4 @@ def _thinned(stream: SensorStream, lost: float, rng: np.random.Generator) -> Sen
         stream.name, stream.times[keep], rotations=None if stream.rotations is None else stream.rotations[keep],
         gyro=None if stream.gyro is None else stream.gyro[keep],
         acceleration=None if stream.acceleration is None else stream.acceleration[keep],
-        magnetic=None if stream.magnetic is None else stream.magnetic[keep],
     )  # fmt: skip

@@ -12,7 +12,7 @@ from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import Distances, ErrorSegment, ErrorSettings, distances, errors_of, runs_above
 from toolkit.inertial.sensor_limbs import PARTS
 from toolkit.inertial.stream import Sensors
-from toolkit.inertial.synchronise import SyncSettings
+from toolkit.inertial.synchronise import MAX_OFFSET
 from toolkit.inertial.workflow import checked_take, paired
 from toolkit.io.errors import InertialError, UsageError
 from toolkit.io.yaml_reader import read_table
@@ -82,7 +82,7 @@ def check_runs(
     calibration: str | Path | Calibration | None = None,
     truth: str | Path | None = None,
     threshold: float = ErrorSettings.threshold,
-    sync: SyncSettings | None = None,
+    max_offset: float = MAX_OFFSET,
 ) -> list[RunCheck]:
     """Check runs with their sensors (`depthmocap inertial check`).
 
@@ -92,7 +92,7 @@ def check_runs(
     calibration : a file or its content; None calibrates each run by itself
     truth : CSV with the columns limb, start, end in seconds, and run where there are several
     threshold : degrees between 0 and 180, above which a track errs
-    sync : settings of the clock comparison
+    max_offset : largest offset of the clocks, seconds
 
     Raises
     ------
@@ -106,7 +106,7 @@ def check_runs(
     true = None if truth is None else read_truth(truth)
     checks = []
     for run, file in pairs:
-        used, take = checked_take(run, file, known, sync=sync)
+        used, take = checked_take(run, file, known, max_offset=max_offset)
         curves = distances(used, take)
         errors = sorted((e for curve in curves for e in errors_of(curve, threshold)), key=lambda e: (e.start, e.limb))
         name = take.motion.name

@@ -66,7 +66,7 @@ class CalibrationSettings:
     Attributes
     ----------
     method : `robust` or `thesis`
-    heading : `shared`, `own`, or None: shared if the devices measure magnetic north
+    heading : `shared`, `own`, or None: shared if the devices measure orientations
     refine_clock : correct the clock by the residual of the calibration
     refuse : refuse mountings that the motion does not determine, or that disagree with the track
     """
@@ -133,9 +133,7 @@ def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSetting
         reasons = "; ".join(f"{limb}: {sensor.reason}" for limb, sensor in sensors.items())
         raise InertialError(f"no sensor can be calibrated ({reasons})")
     clocks = {
-        take.motion.name: TakeClock(
-            take.clock.offset, take.clock.rate, {limb: _plain(worlds[i][limb]) for limb in take.sensors.names}
-        )
+        take.motion.name: TakeClock(take.clock.offset, {limb: _plain(worlds[i][limb]) for limb in take.sensors.names})
         for i, take in enumerate(takes)
     }
     return Calibration(settings.method, heading, sensors, clocks)

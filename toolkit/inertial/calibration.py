@@ -47,12 +47,11 @@ class TakeClock:
 
     Attributes
     ----------
-    offset, rate : `t_sensor = rate * t_camera + offset`
+    offset : `t_sensor = t_camera + offset`, seconds
     worlds : part of the body -> `q_G`: level frame to inertial world, w x y z
     """
 
     offset: float
-    rate: float
     worlds: dict[str, tuple[float, float, float, float]]
 
 

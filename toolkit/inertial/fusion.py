@@ -2,8 +2,8 @@
 
 The integrated frame rotates only with the drift of the gyroscope's bias. The accelerations of a limb in it cancel over
 time, so a slow low-pass leaves gravity (as in Laidig and Seel 2023). Lower weights for accelerated rows increase the
-tilt error, because all accelerations together cancel and a part of them does not. The inertial world has z up. With a
-steady magnetic field the heading refers to north, else it is free.
+tilt error, because all accelerations together cancel and a part of them does not. The inertial world has z up; the
+heading is free.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from toolkit.inertial.stream import FREE, Sensors, SensorStream
 from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import integrate
 
-NORTH = "gyroscope, gravity and magnetic north"
 UP: np.ndarray = np.array([0.0, 0.0, 1.0])
 
 
@@ -35,15 +34,13 @@ def oriented(sensors: Sensors) -> Sensors:
     return replace(sensors, streams=streams)
 
 
-def fused(stream: SensorStream, world_up: np.ndarray = UP, declination: float = 0.0) -> SensorStream:
-    """Return a stream with orientations from gyroscope, accelerometer and, if its field is steady, magnetometer.
+def fused(stream: SensorStream, world_up: np.ndarray = UP) -> SensorStream:
+    """Return a stream with orientations from gyroscope and accelerometer.
 
     Parameters
     ----------
     stream : raw measurements
     world_up : (3,), vertical of the wanted world
-    declination : degrees from the north of the x axis east to magnetic north (thesis, App. A); with 0, x points to
-        magnetic north, and the rest becomes part of the calibrated heading
 
     Raises
     ------
@@ -60,13 +57,10 @@ def fused(stream: SensorStream, world_up: np.ndarray = UP, declination: float = 
     free = np.empty((len(rows), 4))
     integrate(np.ascontiguousarray(times), gyro - gyroscope_bias(times, gyro), free)
     q = quat.multiply(_upright(free, times, stream.acceleration[rows]), free)
-    origin = FREE
-    if stream.magnetic is not None and (turn := _north(q, stream.magnetic[rows], declination)) is not None:
-        q, origin = quat.multiply(quat.exponential(turn[:, None] * UP), q), NORTH
     q = quat.multiply(quat.between(UP, world_up), q)
     rotations = np.tile(quat.IDENTITY, (len(stream), 1))
     rotations[rows] = quat.continuous(q)
-    return replace(stream, rotations=rotations, origin=origin)
+    return replace(stream, rotations=rotations, origin=FREE)
 
 
 def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
@@ -100,21 +94,3 @@ def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
     from scipy.ndimage import gaussian_filter1d
 
     return gaussian_filter1d(values, sigma, axis=0, mode="constant", truncate=3.0)
-
-
-def _north(q: np.ndarray, magnetic: np.ndarray, declination: float) -> np.ndarray | None:
-    """Return the rotation about the vertical (N,) from x to north; None if the field is not steady.
-
-    The heading error is smoothed over the steady rows, because a gyroscope drifts slowly.
-    """
-    strength = np.linalg.norm(magnetic, axis=1)
-    typical = float(np.median(strength[strength > 0])) if (strength > 0).any() else 0.0
-    # Largest relative deviation of the magnetic field's strength from its median for a north direction.
-    field_tolerance = 0.1
-    steady = (typical > 0) & (np.abs(strength - typical) <= field_tolerance * typical)
-    if steady.sum() < max(10, 0.5 * len(q)):
-        return None
-    field = quat.rotate(q, magnetic / typical)
-    horizontal = np.where(steady[:, None], field[:, :2], 0.0)
-    smooth = _smoothed(horizontal, max(1.0, len(q) / 8.0))
-    return -np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0])) - np.radians(declination)

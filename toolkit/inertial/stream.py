@@ -31,7 +31,7 @@ LONGEST_SENSOR_GAP = 0.1
 
 CSV_COLUMNS = ("sensor", "time_s", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 DEVICE, FREE = "device", "gyroscope and gravity, heading free"
-"""Sources of an orientation: the device's own filter, or `fusion.py` without magnetic north."""
+"""Sources of an orientation: the device's own filter, or `fusion.py`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,6 @@ class SensorStream:
     rotations : float64 (N, 4) or None, sensor to inertial world
     gyro : float64 (N, 3) or None, rad/s in the sensor's frame
     acceleration : float64 (N, 3) or None, m/s2 in the sensor's frame, gravity included
-    magnetic : float64 (N, 3) or None, any unit, in the sensor's frame; used by the fusion and not stored
     valid : bool (N,), valid rows
     origin : source of the orientations
     """
@@ -55,7 +54,6 @@ class SensorStream:
     rotations: np.ndarray | None = None
     gyro: np.ndarray | None = None
     acceleration: np.ndarray | None = None
-    magnetic: np.ndarray | None = None
     valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
     origin: str = DEVICE
 
@@ -103,7 +101,6 @@ def checked_stream(
     rotations: np.ndarray | None = None,
     gyro: np.ndarray | None = None,
     acceleration: np.ndarray | None = None,
-    magnetic: np.ndarray | None = None,
     origin: str = DEVICE,
 ) -> SensorStream:
     """Return a stream with invalid rows marked, duplicates removed, lengths and order checked.
@@ -115,7 +112,6 @@ def checked_stream(
     """
     times = np.asarray(times, np.float64).ravel()
     columns = {"rotations": (rotations, 4), "gyro": (gyro, 3), "acceleration": (acceleration, 3)}
-    columns["magnetic"] = (magnetic, 3)
     arrays: dict[str, np.ndarray | None] = {}
     for key, (values, width) in columns.items():
         arrays[key] = None if values is None else np.asarray(values, np.float64)
@@ -134,8 +130,7 @@ def checked_stream(
         fine = np.isfinite(values).all(axis=1)
         if key in ("rotations", "acceleration"):  # an accelerometer without any value is missing
             fine &= (values != 0.0).any(axis=1)
-        if key != "magnetic":
-            valid &= fine
+        valid &= fine
     norm_error = 0.05  # largest deviation of a quaternion's norm from 1
     if "rotations" in present:
         lengths = np.linalg.norm(present["rotations"], axis=1)

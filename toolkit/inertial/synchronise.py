@@ -2,7 +2,7 @@
 
 Angular speed and the norm of the acceleration, gravity included, do not depend on the orientation of sensor and world
 (thesis 7.6.1 uses only the latter). Both pass the same low-pass and are correlated over the lags. The correlations of
-all signals of all sensors of one clock are averaged. `t_sensor = rate * t_camera + offset`.
+all signals of all sensors of one clock are averaged. `t_sensor = t_camera + offset`.
 """
 
 from __future__ import annotations
@@ -18,60 +18,30 @@ from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
 from toolkit.io.errors import InertialError
 from toolkit.kernels.motion.inertial import correlation_over_lags
 
-
-@dataclass(frozen=True)
-class SignalSettings:
-    """Settings of the signals that are correlated, and of the acceptance of their peak.
-
-    Attributes
-    ----------
-    rate_step : relative step between ratios; over 3 s one step moves the ends by 15 ms
-    step : seconds of the common time grid
-    """
-
-    rate_step: float = 0.01
-    step: float = 0.01
-
-
-SETTINGS = SignalSettings()
-
-RATES = (0.8, 2.2)
-"""Smallest and largest ratio of different clocks, sensor seconds per camera second."""
-
-
-@dataclass(frozen=True)
-class SyncSettings:
-    """Settings of the clock search.
-
-    Attributes
-    ----------
-    max_offset : seconds, largest offset
-    rates : smallest and largest ratio of the clocks, sensor seconds per camera second; None: equal rates
-    """
-
-    max_offset: float = 3.0
-    rates: tuple[float, float] | None = None
+STEP = 0.01
+"""Step of the common time grid of the signals, seconds."""
+MAX_OFFSET = 3.0
+"""Largest offset of the clocks, seconds."""
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Clock of the sensors: `t_sensor = rate * t_camera + offset`, in seconds, with its correlation.
+    """Clock of the sensors: `t_sensor = t_camera + offset`, in seconds, with its correlation.
 
     Attributes
     ----------
-    offset, rate : of the sensors' clock
+    offset : of the sensors' clock
     correlation : mean correlation of all signals, -1 to 1
     second : correlation of the best other lag
     """
 
     offset: float
-    rate: float = 1.0
     correlation: float = 1.0
     second: float = -1.0
 
     def sensor_times(self, camera_times: np.ndarray) -> np.ndarray:
         """Return the sensors' times for times of the camera."""
-        return self.rate * np.asarray(camera_times, np.float64) + self.offset
+        return np.asarray(camera_times, np.float64) + self.offset
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +54,7 @@ class Signal:
 
 
 def synchronise(
-    motion: TrackedMotion, sensors: Sensors, settings: SyncSettings | None = None, *, check: bool = True
+    motion: TrackedMotion, sensors: Sensors, max_offset: float = MAX_OFFSET, *, check: bool = True
 ) -> Clock:
     """Return the common clock of all sensors, from all their signals.
 
@@ -92,7 +62,7 @@ def synchronise(
     ----------
     motion : tracked motion
     sensors : sensors, named by their part of the body
-    settings : see `SyncSettings`
+    max_offset : largest offset, seconds
     check : raise an error for an uncertain clock
 
     Raises
@@ -100,55 +70,42 @@ def synchronise(
     InertialError
         No sensor overlaps the track, all rest, the best lag is at the border of the search, or another lag is as good.
     """
-    settings = settings or SyncSettings()
-    rates = _rates(settings)
-    smoothing = smoothing_for(motion, float(np.sqrt(rates[0] * rates[-1])))
+    smoothing = smoothing_for(motion)
     moving = [stream for stream in sensors if not is_still(stream)]
     if not moving:
         raise InertialError(
             f"the sensors {', '.join(sensors.names)} rest throughout; nothing can be synchronised without motion"
         )
     measured = [sensor_signals(stream, smoothing) for stream in moving]
-    reach = round(settings.max_offset / SETTINGS.step)
+    reach = round(max_offset / STEP)
     lags = np.arange(-reach, reach + 1)
     # clocks have any start: the search is centred at the offset of equal starts
     base = float(min(stream.times[stream.valid][0] for stream in moving))
-    scores = np.full((len(rates), len(lags)), np.nan)
-    for r, rate in enumerate(rates):
-        tracked = [track_signals(motion, stream.name, rate, smoothing) for stream in moving]
-        begin = rate * motion.times[0]
-        offset = base - begin if abs(base - begin) > settings.max_offset else 0.0
-        scores[r] = _summed(tracked, measured, lags, offset)
+    shift = base - motion.times[0] if abs(base - motion.times[0]) > max_offset else 0.0
+    tracked = [track_signals(motion, stream.name, smoothing) for stream in moving]
+    scores = _summed(tracked, measured, lags, shift)
     if not np.isfinite(scores).any():
         raise InertialError(
             f"no sensor overlaps {motion.name} for half its length: the track runs from {motion.times[0]:.2f} to "
             f"{motion.times[-1]:.2f} s, the sensors from {base:.2f} s; raise --max-offset or name the right files"
         )
-    r, k = divmod(int(np.nanargmax(scores)), scores.shape[1])
-    begin = rates[r] * motion.times[0]
-    shift = base - begin if abs(base - begin) > settings.max_offset else 0.0
-    # the second peak has the same ratio, because ratio and offset trade off along a ridge
+    k = int(np.nanargmax(scores))
     peak_distance = 0.2  # seconds, smallest distance of a second peak
-    elsewhere = np.abs(lags - lags[k]) * SETTINGS.step >= peak_distance
-    second = highest_peak(np.where(elsewhere, scores[r], np.nan), scores[r])
-    clock = Clock(
-        float(shift + SETTINGS.step * (lags[k] + parabola(scores[r], int(k)))),
-        float(rates[r] * (1.0 + SETTINGS.rate_step * parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
-        float(scores[r, k]),
-        second,
-    )
+    elsewhere = np.abs(lags - lags[k]) * STEP >= peak_distance
+    second = highest_peak(np.where(elsewhere, scores, np.nan), scores)
+    clock = Clock(float(shift + STEP * (lags[k] + parabola(scores, k))), float(scores[k]), second)
     if check:
-        _check(clock, int(k) in (0, len(lags) - 1), motion)
+        _check(clock, k in (0, len(lags) - 1), motion)
     return clock
 
 
-def smoothing_for(motion: TrackedMotion, rate: float) -> float:
-    """Return the standard deviation of the low-pass for a track, in seconds of a clock `rate` times as fast."""
+def smoothing_for(motion: TrackedMotion) -> float:
+    """Return the standard deviation of the low-pass for a track, seconds."""
     step = float(np.median(np.diff(motion.times))) if len(motion.times) > 1 else 0.0
     smoothing = 0.06  # seconds, smallest standard deviation of the low-pass of both signals
     # Camera frames, smallest standard deviation of the low-pass, because slow cameras miss fast rotations.
     smoothing_frames = 2.0
-    return max(smoothing, smoothing_frames * rate * step)
+    return max(smoothing, smoothing_frames * step)
 
 
 def is_still(stream: SensorStream) -> bool:
@@ -169,16 +126,16 @@ def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
     return signals
 
 
-def track_signals(motion: TrackedMotion, limb: str, rate: float, smoothing: float) -> list[Signal]:
-    """Return the same signals of a tracked part of the body; camera seconds are scaled by `rate`."""
-    times = rate * motion.times[motion.valid]
+def track_signals(motion: TrackedMotion, limb: str, smoothing: float) -> list[Signal]:
+    """Return the same signals of a tracked part of the body."""
+    times = motion.times[motion.valid]
     turned = quat.continuous(motion.orientation(limb)[motion.valid])
     middles = 0.5 * (times[1:] + times[:-1])
     signals = [_size(middles, quat.angular_velocity(turned, times), smoothing)]
     grid, path, known = on_grid(times, motion.middle(limb)[motion.valid])
     if len(grid) > 4:
         smooth = _low_passed(path, smoothing)
-        acceleration = np.gradient(np.gradient(smooth, SETTINGS.step, axis=0), SETTINGS.step, axis=0)
+        acceleration = np.gradient(np.gradient(smooth, STEP, axis=0), STEP, axis=0)
         acceleration[:, 1] += GRAVITY
         size = np.linalg.norm(acceleration, axis=1)
         known[:2] = known[-2:] = False
@@ -206,8 +163,8 @@ def _size(times: np.ndarray, vectors: np.ndarray, smoothing: float) -> Signal:
 
 def on_grid(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return values (N, K) on the common grid, whose times are whole steps, with times and known mask."""
-    first, last = np.ceil(times[0] / SETTINGS.step - 1e-6), np.floor(times[-1] / SETTINGS.step + 1e-6)
-    grid = SETTINGS.step * np.arange(first, max(last, first) + 1)
+    first, last = np.ceil(times[0] / STEP - 1e-6), np.floor(times[-1] / STEP + 1e-6)
+    grid = STEP * np.arange(first, max(last, first) + 1)
     low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
     wide = times[low + 1] - times[low]
     # dropped frames leave gaps, in which interpolated values are not used
@@ -219,14 +176,7 @@ def on_grid(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def _low_passed(values: np.ndarray, smoothing: float) -> np.ndarray:
     from scipy.ndimage import gaussian_filter1d
 
-    return gaussian_filter1d(values, smoothing / SETTINGS.step, axis=0, mode="nearest")
-
-
-def _rates(settings: SyncSettings) -> np.ndarray:
-    if settings.rates is None:
-        return np.ones(1)
-    low, high = np.log(settings.rates)
-    return np.exp(np.arange(low, high, np.log1p(SETTINGS.rate_step)))
+    return gaussian_filter1d(values, smoothing / STEP, axis=0, mode="nearest")
 
 
 def _summed(
@@ -241,7 +191,7 @@ def _summed(
     least_overlap = 0.5  # smallest fraction of the track that a lag covers
     for ours, theirs in zip(tracked, measured, strict=True):
         for a, b in zip(ours, theirs, strict=False):
-            shift = round((a.start + offset - b.start) / SETTINGS.step)
+            shift = round((a.start + offset - b.start) / STEP)
             least = int(least_overlap * a.known.sum())
             correlation_over_lags(a.values, a.known, b.values, b.known, lags + shift, max(least, 10), out)
             known = np.isfinite(out)

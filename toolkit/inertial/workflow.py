@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate, refined_clock
-from toolkit.inertial.calibration import Calibration, TakeClock
+from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
 from toolkit.inertial.placement import load_placement, placed
@@ -15,7 +15,7 @@ from toolkit.inertial.readers import read_files
 from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import Sensors
-from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
+from toolkit.inertial.synchronise import MAX_OFFSET, synchronise
 from toolkit.io.errors import InertialError, UsageError
 from toolkit.io.files import check_output, sha256_of
 
@@ -63,7 +63,7 @@ def calibrate_runs(
     output: str | Path | None = None,
     *,
     settings: CalibrationSettings | None = None,
-    sync: SyncSettings | None = None,
+    max_offset: float = MAX_OFFSET,
 ) -> Calibration:
     """Calibrate sensors on tracked recordings of one person, and write `calibration.json`.
 
@@ -74,7 +74,8 @@ def calibrate_runs(
     runs : run folders; their names differ
     sensors : canonical files, one for all runs or one for each
     output : the file to write; None writes nothing
-    settings, sync : settings of the calibration and of the clock search
+    settings : settings of the calibration
+    max_offset : largest offset of the clocks, seconds
 
     Raises
     ------
@@ -88,7 +89,7 @@ def calibrate_runs(
     takes, notes = [], []
     for run, file in paired(runs, sensors):
         try:
-            takes.append(take_of(run, file, sync))
+            takes.append(take_of(run, file, max_offset))
         except InertialError as error:
             if len(runs) == 1:
                 raise
@@ -120,7 +121,7 @@ def paired(
     return list(zip(runs, list(sensors) * (len(runs) if len(sensors) == 1 else 1), strict=True))
 
 
-def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings | None = None) -> CalibrationSequence:
+def take_of(run: str | Path, sensors: str | Path | Sensors, max_offset: float = MAX_OFFSET) -> CalibrationSequence:
     """Return a run with its sensors, synchronised."""
     found = sensors if isinstance(sensors, Sensors) else load_sensors(sensors)
     motion = TrackedMotion.load(run)
@@ -128,7 +129,7 @@ def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings |
         raise InertialError(
             f"{motion.name} was tracked with these sensors, which cannot check it; track it without --inertial"
         )
-    return CalibrationSequence(motion, found, synchronise(motion, found, sync))
+    return CalibrationSequence(motion, found, synchronise(motion, found, max_offset))
 
 
 def checked_take(
@@ -136,7 +137,7 @@ def checked_take(
     sensors: str | Path | Sensors,
     calibration: Calibration | None = None,
     *,
-    sync: SyncSettings | None = None,
+    max_offset: float = MAX_OFFSET,
 ) -> tuple[Calibration, CalibrationSequence]:
     """Return a synchronised run with the given calibration, or one made on this run.
 
@@ -145,16 +146,12 @@ def checked_take(
     TrackError, InertialError
         See `take_of`, `calibrate` and `Calibration.check_placement`.
     """
-    take = take_of(run, sensors, sync)
+    take = take_of(run, sensors, max_offset)
     if calibration is None:
         calibration = calibrate([take])
-        return calibration, replace(take, clock=clock_of(calibration.takes[take.motion.name], take.clock))
+        offset = calibration.takes[take.motion.name].offset
+        return calibration, replace(take, clock=replace(take.clock, offset=offset))
     calibration.check_placement(take.sensors)
     mountings = {limb: calibration.mounting(limb) for limb in calibration.sensors}
     worlds = worlds_of(calibration, take)
     return calibration, refined_clock(take, worlds, mountings)
-
-
-def clock_of(take: TakeClock, found: Clock) -> Clock:
-    """Return the clock that a calibration refined."""
-    return replace(found, offset=take.offset, rate=take.rate)

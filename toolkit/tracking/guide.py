@@ -84,7 +84,7 @@ class InertialGuide(NoGuide):
         """Return the orientation terms, see `Guide.evidence`; none for a sensor that lost its packets around that
         time.
         """
-        time = np.array([self._clock.rate * timestamp + self._clock.offset])
+        time = np.array([timestamp + self._clock.offset])
         turn = quat.conjugate(quat.from_matrices(level_rotation))
         found = []
         for stream, world, mounting in self._parts:

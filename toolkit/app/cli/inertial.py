@@ -9,7 +9,6 @@ import typer
 
 from toolkit.app.cli.options import Output, given
 from toolkit.app.cli.terminal import say
-from toolkit.io.errors import UsageError
 
 app = typer.Typer(
     help="Check a track with inertial sensors: read files, calibrate, detect errors.",
@@ -23,8 +22,6 @@ SensorFiles = Annotated[
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", show_default=False)]
 MaxOffset = Annotated[float, typer.Option(help="Maximum clock offset, seconds.")]
 
-Rate = Annotated[str, typer.Option(help="Ratio of the clock rates: same (1) or free (estimated).")]
-
 
 @app.command()
 def read(
@@ -33,7 +30,6 @@ def read(
     ],
     output: Output,
     placement: Annotated[Path | None, typer.Option(help="YAML file: sensor or device id -> body part.")] = None,
-    format: Annotated[str | None, typer.Option(help="Name of the reader.", show_default="guessed")] = None,
     columns: Annotated[
         str | None, typer.Option(help="Columns of a CSV file as pairs ours=theirs, for example time_s=t,qw=Q0.")
     ] = None,
@@ -50,7 +46,7 @@ def read(
     from toolkit.inertial.readers.base import SensorOptions
     from toolkit.inertial.workflow import read_sensors
 
-    options = SensorOptions(**given(format=format, columns=columns, units=units, sensor=sensor, rate=rate))
+    options = SensorOptions(**given(columns=columns, units=units, sensor=sensor, rate=rate))
     sensors = read_sensors(files, output, placement=placement, options=options)
     table = Table("sensor", "device", "Hz", "seconds", "rows", "left out", "gaps", "longest gap s", "orientation from")
     for stream in sensors:
@@ -75,7 +71,6 @@ def calibrate(
             show_default="shared if the devices measure north",
         ),
     ] = None,
-    rate: Rate = "same",
     max_offset: MaxOffset = 3.0,
 ) -> None:
     """Estimate the mounting of each sensor on its limb and the rotation between the sensor and track frames."""
@@ -83,12 +78,11 @@ def calibrate(
 
     from toolkit.app.cli.terminal import print_table
     from toolkit.inertial.calibrate import CalibrationSettings
-    from toolkit.inertial.synchronise import SyncSettings
     from toolkit.inertial.workflow import calibrate_runs
 
     found = calibrate_runs(
         runs, sensors, output, settings=CalibrationSettings(method=method, heading=heading),
-        sync=SyncSettings(max_offset, _rates(rate)),
+        max_offset=max_offset,
     )  # fmt: skip
     table = Table("sensor", "status", "spread deg", "median deg", "90 % deg", "inliers %", "why")
     for limb, s in found.sensors.items():
@@ -96,7 +90,7 @@ def calibrate(
         table.add_row(limb, s.status, *figures, s.reason)
     print_table(table)
     for name, take in found.takes.items():
-        say(f"{name}: t_sensor = {take.rate:.5f} t_camera {take.offset:+.4f} s")
+        say(f"{name}: t_sensor = t_camera {take.offset:+.4f} s")
     for note in found.notes:
         say(note)
 
@@ -115,7 +109,6 @@ def check(
     truth: Annotated[
         Path | None, typer.Option(help="CSV file of known errors with columns limb, start, end, run.")
     ] = None,
-    rate: Rate = "same",
     max_offset: MaxOffset = 3.0,
 ) -> None:
     """Detect disagreement between tracks and sensors: curves, errors, a picture and a page for each run."""
@@ -124,11 +117,10 @@ def check(
     from toolkit.app.cli.terminal import print_table
     from toolkit.evaluation.orientation_report import write_check
     from toolkit.evaluation.orientations import check_runs
-    from toolkit.inertial.synchronise import SyncSettings
 
     checks = check_runs(
         runs, sensors, calibration=calibration, truth=truth, threshold=threshold,
-        sync=SyncSettings(max_offset, _rates(rate)),
+        max_offset=max_offset,
     )  # fmt: skip
     table = Table("run", "part", "from s", "to s", "peak deg", "mean deg", "kind")
     for found in checks:
@@ -147,12 +139,3 @@ def check(
         print_table(table)
     else:
         say(f"no disagreement above {threshold:g} degrees")
-
-
-def _rates(rate: str) -> tuple[float, float] | None:
-    """Range of clock ratios for the search."""
-    from toolkit.inertial.synchronise import RATES
-
-    if rate not in ("same", "free"):
-        raise UsageError(f"--rate is {rate!r}; give same or free")
-    return RATES if rate == "free" else None

@@ -83,13 +83,6 @@ def from_matrices(rotations: np.ndarray) -> np.ndarray:
     return np.where(q[:, :1] < 0.0, -q, q).reshape(*rotations.shape[:-2], 4)
 
 
-def from_euler(angles: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) of roll, pitch and yaw (N, 3) in radians: `Rz(yaw) Ry(pitch) Rx(roll)`, as Xsens writes it."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_euler("ZYX", np.asarray(angles, np.float64)[:, ::-1]).as_quat()[:, [3, 0, 1, 2]]
-
-
 def between(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """Return the smallest rotation (4,) of a unit vector (3,) onto another one.
 

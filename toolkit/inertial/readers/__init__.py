@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.inertial.readers import matlab, mvnx, sto, table, xsens_mt
+from toolkit.inertial.readers import matlab, sto, table
 from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.stream import Sensors
 from toolkit.io.errors import InertialError, UsageError
@@ -17,9 +17,7 @@ Reader = Callable[[Path, SensorOptions], Sensors]
 READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
     "npz": (lambda path: path.suffix.lower() == ".npz", lambda path, options: Sensors.load(path)),
     "matlab": (matlab.matches, matlab.read),
-    "mvnx": (mvnx.matches, mvnx.read),
     "sto": (sto.matches, sto.read),
-    "xsens_mt": (xsens_mt.matches, xsens_mt.read),
     "csv": (table.matches, table.read),
 }
 """Test and reader of each format, in the order of the tests."""
@@ -30,20 +28,14 @@ def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors
 
     Raises
     ------
-    UsageError
-        The format is unknown.
     InertialError
         The file is missing, damaged or of an unknown format.
     """
     options, path = options or SensorOptions(), Path(path)
     if not path.is_file():
         raise InertialError(f"there is no file {path}; name a file that a sensor's software exported")
-    if options.columns is not None and options.format is None:
+    if options.columns is not None:
         return table.read(path, options)
-    if options.format is not None:
-        if options.format not in READERS:
-            raise UsageError(f"unknown sensor format {options.format!r}; there are: {', '.join(READERS)}")
-        return READERS[options.format][1](path, options)
     for matches, read in READERS.values():
         if matches(path):
             return read(path, options)

@@ -1,4 +1,4 @@
-"""Shared parts of the readers of sensor files: options, text, tables of numbers, wrapped counters."""
+"""Shared parts of the readers of sensor files: options, text, tables of numbers."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ class SensorOptions:
 
     Attributes
     ----------
-    format : name of the reader; None selects it by the file
     columns : CSV only: ours=theirs pairs such as `time_s=t,qw=Q0`, see `readers/table.py`
     units : CSV only: `gyro=deg/s,acceleration=g,time=ms`; default rad/s, m/s2 and s
     sensor : name of the sensor in a file without one
     rate : samples a second in a file without times
     """
 
-    format: str | None = None
     columns: str | None = None
     units: str | None = None
     sensor: str | None = None
@@ -110,22 +108,3 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return float("nan")
-
-
-def unwrapped(counter: np.ndarray, sizes: Sequence[int] = (1 << 16, 1 << 32)) -> np.ndarray:
-    """Return a wrapped counter (N,) without its wraps; its range is the smallest size above all values.
-
-    NaN rows stay NaN. A step back by less than half the range is no wrap and is kept.
-    """
-    counter = np.asarray(counter, np.float64)
-    rows = np.flatnonzero(np.isfinite(counter))
-    values = counter[rows]
-    if len(values) < 2:
-        return counter
-    size = next((s for s in sizes if values.max() < s), None)
-    if size is None:
-        return counter
-    turns = np.concatenate([[0], np.cumsum(np.diff(values) < -0.5 * size)])
-    out = counter.copy()
-    out[rows] = values + turns * size
-    return out
