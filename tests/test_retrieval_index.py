@@ -105,31 +105,11 @@ def test_an_index_on_disk_is_the_index_in_memory(documents: list[FeatureMatrix],
     )
 
 
-def test_adding_documents_gives_the_index_of_all(documents: list[FeatureMatrix], tmp_path: Path) -> None:
-    path = tmp_path / "motions.index"
-    KeyframeIndex.build(documents[:2]).save(path)
-    KeyframeIndex.open(path).added(documents[2:]).save(path)
-    assert same(KeyframeIndex.open(path), KeyframeIndex.build(documents))
-
-
-def test_removing_documents_gives_the_index_of_the_others(documents: list[FeatureMatrix]) -> None:
-    names = [documents[1].name, documents[0].name]
-    assert same(KeyframeIndex.build(documents).without(names), KeyframeIndex.build(documents[2:]))
-    middle = KeyframeIndex.build(documents).without([documents[2].name])
-    assert same(middle, KeyframeIndex.build([*documents[:2], documents[3]]))
-    with pytest.raises(RetrievalError, match="no document 'nobody'"):
-        KeyframeIndex.build(documents).without(["nobody"])
-    with pytest.raises(RetrievalError, match="nothing would be left"):
-        KeyframeIndex.build(documents).without([document.name for document in documents])
-
-
 def test_an_index_that_cannot_be_built_is_refused(documents: list[FeatureMatrix]) -> None:
     with pytest.raises(RetrievalError, match="no document"):
         KeyframeIndex.build([])
     with pytest.raises(RetrievalError, match="'clip0'"):
         KeyframeIndex.build([documents[0], documents[0]])
-    with pytest.raises(RetrievalError, match="'clip1'"):
-        KeyframeIndex.build(documents).added([documents[1]])
     with pytest.raises(RetrievalError, match="'nothing' has no frame"):
         KeyframeIndex.build([FeatureMatrix("nothing", np.zeros((40, 0), dtype=bool))])
 

@@ -68,7 +68,7 @@ def calibrate(
         str | None,
         typer.Option(
             help="Heading reference of the sensors: shared, or own (one per sensor).",
-            show_default="shared if the devices measure north",
+            show_default="shared if the devices measure orientations",
         ),
     ] = None,
     max_offset: MaxOffset = 3.0,

@@ -26,30 +26,15 @@ Index = Annotated[
 
 def index(
     output: Output,
-    motions: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, or folders of clips."),
-    ] = None,
-    add: Annotated[bool, typer.Option("--add", help="Add to the index OUTPUT instead of writing a new one.")] = False,
-    remove: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Remove this motion from the index OUTPUT. Repeatable.")
-    ] = None,
+    motions: Motions,
     workers: Annotated[int, typer.Option(help="Number of reading processes; does not change the result.", min=1)] = 1,
 ) -> None:
     """Index motions by their relational features, for `depthmocap search`."""
     from toolkit.app.cli.terminal import progress_bars
-    from toolkit.io.errors import UsageError
-    from toolkit.retrieval.workflow.index import index_motions, remove_motions
+    from toolkit.retrieval.workflow.index import index_motions
 
-    if bool(motions) == bool(remove):
-        raise UsageError(
-            "index needs motions to read, or --remove with names of motions in the index; give one of the two"
-        )
-    if remove:
-        made = remove_motions(remove, output)
-    else:
-        with progress_bars() as bars:
-            made = index_motions(motions or [], output, add=add, workers=workers, progress=bars)
+    with progress_bars() as bars:
+        made = index_motions(motions, output, workers=workers, progress=bars)
     say(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
 
 

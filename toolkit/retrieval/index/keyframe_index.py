@@ -1,7 +1,7 @@
 """Inverted file index over runs of equal feature vectors (thesis, Section 3.3), with graded features.
 
 An index and its file consist of the feature columns of its documents, in order. Search structures are derived from them
-at their first use, so that documents can be added and removed without their files.
+at their first use.
 """
 
 from __future__ import annotations
@@ -78,50 +78,6 @@ class KeyframeIndex:
             np.concatenate([document.words for document in documents]),
             np.concatenate([np.ascontiguousarray(document.grades.T) for document in documents]),
             np.concatenate([np.ascontiguousarray(document.places.T) for document in documents]),
-        )
-
-    def added(self, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
-        """Return an index with further documents.
-
-        Raises
-        ------
-        RetrievalError
-            As `build`, or a name is in the index already.
-        """
-        new = KeyframeIndex.build(documents)
-        return KeyframeIndex(
-            _distinct([*self.names, *new.names]),
-            np.concatenate([self.document_starts[:-1], new.document_starts + self.frames]),
-            np.concatenate([self.words, new.words]),
-            np.concatenate([self.grades, new.grades]),
-            np.concatenate([self.places, new.places]),
-        )
-
-    def without(self, names: Iterable[str]) -> KeyframeIndex:
-        """Return an index without some documents.
-
-        Raises
-        ------
-        RetrievalError
-            A name is not in the index, or nothing would be left.
-        """
-        leaving = set(names)
-        unknown = sorted(leaving - set(self.names))
-        if unknown:
-            raise RetrievalError(
-                f"there is no document {unknown[0]!r} in the index; `depthmocap search` names those it finds"
-            )
-        stays = np.array([name not in leaving for name in self.names])
-        if not stays.any():
-            raise RetrievalError("nothing would be left in the index; delete the file instead")
-        lengths = np.diff(self.document_starts)
-        frames = np.repeat(stays, lengths)
-        return KeyframeIndex(
-            tuple(name for name in self.names if name not in leaving),
-            np.concatenate([[0], np.cumsum(lengths[stays])]),
-            self.words[frames],
-            self.grades[frames],
-            self.places[frames],
         )
 
     def __len__(self) -> int:

@@ -19,7 +19,6 @@ def index_motions(
     paths: Sequence[str | Path],
     output: str | Path,
     *,
-    add: bool = False,
     workers: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> KeyframeIndex:
@@ -29,18 +28,16 @@ def index_motions(
     ----------
     paths : clips, run folders, folders of clips
     output : the index file
-    add : add to the index `output`, instead of writing a new one
     workers : number of reading processes, without effect on the result
     progress : callback with the operation, the number of motions read, and their total
 
     Raises
     ------
     RetrievalError
-        Two motions have the same name, or the existing index does not fit.
+        Two motions have the same name.
     UsageError
         `output` would replace a motion.
     """
-    before = KeyframeIndex.open(output) if add else None
     files = find_motions(paths)
     check_output(output, files)
     documents = []
@@ -54,23 +51,10 @@ def index_motions(
             documents.append(features)
             if progress is not None:
                 progress("features", number, len(files))
-    index = KeyframeIndex.build(documents) if before is None else before.added(documents)
+    index = KeyframeIndex.build(documents)
     index.save(output)
     return index
 
 
 def _read(file: Path) -> FeatureMatrix:
     return relational_features(load_motion(file))
-
-
-def remove_motions(names: Sequence[str], output: str | Path) -> KeyframeIndex:
-    """Remove motions from an index file.
-
-    Raises
-    ------
-    RetrievalError
-        A name is not in the index, or nothing would be left.
-    """
-    index = KeyframeIndex.open(output).without(names)
-    index.save(output)
-    return index
