@@ -30,13 +30,12 @@ def test_arrays_are_those_that_scipy_reads(tmp_path: Path, compressed: bool) -> 
         np.testing.assert_array_equal(found[name], expected[name])
 
 
-def test_cells_are_lists_and_what_holds_no_numbers_is_left_out(tmp_path: Path) -> None:
+def test_what_holds_no_numbers_is_left_out(tmp_path: Path) -> None:
     cells = np.empty((1, 2), object)
     cells[0, 0], cells[0, 1] = np.zeros((2, 3)), np.ones((4, 1))
     savemat(tmp_path / "a.mat", {"sensor": cells, "text": "hello", "z": np.array([1j]), "s": {"a": 1.0}})
     found = read_matlab(tmp_path / "a.mat", RecordingError)
-    assert set(found) == {"sensor"}
-    assert [cell.shape for cell in found["sensor"]] == [(2, 3), (4, 1)]
+    assert not found
 
 
 @pytest.mark.data("utd-mhad", "utd-mhad-inertial")

@@ -11,11 +11,17 @@ import pytest
 from tests.retrieval_motions import random_motion
 from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.kernels.motion.graded import differences, graded_distances, nearest_example
+from toolkit.retrieval.annotation.annotator import HIT_THRESHOLD
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.place_classifier import MEASURES, ClassifierSettings, PlaceClassifier
-from toolkit.retrieval.annotation.training import CutClip, folds_of, leave_one_out, train
+from toolkit.retrieval.annotation.place_classifier import MEASURES, PlaceClassifier
+from toolkit.retrieval.annotation.training import (
+    CutClip,
+    folds_of,
+    leave_one_out,
+    train,
+)
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.workflow.annotate import annotate_motions
@@ -100,7 +106,7 @@ def test_a_classifier_learns_the_relevant_difference_and_otherwise_uses_the_cost
     assert np.abs(classifier.weights).argmax() == 3
     plain = PlaceClassifier.learned(measures, np.zeros(200, dtype=bool))
     costs = np.zeros((3, MEASURES))
-    costs[:, -2] = 10 * ClassifierSettings.usual_cost + np.array([-0.5, 0.0, 0.5])
+    costs[:, -2] = 10 * HIT_THRESHOLD + np.array([-0.5, 0.0, 0.5])
     assert plain.probability(costs)[1] == 0.5 and (np.diff(plain.probability(costs)) < -0.4).all()
 
 

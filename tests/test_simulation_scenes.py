@@ -17,7 +17,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
 from toolkit.simulation.furniture import SEATS, Box, read_boxes
-from toolkit.simulation.person import PersonSettings, SimulatedPerson, floor_of, grown_to
+from toolkit.simulation.person import CHEST, SimulatedPerson, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
 from toolkit.simulation.simulate import CaptureSettings, SimulatedFrame, prepare, simulate_scene
@@ -93,7 +93,7 @@ def test_a_recording_without_its_empty_scene_shows_the_same_room() -> None:
 def test_intersecting_people_are_rejected_and_touching_ones_are_not() -> None:
     with pytest.raises(UsageError, match="person 2 is inside person 1 in frame 0"):
         prepare([SimulatedPerson(standing()), SimulatedPerson(standing(), at=(0.1, 0.0))])
-    gap = 2.0 * PersonSettings.chest * subject_body("neutral").height + 0.01
+    gap = 2.0 * CHEST * subject_body("neutral").height + 0.01
     prepare([SimulatedPerson(standing()), SimulatedPerson(standing(), at=(gap, 0.0))])
 
 

@@ -244,5 +244,4 @@ def test_the_result_file_has_the_contacts_and_the_floor(workdir: Path, tmp_path:
     result = json.loads((tmp_path / "out" / "stabilise.json").read_text())
     assert result["contact_frames"] == 0, "only an arm is occluded"
     assert result["floor"]["source"] == "soles"
-    assert (tmp_path / "out" / "changes.png").stat().st_size > 1000
     assert len(Track.load(tmp_path / "out")) == len(Track.load(workdir / "wrong"))

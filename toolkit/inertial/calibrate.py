@@ -8,7 +8,7 @@ magnetic world or one for each, so a single tilt determines all offsets. Frames 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,41 +22,15 @@ from toolkit.inertial.synchronise import Clock
 from toolkit.io.errors import InertialError, UsageError
 
 METHODS, HEADINGS = ("robust", "thesis"), ("shared", "own")
+LEAST_FRAMES = 10
+"""Smallest number of common frames of sensor and track."""
+ROWS = 600
+"""Largest number of frames of a segment that are used."""
 
-
-@dataclass(frozen=True)
-class CalibrationThresholds:
-    """Thresholds and step sizes of the calibration.
-
-    Attributes
-    ----------
-    agreement : radians, largest residual of a frame in which sensor and track agree
-    good_spread : degrees of spread (see `_spread`) of a good mounting: `robust`, `thesis`
-    weak_spread : degrees of spread below which a mounting is refused: `robust`, `thesis`
-    good_inliers : fraction of the frames with a weight above one half (residual below 6.4 degrees) of a good
-        mounting. On simulated sensors with partly wrong tracks, every mounting with 0.5 or more was within 1.3
-        degrees; below 0.3 the median error was 31 degrees
-    largest_residual : degrees, largest median residual of a sensor that belongs to the track
-    least_frames : smallest number of common frames of sensor and track
-    rows : largest number of frames of a segment that are used
-    largest_lag : seconds, largest correction of the clock by the residual of the calibration
-    lag_step : seconds between two tried corrections
-    """
-
-    agreement: float = np.radians(20.0)
-    good_spread: dict[str, float] = field(default_factory=lambda: {"robust": 15.0, "thesis": 20.0})
-    weak_spread: dict[str, float] = field(default_factory=lambda: {"robust": 5.0, "thesis": 8.0})
-    good_inliers: float = 0.5
-    largest_residual: float = 40.0
-    least_frames: int = 10
-    rows: int = 600
-    largest_lag: float = 0.06
-    lag_step: float = 0.01
-
-
-SETTINGS = CalibrationThresholds()
 
 Y_UP: np.ndarray = np.array([0.0, 1.0, 0.0])
+UPRIGHT: np.ndarray = quat.between(Y_UP, np.array([0.0, 0.0, 1.0]))
+"""Rotation (4,) from a world with y up, such as the level frame, to an inertial one, which has z up."""
 
 
 @dataclass(frozen=True)
@@ -139,24 +113,19 @@ def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSetting
     return Calibration(settings.method, heading, sensors, clocks)
 
 
-def upright(world_up: np.ndarray) -> np.ndarray:
-    """Return the rotation (4,) from a world with y up, such as the level frame, to one with `world_up`."""
-    return quat.between(Y_UP, world_up)
-
-
 def segments_of(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
 ) -> tuple[list[SynchronisedSegment], list[int]]:
     """Return segments in worlds with y up, and the number of the sequence of each; short ones are skipped."""
     segments, owners, groups = [], [], 0
+    level = quat.conjugate(UPRIGHT)
     for i, take in enumerate(takes):
-        change = quat.conjugate(upright(take.sensors.world_up))
         for limb in take.sensors.names:
             group = groups if heading == "own" else 0
             segment = take.segment(limb, limbs.index(limb), group)
-            if len(segment.inertial) < SETTINGS.least_frames:
+            if len(segment.inertial) < LEAST_FRAMES:
                 continue
-            segments.append(replace(segment, inertial=quat.multiply(change, segment.inertial)).thinned(SETTINGS.rows))
+            segments.append(replace(segment, inertial=quat.multiply(level, segment.inertial)).thinned(ROWS))
             owners.append(i)
             groups += 1
     if not segments:
@@ -181,8 +150,7 @@ def _by_heading(
         psis, mountings, _ = solvers.heading(segments, groups, len(limbs))
     worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
     for segment, i in zip(segments, owners, strict=True):
-        up = upright(takes[i].sensors.world_up)
-        worlds[i][limbs[segment.sensor]] = quat.multiply(up, solvers.yaw(psis[segment.group]))
+        worlds[i][limbs[segment.sensor]] = quat.multiply(UPRIGHT, solvers.yaw(psis[segment.group]))
     return _filled(worlds, takes), dict(zip(limbs, mountings, strict=True))
 
 
@@ -198,9 +166,9 @@ def _by_thesis(
         segment = SynchronisedSegment(
             0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own])
         )
-        if len(segment.inertial) < SETTINGS.least_frames:
+        if len(segment.inertial) < LEAST_FRAMES:
             raise InertialError(f"the sensor on {limb} and its track have {len(segment.inertial)} frames in common")
-        thinned = segment.thinned(SETTINGS.rows)
+        thinned = segment.thinned(ROWS)
         world, mountings[limb] = solvers.thesis(thinned.inertial, thinned.tracked, rng)
         for i, _ in own:
             worlds[i][limb] = world
@@ -224,12 +192,13 @@ def refined_clock(
 
     Orientations determine the lag more accurately than angular speeds.
     """
-    lags = np.arange(-SETTINGS.largest_lag, SETTINGS.largest_lag + 1e-9, SETTINGS.lag_step)
+    largest, step_size = 0.06, 0.01  # seconds, largest correction of the clock, and the step between two tried ones
+    lags = np.arange(-largest, largest + 1e-9, step_size)
     costs = np.zeros(len(lags))
     for k, lag in enumerate(lags):
         for limb in worlds:
-            segment = take.segment(limb, lag=lag).thinned(SETTINGS.rows)
-            if len(segment.inertial) >= SETTINGS.least_frames:
+            segment = take.segment(limb, lag=lag).thinned(ROWS)
+            if len(segment.inertial) >= LEAST_FRAMES:
                 costs[k] += solvers.cost_of(
                     solvers.residuals(segment, worlds[limb], mountings[limb]), float(solvers.SCALES[-1])
                 )
@@ -239,7 +208,7 @@ def refined_clock(
     left, middle, right = costs[best - 1 : best + 2]
     bend = left - 2.0 * middle + right
     step = 0.5 * (left - right) / bend if bend > 0 else 0.0
-    offset = take.clock.offset + lags[best] + SETTINGS.lag_step * step
+    offset = take.clock.offset + lags[best] + step_size * step
     return replace(take, clock=replace(take.clock, offset=float(offset)))
 
 
@@ -256,13 +225,14 @@ def _spread(
     agreement of sensor and track are used, because tracking errors look like motion.
     """
     parts = []
+    agreement = np.radians(20.0)  # largest residual of a frame in which sensor and track agree
     for i, take in enumerate(takes):
         if limb in take.sensors.names:
             segment = take.segment(limb)
-            agree = solvers.residuals(segment, worlds[i][limb], mounting) < SETTINGS.agreement
+            agree = solvers.residuals(segment, worlds[i][limb], mounting) < agreement
             parts.append(segment.tracked[agree])
     tracked = np.concatenate(parts)
-    if len(tracked) < SETTINGS.least_frames:
+    if len(tracked) < LEAST_FRAMES:
         return 0.0
     if method == "robust":
         up = quat.rotate(quat.conjugate(tracked), Y_UP)
@@ -292,13 +262,18 @@ def _assessed(
     degrees = np.degrees(angles)
     # a shared heading is determined by the best of all sensors
     spread = max(spreads.values()) if shared else spreads[limb]
-    good, weak = SETTINGS.good_spread[settings.method], SETTINGS.weak_spread[settings.method]
+    # Degrees of spread of a good mounting, and below which a mounting is refused.
+    good, weak = (15.0, 5.0) if settings.method == "robust" else (20.0, 8.0)
+    largest_residual = 40.0  # degrees, largest median residual of a sensor that belongs to the track
+    # Fraction of frames with a weight above one half (residual below 6.4 degrees) of a good mounting. On simulated
+    # sensors with partly wrong tracks, mountings with 0.5 or more were within 1.3 degrees; below 0.3 the median was 31.
+    good_inliers = 0.5
     what = "tilted" if settings.method == "robust" else "turned about a second axis"
     inliers = float((solvers.weights_of(angles, float(solvers.SCALES[-1])) > 0.5).mean()) if len(degrees) else 0.0
     status, reason = GOOD, ""
-    if len(degrees) < SETTINGS.least_frames:
+    if len(degrees) < LEAST_FRAMES:
         status, reason = REFUSED, f"only {len(degrees)} frames have both sensor and track"
-    elif settings.refuse and float(np.median(degrees)) > SETTINGS.largest_residual:
+    elif settings.refuse and float(np.median(degrees)) > largest_residual:
         status = REFUSED
         reason = f"its median residual is {np.median(degrees):.0f} degrees; check placement and clock"
     elif settings.refuse and spread < weak:
@@ -308,11 +283,11 @@ def _assessed(
         )
     elif spread < good:
         status, reason = WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} are needed"
-    elif inliers < SETTINGS.good_inliers:
+    elif inliers < good_inliers:
         status = WEAK
         reason = (
             f"it agrees with the track in {100 * inliers:.0f} % of the frames only, its median residual is "
-            f"{np.median(degrees):.0f} degrees; {100 * SETTINGS.good_inliers:.0f} % are needed; "
+            f"{np.median(degrees):.0f} degrees; {100 * good_inliers:.0f} % are needed; "
             "record a visible limb for longer"
         )
     return Mounting(

@@ -8,32 +8,15 @@ import numpy as np
 
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
-from toolkit.inertial.calibrate import CalibrationSequence, segments_of, upright
+from toolkit.inertial.calibrate import UPRIGHT, CalibrationSequence, segments_of
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.sensor_limbs import bone_axis
 from toolkit.io.errors import InertialError
 from toolkit.io.spans import spans
 
 ERROR, TWIST = "error", "twist"
-
-
-@dataclass(frozen=True)
-class ErrorSettings:
-    """Thresholds of tracking errors.
-
-    Attributes
-    ----------
-    threshold : degrees, `tau` of Eq. 7.16; the distance of a tracking error
-    release : fraction of the threshold below which an error ends
-    shortest : seconds; shorter errors are dropped, and shorter gaps between errors are closed
-    """
-
-    threshold: float = 45.0
-    release: float = 0.8
-    shortest: float = 0.1
-
-
-SETTINGS = ErrorSettings()
+THRESHOLD = 45.0
+"""Degrees, `tau` of Eq. 7.16: distance of a tracking error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +67,8 @@ def worlds_of(calibration: Calibration, take: CalibrationSequence) -> dict[str, 
     limbs = tuple(calibration.sensors)
     segments, _ = segments_of([take], limbs, "own")
     mountings = np.array([calibration.mounting(limb) for limb in limbs])
-    up = upright(take.sensors.world_up)
     return {
-        limbs[segment.sensor]: quat.multiply(up, solvers.yaw(solvers.heading_given([segment], mountings)))
+        limbs[segment.sensor]: quat.multiply(UPRIGHT, solvers.yaw(solvers.heading_given([segment], mountings)))
         for segment in segments
     }
 
@@ -132,7 +114,7 @@ def _distances(limb: str, take: CalibrationSequence, world: np.ndarray, mounting
     )
 
 
-def errors_of(found: Distances, threshold: float = SETTINGS.threshold) -> list[ErrorSegment]:
+def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[ErrorSegment]:
     """Return the segments above a threshold in degrees, with hysteresis, without short gaps and short segments."""
     runs = runs_above(found.full, found.times, threshold)
     errors = []
@@ -150,12 +132,14 @@ def errors_of(found: Distances, threshold: float = SETTINGS.threshold) -> list[E
 
 def runs_above(values: np.ndarray, times: np.ndarray, threshold: float) -> list[tuple[int, int]]:
     """Return first and last frame of each run above the threshold that has not yet fallen below the release value."""
-    inside = spans(values > SETTINGS.release * threshold)  # NaN is outside
+    release = 0.8  # fraction of the threshold below which an error ends
+    shortest = 0.1  # seconds; shorter errors are dropped, and shorter gaps between errors are closed
+    inside = spans(values > release * threshold)  # NaN is outside
     runs = [(span.start, span.stop - 1) for span in inside if values[span].max() > threshold]
     joined: list[tuple[int, int]] = []
     for first, last in runs:
-        if joined and times[first] - times[joined[-1][1]] < SETTINGS.shortest:
+        if joined and times[first] - times[joined[-1][1]] < shortest:
             first = joined.pop()[0]
         joined.append((first, last))
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return [(first, last) for first, last in joined if times[last] - times[first] + step >= SETTINGS.shortest]
+    return [(first, last) for first, last in joined if times[last] - times[first] + step >= shortest]

@@ -30,17 +30,16 @@ def oriented(sensors: Sensors) -> Sensors:
     """
     if all(stream.rotations is not None for stream in sensors):
         return sensors
-    streams = tuple(s if s.rotations is not None else fused(s, sensors.world_up) for s in sensors)
+    streams = tuple(s if s.rotations is not None else fused(s) for s in sensors)
     return replace(sensors, streams=streams)
 
 
-def fused(stream: SensorStream, world_up: np.ndarray = UP) -> SensorStream:
+def fused(stream: SensorStream) -> SensorStream:
     """Return a stream with orientations from gyroscope and accelerometer.
 
     Parameters
     ----------
     stream : raw measurements
-    world_up : (3,), vertical of the wanted world
 
     Raises
     ------
@@ -57,7 +56,6 @@ def fused(stream: SensorStream, world_up: np.ndarray = UP) -> SensorStream:
     free = np.empty((len(rows), 4))
     integrate(np.ascontiguousarray(times), gyro - gyroscope_bias(times, gyro), free)
     q = quat.multiply(_upright(free, times, stream.acceleration[rows]), free)
-    q = quat.multiply(quat.between(UP, world_up), q)
     rotations = np.tile(quat.IDENTITY, (len(stream), 1))
     rotations[rows] = quat.continuous(q)
     return replace(stream, rotations=rotations, origin=FREE)

@@ -1,8 +1,8 @@
 """Sensor streams, and the canonical file of sensors.
 
 `sensors.npz` holds `names` (S,), per sensor k `times_k`, `rotations_k`, `gyro_k`, `acceleration_k` (absent if not
-measured) and `valid_k`, and for all `world_up` and `source` (JSON). The same content as CSV has the columns
-`sensor,time_s,qw,qx,qy,qz,gx,gy,gz,ax,ay,az`, in the same units.
+measured) and `valid_k`, and for all `source` (JSON). The inertial world has z up. The same content as CSV has the
+columns `sensor,time_s,qw,qx,qy,qz,gx,gy,gz,ax,ay,az`, in the same units.
 """
 
 from __future__ import annotations
@@ -171,12 +171,10 @@ class Sensors:
     Attributes
     ----------
     streams : one per sensor, names unique
-    world_up : float64 (3,), the vertical of the inertial world
     source : files, format and device of each part of the body, for reports
     """
 
     streams: tuple[SensorStream, ...]
-    world_up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     source: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -185,10 +183,6 @@ class Sensors:
         names = [stream.name for stream in self.streams]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise InertialError(f"two sensors are both called {', '.join(twice)}; every part of the body carries one")
-        up = np.asarray(self.world_up, np.float64)
-        if up.shape != (3,) or not np.linalg.norm(up) > 1e-6 or not np.isfinite(up).all():
-            raise InertialError(f"world_up {up.tolist()} is no direction; give three numbers such as 0, 0, 1")
-        object.__setattr__(self, "world_up", up / np.linalg.norm(up))
 
     def __iter__(self) -> Iterator[SensorStream]:
         return iter(self.streams)
@@ -215,7 +209,7 @@ class Sensors:
         if Path(path).suffix.lower() == ".csv":
             save_text(path, "\n".join(_csv_lines(self.streams)) + "\n")
             return
-        arrays: dict[str, Any] = {"names": np.array(self.names, dtype=np.str_), "world_up": self.world_up}
+        arrays: dict[str, Any] = {"names": np.array(self.names, dtype=np.str_)}
         for k, stream in enumerate(self.streams):
             arrays[f"times_{k}"], arrays[f"valid_{k}"] = stream.times, stream.valid
             for key in ("rotations", "gyro", "acceleration"):
@@ -242,7 +236,7 @@ class Sensors:
             origins = reader.read(source, _Source, "").orientation
             names = [str(name) for name in arrays["names"]]
             streams = [_stored_stream(name, k, arrays, origins.get(name, DEVICE)) for k, name in enumerate(names)]
-            return cls(tuple(streams), arrays.get("world_up", np.array([0.0, 0.0, 1.0])), source)
+            return cls(tuple(streams), source)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InertialError(
                 f"cannot read {path} as sensor data: {error}; write it with `depthmocap inertial read`"

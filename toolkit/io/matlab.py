@@ -23,16 +23,14 @@ NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", INT32: "i4", UINT32: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
 """Data types of stored numbers (MATLAB file format, table 1-1)."""
-CELL, FIRST_NUMERIC, LAST_NUMERIC = 1, 6, 15
+FIRST_NUMERIC, LAST_NUMERIC = 6, 15
 """Classes of variables. Numbers are stored in the smallest sufficient type, whatever the class."""
 
-Variable = np.ndarray | list[np.ndarray]
 
+def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, np.ndarray]:
+    """Return the variables of a file by name: arrays in their stored type.
 
-def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Variable]:
-    """Return the variables of a file by name: arrays in their stored type, and cells as lists of arrays.
-
-    Text, structures, sparse and complex arrays are skipped.
+    Text, cells, structures, sparse and complex arrays are skipped.
 
     Raises
     ------
@@ -46,7 +44,7 @@ def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Var
         raise error(f"{path} is truncated or no MATLAB file ({reason}); copy it again") from problem
 
 
-def _variables(content: bytes) -> Iterator[tuple[str, Variable]]:
+def _variables(content: bytes) -> Iterator[tuple[str, np.ndarray]]:
     header_bytes = 128  # bytes before the first variable; the last two give the byte order
     order = {b"IM": "<", b"MI": ">"}.get(content[header_bytes - 2 : header_bytes])
     if order is None:
@@ -84,11 +82,8 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         at = end
 
 
-def _matrix(data: bytes, order: str, depth: int = 0) -> Iterator[tuple[str, Variable]]:
-    """Yield name and value of a variable in `depth` cells, if it holds numbers."""
-    deepest = 4  # largest nesting depth of cells; sensor files have tables in cells
-    if depth > deepest:
-        raise ValueError(f"its cells are nested more than {deepest} deep")
+def _matrix(data: bytes, order: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield name and value of a variable, if it holds numbers."""
     elements = list(_elements(data, order))
     if len(elements) < 3 or (elements[0][0], elements[1][0]) != (UINT32, INT32):
         raise ValueError("a variable has no flags, shape and name")
@@ -96,10 +91,7 @@ def _matrix(data: bytes, order: str, depth: int = 0) -> Iterator[tuple[str, Vari
     shape = np.frombuffer(elements[1][1], f"{order}i4").tolist()
     name, parts = elements[2][1].decode("ascii"), elements[3:]
     complex_flag = 0x0800
-    if flags & 0xFF == CELL:
-        cells = [value for _, part in parts for _, value in _matrix(part, order, depth + 1)]
-        yield name, [cell for cell in cells if isinstance(cell, np.ndarray)]
-    elif FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & complex_flag:
+    if FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & complex_flag:
         if len(parts) != 1 or parts[0][0] not in NUMBERS or min(shape, default=-1) < 0:
             raise ValueError(f"the variable {name!r} holds something else than numbers")
         yield name, np.frombuffer(parts[0][1], order + NUMBERS[parts[0][0]]).reshape(shape, order="F")

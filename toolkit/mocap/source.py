@@ -11,28 +11,6 @@ from toolkit.io.errors import RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.rig import Rig
 
-
-@dataclass(frozen=True)
-class CalibrationPose:
-    """Thresholds of leading calibration frames.
-
-    Attributes
-    ----------
-    frames : largest number of leading calibration frames
-    angle : radians, largest difference of a limb bone from the T-pose and the file's rest pose
-    speed : radians a second; a faster limb bone ends a calibration pose
-    jump : radians; a limb bone that rotates by more in one frame ends a calibration pose at any frame rate
-    """
-
-    frames: int = 5
-    angle: float = 0.4
-    speed: float = 20.0
-    jump: float = 0.7
-
-
-SETTINGS = CalibrationPose()
-
-
 LIMB_BONES: tuple[tuple[str, str], ...] = tuple(
     (f"{side}_{start}", f"{side}_{stop}")
     for side in ("left", "right")
@@ -156,10 +134,13 @@ def calibration_frames(source: KeyedClip, frame_rate: float) -> int:
 
     In all of them each limb bone is close to the T-pose or the file's rest pose; after them at least one bone jumps.
     """
-    head = min(SETTINGS.frames + 1, source.frames)
+    longest = 5  # largest number of leading calibration frames
+    near = np.cos(0.4)  # of the largest angle of a limb bone from the T-pose and from the file's rest pose, radians
+    fast, far = 20.0, 0.7  # radians a second, and radians in one frame, beyond which a limb bone ends the pose
+    head = min(longest + 1, source.frames)
     still, jumps = np.ones(head, dtype=bool), np.zeros(head, dtype=bool)
     root = transposed(source.rotations["root"][:head])
-    least_jump = min(SETTINGS.speed / frame_rate, SETTINGS.jump)
+    least_jump = min(fast / frame_rate, far)
     for start, stop in LIMB_BONES:
         rest, now = source.bone(start, stop)
         now = now[:head]
@@ -167,7 +148,7 @@ def calibration_frames(source: KeyedClip, frame_rate: float) -> int:
         if "hip" not in start and "knee" not in start:
             straight = np.array([1.0 if start.startswith("left") else -1.0, 0.0, 0.0])
         own = apply(root, now)
-        still &= np.maximum(own @ straight, own @ rest) > np.cos(SETTINGS.angle)
+        still &= np.maximum(own @ straight, own @ rest) > near
         jumps[:-1] |= (now[1:] * now[:-1]).sum(axis=1) < np.cos(least_jump)
     return max((t + 1 for t in range(head) if jumps[t] and still[: t + 1].all()), default=0)
 

@@ -11,26 +11,8 @@ from toolkit.body.sole import soles
 from toolkit.io.spans import spans
 from toolkit.motion.contact import frames_in, smoothed, typical_step
 
-
-@dataclass(frozen=True)
-class RiseSettings:
-    """Thresholds of rises.
-
-    Attributes
-    ----------
-    low : fraction of the standing hip height below which a person is down
-    high : fraction of the standing hip height above which a person stands
-    done : fraction of the ascent at which a rise ends
-    seat_tolerance : metres within which the height of the pelvis on a seat varies
-    """
-
-    low: float = 0.75
-    high: float = 0.92
-    done: float = 0.95
-    seat_tolerance: float = 0.02
-
-
-SETTINGS = RiseSettings()
+SEAT_TOLERANCE = 0.02
+"""Metres within which the height of the pelvis on a seat varies."""
 
 
 @dataclass(frozen=True)
@@ -72,8 +54,9 @@ def rises_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray
 def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]:
     """Return the rises in the height (T,) of the hips above the feet."""
     found = []
-    low, high = height < SETTINGS.low * standing, height > SETTINGS.high * standing
-    onset = 0.05  # fraction of the ascent at which a rise begins
+    below, above = 0.75 * standing, 0.92 * standing  # hip heights below which a person is down, above which one stands
+    low, high = height < below, height > above
+    onset = 0.05  # fraction of the ascent at which a rise begins, and of the rest at which it ends
     seat_seconds = 0.30  # seconds that a person sits at least
     # Smallest time on the seat as a fraction of the ascent; at the bottom of a squat, modelled as a cosine, it is
     # 0.5.
@@ -82,14 +65,14 @@ def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]
         if down.stop >= len(height):
             continue  # still down at the end
         bottom = down.start + int(height[down].argmin())
-        up = spans(height[down.stop - 1 :] > SETTINGS.low * standing)
+        up = spans(height[down.stop - 1 :] > below)
         top = int(down.stop - 1 + up[0].start) if up else down.stop
         top = _top(height, max(top, bottom), times)
         lowest, highest = _level(height, bottom, times), float(height[top])
         way = (height[bottom : top + 1] - lowest) / max(highest - lowest, 1e-6)
         begin = bottom + int(np.flatnonzero(way <= onset)[-1]) if (way <= onset).any() else bottom
-        end = bottom + int(np.argmax(way >= SETTINGS.done))
-        still = height[down] - height[bottom] < SETTINGS.seat_tolerance
+        end = bottom + int(np.argmax(way >= 1.0 - onset))
+        still = height[down] - height[bottom] < SEAT_TOLERANCE
         start, done = _crossing(way, times, bottom, begin, onset), float(times[end])
         longest = max((s.stop - s.start for s in spans(still)), default=0)
         seated = longest >= frames_in(max(seat_seconds, seat_share * (done - start)), times)
@@ -117,7 +100,7 @@ def _top(height: np.ndarray, start: int, times: np.ndarray) -> int:
 def _level(height: np.ndarray, bottom: int, times: np.ndarray) -> float:
     """Return the height on the seat: the median near the lowest frame, which noise does not lower."""
     near = height[max(0, bottom - frames_in(1.0, times)) : bottom + frames_in(1.0, times)]
-    return float(np.median(near[near < height[bottom] + SETTINGS.seat_tolerance]))
+    return float(np.median(near[near < height[bottom] + SEAT_TOLERANCE]))
 
 
 def _crossing(way: np.ndarray, times: np.ndarray, bottom: int, row: int, level: float) -> float:

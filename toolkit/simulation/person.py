@@ -22,31 +22,8 @@ from toolkit.simulation.holding import check_holding, held_mesh
 from toolkit.simulation.mesh import Mesh, joined
 from toolkit.simulation.seating import seat_height, seated
 
-
-@dataclass(frozen=True)
-class PersonSettings:
-    """Proportions of children and distances of people.
-
-    Attributes
-    ----------
-    tall : metres of stature from which limbs have the shape space's proportions
-    small : metres of stature up to which limbs are shortest
-    short_legs : length of a toddler's leg bones relative to an older child of the same stature, before scaling; the
-        sitting height falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807)
-    short_arms : the same of the arm bones
-    obstacle_distance : metres from the legs and trunk of a person to the obstacle before them
-    chest : radius of the core of a trunk over the stature; two cores never overlap, even in a hug
-    """
-
-    tall: float = 1.25
-    small: float = 0.75
-    short_legs: float = 0.8
-    short_arms: float = 0.9
-    obstacle_distance: float = 0.12
-    chest: float = 0.075
-
-
-SETTINGS = PersonSettings()
+CHEST = 0.075
+"""Radius of the core of a trunk over the stature; two cores never overlap, even in a hug."""
 
 
 @dataclass(frozen=True)
@@ -162,9 +139,12 @@ def grown_to(body: Body, stature: float) -> Body:
     """
     if not 0.5 <= stature <= 2.3:
         raise UsageError(f"no person is {stature} m tall; give a stature from 0.5 to 2.3 m")
-    young = float(np.clip((SETTINGS.tall - stature) / (SETTINGS.tall - SETTINGS.small), 0.0, 1.0))
+    tall, small = 1.25, 0.75  # metres of stature of the shape space's proportions and of the shortest limbs
+    young = float(np.clip((tall - stature) / (tall - small), 0.0, 1.0))
     if young > 0:
-        legs, arms = 1.0 - young * (1.0 - SETTINGS.short_legs), 1.0 - young * (1.0 - SETTINGS.short_arms)
+        # A toddler's legs have 0.8 and the arms 0.9 of an older child's length at the same stature; the sitting height
+        # falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807).
+        legs, arms = 1.0 - 0.2 * young, 1.0 - 0.1 * young
         body = body.stretched({"hip": legs, "knee": legs, "shoulder": arms, "elbow": arms})
     return body.scaled(stature / body.height)
 
@@ -245,9 +225,8 @@ def furniture_of(person: SimulatedPerson, performer: PosedSubject) -> Mesh:
             continue
         yaw = facing if person.seated else 0.0
         forward = np.array([np.sin(yaw), np.cos(yaw)])
-        reach = (
-            _reach(body, poses, at, forward, over_knees=person.seated and kind != "crate") + SETTINGS.obstacle_distance
-        )
+        distance = 0.12  # metres from the person's legs and trunk to the obstacle
+        reach = distance + _reach(body, poses, at, forward, over_knees=person.seated and kind != "crate")
         boxes = OBSTACLES[kind](HEIGHTS[kind] * body.height)
         meshes.append(boxes_mesh(boxes, yaw, (at[0] + reach * forward[0], at[1] + reach * forward[1])))
     return joined(meshes)
@@ -261,7 +240,7 @@ def _reach(body: Body, poses: np.ndarray, at: tuple[float, float], forward: np.n
         if name in ("pelvis", "spine", "neck") or (not over_knees and name.split("_")[-1] in ("knee", "ankle", "foot"))
     ]
     joints = body.joint_positions(poses)[:, named]
-    return float(((joints[..., [0, 2]] - at) @ forward).max()) + SETTINGS.chest * body.height
+    return float(((joints[..., [0, 2]] - at) @ forward).max()) + CHEST * body.height
 
 
 def check_apart(performers: Sequence[PosedSubject]) -> None:
@@ -280,7 +259,7 @@ def check_apart(performers: Sequence[PosedSubject]) -> None:
             gaps = np.linalg.norm(
                 _trunk(first, start, end)[:, :, None] - _trunk(second, start, end)[:, None], axis=-1
             ).min(axis=(1, 2))
-            needed = SETTINGS.chest * (first.body.height + second.body.height)
+            needed = CHEST * (first.body.height + second.body.height)
             if gaps.min() < needed:
                 frame = start + int(gaps.argmin())
                 raise UsageError(

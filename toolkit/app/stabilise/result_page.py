@@ -1,9 +1,7 @@
-"""Result page of a stabilised run: labels, gaps, the largest changes, and the error against true joints."""
+"""Result page of a stabilised run: labels, gaps, and the error against true joints."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,68 +13,27 @@ from toolkit.app.stabilise.stabiliser import Stabilised
 from toolkit.body import skeleton
 from toolkit.evaluation.joint_errors import frame_errors, joint_errors
 from toolkit.io.display_names import shown
-from toolkit.io.files import save_bytes, save_text
+from toolkit.io.files import save_text
 from toolkit.io.html import page, picture, png_of, table
 from toolkit.retrieval.priors.gap_trajectories import KEPT
 from toolkit.retrieval.priors.limb_entries import LIMBS
-from toolkit.tracks import Track
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PAGE, CHANGES = "report.html", "changes.png"
-
-
-@dataclass(frozen=True)
-class PageSettings:
-    """Selection and crop of the drawn changes.
-
-    Attributes
-    ----------
-    changes : number of changes that are drawn
-    distance : frames, smallest distance between two drawn changes
-    margin : pixels around the person
-    """
-
-    changes: int = 3
-    distance: int = 20
-    margin: int = 12
-
-
-SETTINGS = PageSettings()
+PAGE = "report.html"
 
 
 def write_page(source: SourceRun, result: Stabilised, folder: Path) -> Path:
-    """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14), and `changes.png` if any."""
+    """Write `report.html` into a folder (after the thesis's Fig. 6.11 and 6.14)."""
     parts = [
         f"<p>{sum(gap.accepted for gap in result.gaps)} of {len(result.gaps)} gaps were filled.</p>",
         picture(png_of(_curves(source, result)), "costs, gaps and errors over time"),
     ]
-    changes = largest_changes(source.track, result.track)
-    if changes:
-        drawn = png_of(_drawn(source, result.track, changes))
-        parts.append("<h2>The largest changes</h2><p>Red: before. Green: after. White: true joints, if known.</p>")
-        parts.append(picture(drawn, "poses before and after"))
-        save_bytes(folder / CHANGES, drawn)
     parts.append("<h2>Gaps</h2>" + _table(source, result))
     path = folder / PAGE
     save_text(path, page(source.run.name, parts, about=": stabilised"))
     return path
-
-
-def largest_changes(before: Track, after: Track) -> list[int]:
-    """Return the frames with the largest joint displacements, at most `PageSettings.changes`, `PageSettings.distance`
-    apart.
-    """
-    moved = np.linalg.norm(after.joints - before.joints, axis=2).max(axis=1)
-    found: list[int] = []
-    for frame in np.argsort(-moved, kind="stable"):
-        if moved[frame] <= 0.0 or len(found) == SETTINGS.changes:
-            break
-        if all(abs(int(frame) - other) >= SETTINGS.distance for other in found):
-            found.append(int(frame))
-    return found
 
 
 def _truth(source: SourceRun) -> np.ndarray | None:
@@ -116,33 +73,6 @@ def _curves(source: SourceRun, result: Stabilised) -> Figure:
     errors.set_xlabel("time, s", fontsize=8)
     errors.legend(fontsize=7)
     return figure
-
-
-def _drawn(source: SourceRun, after: Track, frames: Sequence[int]) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(4.0 * len(frames), 4.6), layout="constrained")
-    panels = figure.subplots(1, len(frames), squeeze=False)[0]
-    truth, camera = _truth(source), source.recording.camera
-    depths = {i: f.depth_mm for i, f in enumerate(source.recording.stream()) if i in set(frames)}
-    for panel, frame in zip(panels, frames, strict=True):
-        depth = np.where(depths[frame] > 0, depths[frame], np.nan)
-        panel.imshow(depth, cmap="gray_r")
-        shown = [(source.track.joints[frame], "tab:red"), (after.joints[frame], "tab:green")]
-        if truth is not None:
-            shown.insert(0, (truth[frame], "white"))
-        for joints, colour in shown:
-            _draw_bones(panel, camera.project(joints), colour)
-        pixels = camera.project(after.joints[frame])
-        low, high = pixels.min(axis=0) - SETTINGS.margin, pixels.max(axis=0) + SETTINGS.margin
-        panel.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xticks=[], yticks=[])
-        panel.set_title(f"frame {frame}", fontsize=9)
-    return figure
-
-
-def _draw_bones(panel: Axes, pixels: np.ndarray, colour: str) -> None:
-    for ends in pixels[skeleton.BONE_ROWS]:
-        panel.plot(ends[:, 0], ends[:, 1], color=colour, lw=1.6)
 
 
 def _table(source: SourceRun, result: Stabilised) -> str:

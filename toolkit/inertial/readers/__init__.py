@@ -46,22 +46,18 @@ def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors
 
 
 def read_files(paths: Sequence[str | Path], options: SensorOptions | None = None) -> Sensors:
-    """Read all sensors of several files of one recording, on one clock and in one world.
+    """Read all sensors of several files of one recording, on one clock.
 
     Raises
     ------
     UsageError
         No file is named.
     InertialError
-        Two sensors have the same name, or the files' worlds differ.
+        Two sensors have the same name.
     """
     if not paths:
         raise UsageError("no sensor file is named; give at least one")
     parts = [read_file(path, options) for path in paths]
-    up = parts[0].world_up
-    for path, part in zip(paths, parts, strict=True):
-        if not np.allclose(part.world_up, up, atol=1e-6):
-            raise InertialError(f"the vertical of {path} is {part.world_up.tolist()}, of the others {up.tolist()}")
     devices = {limb: device for part in parts for limb, device in part.devices.items()}
     source = {"files": [Path(path).name for path in paths], "devices": devices}
-    return Sensors(tuple(stream for part in parts for stream in part), up, source)
+    return Sensors(tuple(stream for part in parts for stream in part), source)

@@ -14,7 +14,7 @@ import numpy as np
 from toolkit.inertial.readers.base import DEGREE, SensorOptions
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, SensorStream, checked_stream
 from toolkit.io.errors import InertialError
-from toolkit.io.matlab import Variable, read_matlab
+from toolkit.io.matlab import read_matlab
 
 _ACTION = re.compile(r"^a(\d+)_s\d+_t\d+")
 
@@ -32,10 +32,9 @@ def read(path: Path, options: SensorOptions) -> Sensors:
     return Sensors((_utd_stream(path, stored["d_iner"], options),))
 
 
-def _utd_stream(path: Path, values: Variable, options: SensorOptions) -> SensorStream:
-    if isinstance(values, list) or values.ndim != 2 or values.shape[1] != 6 or len(values) < 2:
-        found = "cells" if isinstance(values, list) else f"shape {values.shape}"
-        raise InertialError(f"d_iner in {path} has {found}; expected (N, 6) with at least 2 rows")
+def _utd_stream(path: Path, values: np.ndarray, options: SensorOptions) -> SensorStream:
+    if values.ndim != 2 or values.shape[1] != 6 or len(values) < 2:
+        raise InertialError(f"d_iner in {path} has shape {values.shape}; expected (N, 6) with at least 2 rows")
     action = _ACTION.match(path.stem)
     first_thigh_action = 22
     limb = "right_thigh" if action and int(action.group(1)) >= first_thigh_action else "right_forearm"

@@ -85,7 +85,6 @@ def _load(path: Path, key: str) -> np.ndarray:
             "save its depth as .npy (frames, height, width) and give --intrinsics"
         )
     array = stored[key]
-    if isinstance(array, list) or array.ndim != 3:
-        found = "cells" if isinstance(array, list) else f"shape {array.shape}"
-        raise RecordingError(f"{key} in {path} has {found}; expected 3 dimensions")
+    if array.ndim != 3:
+        raise RecordingError(f"{key} in {path} has shape {array.shape}; expected 3 dimensions")
     return array

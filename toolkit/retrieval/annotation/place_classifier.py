@@ -13,45 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from toolkit.retrieval.annotation.annotator import HIT_THRESHOLD
 from toolkit.retrieval.features.relational import FEATURES
 
-
-@dataclass(frozen=True)
-class ClassifierSettings:
-    """Settings of the place classifiers.
-
-    Attributes
-    ----------
-    regularisation : inverse strength of the penalty on the weights of standardised differences; a class has few
-        true examples
-    usual_cost : cost at even odds without training data (tau of the thesis)
-    steepness : slope of the log-odds without training data
-    thresholds : candidate probability thresholds
-    trust : weight of the common log-odds relative to a single measure, in standard deviations; as `caution` chosen
-        on UTD-MHAD, 13 actions against the rest, one, two and three subjects against another
-    caution : fraction of the threshold found on held-out people, in log-odds, that is kept, because the final
-        classifiers have more people
-    """
-
-    regularisation: float = 0.1
-    usual_cost: float = 0.13
-    steepness: float = 60.0
-    thresholds: tuple[float, ...] = (
-        0.3,
-        0.4,
-        0.5,
-        0.6,
-        0.7,
-        0.8,
-        0.9,
-        0.95,
-    )
-    trust: float = 3.0
-    caution: float = 0.5
-
-
-SETTINGS = ClassifierSettings()
-
+REGULARISATION = 0.1
+"""Inverse strength of the penalty on the weights of standardised differences; a class has few true examples."""
 MEASURES = len(FEATURES) + 2
 """Number of measures: differences of the features, cost in tenths, logarithm of the relative duration."""
 COST = len(FEATURES)
@@ -92,8 +58,10 @@ class PlaceClassifier:
         known = (measures - mean) / scale
         weights = np.zeros(MEASURES) if common is None else common
         odds = (known * weights).sum(axis=1)
-        factor = SETTINGS.trust / max(float(odds.std()), 1e-6)
-        fitted = LogisticRegression(C=SETTINGS.regularisation, class_weight="balanced", max_iter=2000)
+        # The common log-odds weigh as much as three measures; as the caution of `moved` chosen on UTD-MHAD, 13 actions
+        # against the rest, one, two and three subjects against another.
+        factor = 3.0 / max(float(odds.std()), 1e-6)
+        fitted = LogisticRegression(C=REGULARISATION, class_weight="balanced", max_iter=2000)
         fitted.fit(np.column_stack([known, factor * odds]), true)
         *own, shared = fitted.coef_[0]
         return cls(mean, scale, own + shared * factor * weights, float(fitted.intercept_[0]))
@@ -102,7 +70,8 @@ class PlaceClassifier:
     def of_cost(cls) -> PlaceClassifier:
         """Return a classifier of the cost alone."""
         mean, weights = np.zeros(MEASURES), np.zeros(MEASURES)
-        mean[COST], weights[COST] = 10.0 * SETTINGS.usual_cost, -0.1 * SETTINGS.steepness
+        steepness = 60.0  # slope of the log-odds over the cost; even odds are at the thesis's tau
+        mean[COST], weights[COST] = 10.0 * HIT_THRESHOLD, -0.1 * steepness
         return cls(mean, np.ones(MEASURES), weights, 0.0)
 
     def probability(self, measures: np.ndarray) -> np.ndarray:
@@ -112,7 +81,8 @@ class PlaceClassifier:
 
     def moved(self, threshold: float) -> PlaceClassifier:
         """Return the classifier with its even odds moved towards the probability `threshold`."""
-        return replace(self, offset=self.offset - SETTINGS.caution * float(np.log(threshold / (1.0 - threshold))))
+        # Only half of the way in log-odds, because the final classifiers have more people than the held-out ones.
+        return replace(self, offset=self.offset - 0.5 * float(np.log(threshold / (1.0 - threshold))))
 
 
 def learn_classifiers(folds: Mapping[str, Mapping[int, Fold]], *, cautious: bool) -> dict[str, PlaceClassifier]:
@@ -121,9 +91,8 @@ def learn_classifiers(folds: Mapping[str, Mapping[int, Fold]], *, cautious: bool
     Parameters
     ----------
     folds : per class and fold the measures of places and their correctness
-    cautious : move each classifier's even odds towards the best threshold on held-out folds. Of
-        `ClassifierSettings.thresholds` the one with the highest F is used, so that a class with many false positives
-        gets a higher threshold
+    cautious : move each classifier's even odds towards the best threshold on held-out folds, so that a
+        class with many false positives gets a higher threshold
     """
     classifiers = _learned_together({label: list(own.values()) for label, own in folds.items()})
     if not cautious:
@@ -165,21 +134,20 @@ def _common(classes: Sequence[Fold]) -> np.ndarray | None:
         known.append((measures - mean) / scale)
         right.append(true)
         counts.append(0.5 * len(true) / np.where(true, np.count_nonzero(true), np.count_nonzero(~true)))
-    fitted = LogisticRegression(C=SETTINGS.regularisation, max_iter=2000)
+    fitted = LogisticRegression(C=REGULARISATION, max_iter=2000)
     fitted.fit(np.concatenate(known), np.concatenate(right), sample_weight=np.concatenate(counts))
     return np.asarray(fitted.coef_[0], dtype=np.float64)
 
 
 def _best_threshold(chances: Sequence[Fold]) -> float:
-    """Return the value of `ClassifierSettings.thresholds` with the highest F over places, the smallest of equals; 0.5
-    without places.
-    """
+    """Return the threshold with the highest F over places, the smallest of equals; 0.5 without places."""
     if not chances:
         return 0.5
     probability, true = joined(chances)
-    found = probability > np.array(SETTINGS.thresholds)[:, None]
+    thresholds = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
+    found = probability > np.array(thresholds)[:, None]
     scores = 2.0 * (found & true).sum(axis=1) / np.maximum(found.sum(axis=1) + true.sum(), 1)
-    return SETTINGS.thresholds[int(scores.argmax())]
+    return thresholds[int(scores.argmax())]
 
 
 def _both_sides(true: np.ndarray) -> bool:

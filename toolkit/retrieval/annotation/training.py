@@ -26,23 +26,6 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 
 
-@dataclass(frozen=True)
-class TrainingSettings:
-    """Settings of the training documents.
-
-    Attributes
-    ----------
-    clips : clips per document
-    alike : cost by examples of another class, relative to the class's own, below which two classes are similar
-    """
-
-    clips: int = 12
-    alike: float = 1.25
-
-
-SETTINGS = TrainingSettings()
-
-
 @dataclass(frozen=True, eq=False)
 class CutClip:
     """Cut clip of one motion.
@@ -195,7 +178,8 @@ def documents_of(
         one_sided = [clip for clip in clips if clip.label not in symmetric]
         parts += [(clip.motion.mirrored().at_rate(rate), None) for clip in one_sided]
     mixed = shuffled_parts(parts, [motion.at_rate(rate) for motion in others], rng)
-    groups = [mixed[k : k + SETTINGS.clips] for k in range(0, len(mixed), SETTINGS.clips)]
+    size = 12  # clips per document
+    groups = [mixed[k : k + size] for k in range(0, len(mixed), size)]
     return [assemble(f"document {i}", group, HARD_JOINS if hard else JOINS) for i, group in enumerate(groups)]
 
 
@@ -239,6 +223,7 @@ def alike(clips: Sequence[CutClip]) -> list[tuple[str, str, float]]:
     An entry is (class, other class, median cost of its clips by examples of the other, as a multiple of its own).
     """
     examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
+    similar = 1.25  # relative cost below which two classes are similar
     found = []
     for label in examples.classes:
         own = [clip for clip in clips if clip.label == label]
@@ -248,7 +233,7 @@ def alike(clips: Sequence[CutClip]) -> list[tuple[str, str, float]]:
         for other in examples.classes:
             if other != label:
                 between = float(np.median(examples.cheapest(other, [clip.features for clip in own])))
-                if between < SETTINGS.alike * within:
+                if between < similar * within:
                     found.append((label, other, between / within))
     return sorted(found, key=lambda pair: pair[2])
 

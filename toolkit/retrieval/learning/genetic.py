@@ -16,30 +16,10 @@ from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
 from toolkit.retrieval.index.feature_runs import RunLists
 from toolkit.retrieval.templates import QuantisedTemplate
 
-
-@dataclass(frozen=True)
-class BreedingSettings:
-    """Constants of the genetic operations.
-
-    Attributes
-    ----------
-    fewest_keyframes : smallest number of keyframes of a query
-    longest_distance : largest admissible distance of two keyframes after mutation, in units of the template's
-    beta : weight of recall relative to precision in the fitness
-    mean_keyframes : mean initial number of keyframes (normal distribution)
-    keyframes_deviation : standard deviation of the initial number of keyframes
-    cached_lists : largest number of cached inverted keyframe lists of a training set
-    """
-
-    fewest_keyframes: int = 2
-    longest_distance: int = 2
-    beta: float = 2.0
-    mean_keyframes: float = 3.0
-    keyframes_deviation: float = 2.0
-    cached_lists: int = 1024
-
-
-SETTINGS = BreedingSettings()
+FEWEST_KEYFRAMES = 2
+"""Smallest number of keyframes of a query."""
+BETA = 2.0
+"""Weight of recall relative to precision in the fitness."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +95,7 @@ class Quality:
     fitness: float
 
     @classmethod
-    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = SETTINGS.beta) -> Quality:
+    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = BETA) -> Quality:
         """Compare two Boolean arrays (D,)."""
         true = int(np.count_nonzero(retrieved & relevant))
         if true == 0:
@@ -174,13 +154,14 @@ class TrainingSet:
         found[np.searchsorted(self.document_starts, ranges[:, 0], side="right") - 1] = True
         return found
 
-    def quality(self, individual: Individual, beta: float = SETTINGS.beta) -> Quality:
+    def quality(self, individual: Individual, beta: float = BETA) -> Quality:
         """Return the precision, recall and fitness of an individual on these documents."""
         return Quality.of(self.retrieved(individual), self.relevant, beta)
 
     def _segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray]:
         if (mask, value) not in self._cache:
-            if len(self._cache) >= SETTINGS.cached_lists:
+            most = 1024  # cached lists
+            if len(self._cache) >= most:
                 self._cache.clear()
             starts, ends, _ = self._lists.segments(mask, value)
             self._cache[mask, value] = starts, ends
@@ -199,8 +180,8 @@ class Breeder:
 
     def individual(self) -> Individual:
         """Return K random columns of the template with random tolerances of their distances."""
-        wanted = round(self.rng.normal(SETTINGS.mean_keyframes, SETTINGS.keyframes_deviation))
-        count = min(max(SETTINGS.fewest_keyframes, wanted), len(self.positions))
+        wanted = round(self.rng.normal(3.0, 2.0))  # mean and standard deviation of the initial number
+        count = min(max(FEWEST_KEYFRAMES, wanted), len(self.positions))
         chosen = sorted(self.rng.choice(self.positions, count, replace=False).tolist())
         return self.assembled([(n, *self.columns[n]) for n in chosen])
 
@@ -219,7 +200,7 @@ class Breeder:
     def recombined(self, a: Individual, b: Individual) -> Individual:
         """Combine some keyframes of each parent by template column; at equal columns the first parent's is used."""
         merged = {keyframe[0]: keyframe for parent in (b, a) for keyframe in self._some(parent.keyframes)}
-        while len(merged) < SETTINGS.fewest_keyframes:
+        while len(merged) < FEWEST_KEYFRAMES:
             keyframe = a.keyframes[self.rng.integers(len(a.keyframes))]
             merged[keyframe[0]] = keyframe
         return self.assembled([merged[n] for n in sorted(merged)])
@@ -238,7 +219,7 @@ class Breeder:
         """Add a random column of the template or remove a random keyframe."""
         count = len(individual.positions)
         free = [n for n in self.positions if n not in individual.positions]
-        if count > SETTINGS.fewest_keyframes and (not free or self.rng.random() < 0.5):
+        if count > FEWEST_KEYFRAMES and (not free or self.rng.random() < 0.5):
             return self.without(individual, int(self.rng.integers(count)))
         return self.extended(individual, free[self.rng.integers(len(free))]) if free else individual
 
@@ -280,14 +261,14 @@ class Breeder:
     def with_other_distances(self, individual: Individual) -> Individual:
         """Change every admissible distance by up to a quarter of the template's, at least one frame.
 
-        The maximum is `BreedingSettings.longest_distance` times the template's distance, because cut clips do not
-        penalise larger distances and long documents do.
+        The maximum is twice the template's distance, because cut clips do not penalise larger distances and long
+        documents do.
         """
         gaps = np.diff(individual.positions)
         reach = np.maximum(1, np.rint(gaps / 4)).astype(np.int64)
         low, high = self.rng.integers(-reach, reach, size=(2, len(gaps)), endpoint=True)
-        minimum = np.clip(individual.minimum + low, 0, SETTINGS.longest_distance * gaps)
-        maximum = np.clip(individual.maximum + high, minimum, np.maximum(minimum, SETTINGS.longest_distance * gaps))
+        minimum = np.clip(individual.minimum + low, 0, 2 * gaps)
+        maximum = np.clip(individual.maximum + high, minimum, np.maximum(minimum, 2 * gaps))
         return replace(individual, minimum=tuple(minimum.tolist()), maximum=tuple(maximum.tolist()))
 
 

@@ -17,8 +17,8 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.learning.genetic import (
+    FEWEST_KEYFRAMES,
     Breeder,
-    BreedingSettings,
     GeneticSettings,
     Individual,
     PlacedKeyframe,
@@ -181,9 +181,9 @@ def learn(
         comparisons = {label: TrainingSet(documents, owners == label) for label in labels}
     templates = {label: MotionTemplate.of(list(classes[label]), strict=True).quantised(delta=0.0) for label in labels}
     for label, template in templates.items():
-        if np.count_nonzero(~template.wildcards.all(axis=0)) < BreedingSettings.fewest_keyframes:
+        if np.count_nonzero(~template.wildcards.all(axis=0)) < FEWEST_KEYFRAMES:
             raise RetrievalError(
-                f"the clips of class {label!r} agree in fewer than {BreedingSettings.fewest_keyframes} columns of "
+                f"the clips of class {label!r} agree in fewer than {FEWEST_KEYFRAMES} columns of "
                 "their template; give clips of one kind of motion"
             )
     tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
@@ -311,7 +311,7 @@ def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator
     # Fractions of the runs' keyframes around a column from which an entry is extracted; the best one is kept.
     shares = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
     keyframe_count = 3  # largest number of extracted keyframes
-    for wanted in range(BreedingSettings.fewest_keyframes, keyframe_count + 1):
+    for wanted in range(FEWEST_KEYFRAMES, keyframe_count + 1):
         apart = max(reach + 1, length // (3 * wanted))
         positions = _peaks(counts, wanted, apart)
         for share in shares:
@@ -322,7 +322,7 @@ def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator
                 mask, value = bits_of(column)
                 if mask:
                     keyframes.append((n, mask, value))
-            if len(keyframes) >= BreedingSettings.fewest_keyframes and tuple(keyframes) not in tried:
+            if len(keyframes) >= FEWEST_KEYFRAMES and tuple(keyframes) not in tried:
                 tried.add(tuple(keyframes))
                 yield keyframes
 
