@@ -11,13 +11,12 @@ from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_r
 from tests.support.worn_sensors import simulate_sensors
 from toolkit.app.cli.main import main
 from toolkit.body.rotations import quaternions as quat
-from toolkit.inertial.fusion import fused
+from toolkit.inertial.fusion import fused, integrated
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors
-from toolkit.inertial.synchronise import synchronise
+from toolkit.inertial.synchronise import Signal, correlations, synchronise
 from toolkit.inertial.workflow import load_sensors
 from toolkit.io.errors import InertialError
-from toolkit.kernels.motion.inertial import integrate
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -37,17 +36,24 @@ def test_sensors_without_errors_are_exact():
         np.testing.assert_allclose(lifted, [0, 0, GRAVITY], atol=0.5)
 
 
-def test_the_kernel_that_integrates_is_its_plain_twin():
-    rng = np.random.default_rng(0)
-    times = np.cumsum(rng.uniform(0.008, 0.012, 200))
-    gyro = rng.normal(size=(200, 3))
-    out = np.empty((200, 4))
-    integrate(times, gyro, out)
-    q = quat.IDENTITY
-    for i in range(1, 200):
-        turn = 0.5 * (gyro[i - 1] + gyro[i])
-        q = quat.multiply(q, quat.exponential(turn * (times[i] - times[i - 1])))
-        assert quat.angle(out[i], q) < 1e-6
+def test_a_constant_rate_becomes_a_turn_about_its_axis():
+    times, rate = np.arange(200) / 100, np.array([0.3, -0.4, 1.2])
+    found = integrated(times, np.tile(rate, (200, 1)))
+    np.testing.assert_allclose(quat.angle(found, quat.exponential(times[:, None] * rate)), 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("gaps", [0.0, 0.2])
+def test_the_correlation_over_lags_is_that_of_the_common_rows(gaps):
+    rng = np.random.default_rng(1)
+    first, second = (Signal(rng.normal(size=n) + 3.0, rng.random(n) >= gaps, 0.0) for n in (120, 150))
+    lags = np.arange(-130, 160, 7)
+    for lag, value in zip(lags, correlations(first, second, lags, 20), strict=True):
+        rows = np.arange(max(0, -lag), max(0, -lag, min(120, 150 - lag)))
+        rows = rows[first.known[rows] & second.known[rows + lag]]
+        if len(rows) < 20:
+            assert np.isnan(value)
+        else:
+            assert value == pytest.approx(np.corrcoef(first.values[rows], second.values[rows + lag])[0, 1], abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ("semaphore", "side_step", "knee_to_elbow"))

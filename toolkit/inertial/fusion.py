@@ -15,7 +15,6 @@ import numpy as np
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.stream import FREE, Sensors, SensorStream
 from toolkit.io.errors import InertialError
-from toolkit.kernels.motion.inertial import integrate
 
 UP: np.ndarray = np.array([0.0, 0.0, 1.0])
 
@@ -53,12 +52,20 @@ def fused(stream: SensorStream) -> SensorStream:
         )
     rows = np.flatnonzero(stream.valid)
     times, gyro = stream.times[rows], stream.gyro[rows]
-    free = np.empty((len(rows), 4))
-    integrate(np.ascontiguousarray(times), gyro - gyroscope_bias(times, gyro), free)
+    free = integrated(times, gyro - gyroscope_bias(times, gyro))
     q = quat.multiply(_upright(free, times, stream.acceleration[rows]), free)
     rotations = np.tile(quat.IDENTITY, (len(stream), 1))
     rotations[rows] = quat.continuous(q)
     return replace(stream, rotations=rotations, origin=FREE)
+
+
+def integrated(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
+    """Return the orientations (N, 4) of a sensor in the frame of its first row, from its rates (N, 3), rad/s."""
+    turns = quat.exponential(0.5 * (gyro[1:] + gyro[:-1]) * np.diff(times)[:, None])
+    found = [quat.IDENTITY]
+    for turn in turns:
+        found.append(quat.multiply(found[-1], turn))
+    return quat.normalised(np.array(found))
 
 
 def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:

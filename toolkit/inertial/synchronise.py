@@ -16,7 +16,6 @@ from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
 from toolkit.io.errors import InertialError
-from toolkit.kernels.motion.inertial import correlation_over_lags
 
 STEP = 0.01
 """Step of the common time grid of the signals, seconds."""
@@ -187,19 +186,45 @@ def _summed(
 ) -> np.ndarray:
     """Return the mean correlation of all pairs of signals over the lags (L,), from the pairs known at each lag."""
     total, weight = np.zeros(len(lags)), np.zeros(len(lags))
-    out = np.empty(len(lags))
     least_overlap = 0.5  # smallest fraction of the track that a lag covers
     for ours, theirs in zip(tracked, measured, strict=True):
         for a, b in zip(ours, theirs, strict=False):
             shift = round((a.start + offset - b.start) / STEP)
             least = int(least_overlap * a.known.sum())
-            correlation_over_lags(a.values, a.known, b.values, b.known, lags + shift, max(least, 10), out)
-            known = np.isfinite(out)
-            total[known] += out[known]
+            found = correlations(a, b, lags + shift, max(least, 10))
+            known = np.isfinite(found)
+            total[known] += found[known]
             weight[known] += 1.0
     full = max(weight.max(initial=0.0), 1.0)
     # a lag needs data of at least half of the sensors
     return np.where(weight >= 0.5 * full, total / np.maximum(weight, 1.0), np.nan)
+
+
+def correlations(first: Signal, second: Signal, lags: np.ndarray, least: int) -> np.ndarray:
+    """Return the normalised correlation (L,) of `first[i]` with `second[i + lag]` over the rows known in both.
+
+    A lag with fewer than `least` common rows is NaN, and one with a constant signal.
+    """
+    from scipy.signal import correlate
+
+    known = [signal.known.astype(np.float64) for signal in (first, second)]
+    a, b = (np.where(s.known, s.values - s.values[s.known].mean(), 0.0) for s in (first, second))
+    places = lags + len(a) - 1
+    inside = (places >= 0) & (places < len(a) + len(b) - 1)
+
+    def summed(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.where(inside, correlate(y, x, method="fft")[np.clip(places, 0, len(a) + len(b) - 2)], 0.0)
+
+    count = np.maximum(np.rint(summed(*known)), 1.0)
+    sum_a, sum_b, squares_a, squares_b = (
+        summed(a, known[1]), summed(known[0], b), summed(a * a, known[1]), summed(known[0], b * b)
+    )  # fmt: skip
+    spread_a, spread_b = squares_a - sum_a**2 / count, squares_b - sum_b**2 / count
+    moving = (spread_a > 1e-9 * (a * a).sum()) & (spread_b > 1e-9 * (b * b).sum())
+    product = np.where(moving, spread_a * spread_b, 1.0)
+    return np.where(
+        moving & (count >= max(least, 2)), (summed(a, b) - sum_a * sum_b / count) / np.sqrt(product), np.nan
+    )
 
 
 def parabola(values: np.ndarray, k: int) -> float:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from toolkit.inertial.readers import matlab, sto, table
 from toolkit.inertial.readers.base import SensorOptions
 from toolkit.inertial.stream import Sensors
