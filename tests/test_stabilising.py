@@ -24,13 +24,10 @@ from toolkit.io.errors import RecordingError, RetrievalError, TrackError, UsageE
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes
-from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.priors.allocation import Allocation, allocate
-from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.gap_settings import GapSettings
-from toolkit.retrieval.priors.gap_trajectories import cheapest_path, whole_priors
-from toolkit.retrieval.priors.gaps import Gap, bad_frames, widened
-from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
+from toolkit.retrieval.priors.gap_trajectories import cheapest_path
+from toolkit.retrieval.priors.gaps import Gap, widened
+from toolkit.retrieval.priors.limb_entries import ENTRIES
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.tracks import RunInfo, Track
 
@@ -136,25 +133,6 @@ def test_a_person_who_was_mistaken_as_a_whole_is_tracked_again(workdir: Path, tm
         run, workdir / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv",
     )  # fmt: skip
     assert error_of(tmp_path / "out", workdir, slice(None)) < 0.3 * error_of(run, workdir, slice(None))
-
-
-def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
-    classes = classes_of("semaphore", frames=FRAMES)
-    example = example_of("semaphore", 2, frames=FRAMES)
-    hidden = {limb: np.zeros(FRAMES, dtype=bool) for limb in LIMBS}
-    for limb in LIMBS[:3]:
-        hidden[limb][20:30] = True
-    hidden[LIMBS[3]][50:55] = True
-    bad = bad_frames(hidden)
-    np.testing.assert_array_equal(np.flatnonzero(bad), np.arange(20, 30))
-    allocation = allocate(example.features, [Segment(0.0, FRAMES / 30.0, "semaphore")], classes)
-    told = GapContext(example.poses, np.arange(FRAMES) / 30.0, hidden, allocation, classes)
-    priors = whole_priors(told, bad)
-    assert set(priors) <= set(range(20, 30)) and priors
-    away = [np.abs(prior.mean[6:] - example.poses[frame, 6:]).mean() for frame, prior in priors.items()]
-    assert np.mean(away) < 0.2
-    nothing = replace(told, allocation=Allocation.nothing(FRAMES))
-    assert whole_priors(nothing, bad) == {}
 
 
 def test_without_a_gap_nothing_changes(workdir: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.app.stabilise.source_run import SourceRun
 from toolkit.body import skeleton
 from toolkit.fitting.joint_confidence import network_features
-from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
+from toolkit.fitting.priors import LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
 from toolkit.people.survey import find_person
 from toolkit.retrieval.priors.gap_settings import GapSettings
@@ -24,14 +24,13 @@ from toolkit.tracks import FrameResult
 
 
 class GapGuide(NoGuide):
-    """Guide of the second tracking: priors on occluded limbs, on whole poses in bad frames, and floor terms (6.4.3).
+    """Guide of the second tracking: priors on occluded limbs, and floor terms (6.4.3).
 
     A prior on all limbs increases the error of visible ones; see `docs/retrieval.md`.
 
     Parameters
     ----------
     candidates : candidates of each gap, with the expected angles
-    whole : frame -> prior on the whole pose, in bad frames
     times : float64 (T,), seconds, of the frames
     contacts : frame -> floor terms of occluded feet
     settings : weights
@@ -40,27 +39,22 @@ class GapGuide(NoGuide):
     def __init__(
         self,
         candidates: Sequence[GapCandidates],
-        whole: Mapping[int, GaussianPrior],
         times: np.ndarray,
         contacts: Mapping[int, Sequence[ResidualTerm]],
         settings: GapSettings,
     ) -> None:
         self._contacts = {float(times[frame]): tuple(terms) for frame, terms in contacts.items()}
         self._contact_cost = settings.contact_cost
-        self._whole = {float(times[frame]): prior for frame, prior in whole.items()}
         self._priors: dict[float, list[LimbPrior]] = {}
         for gap in candidates:
             for place in np.flatnonzero(gap.hidden):
-                if gap.gap.start + place in whole:
-                    continue
                 mean, variance = gap.expected.mean[place], gap.expected.variance[place]
                 prior = LimbPrior(settings.prior_weight, gap.entries, mean, variance + settings.prior_spread**2)
                 self._priors.setdefault(float(times[gap.gap.start + place]), []).append(prior)
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
         """See `Guide.priors`."""
-        likely = [self._whole[timestamp]] if timestamp in self._whole else self._priors.get(timestamp, [])
-        return [*likely, *self._contacts.get(timestamp, ())]
+        return [*self._priors.get(timestamp, ()), *self._contacts.get(timestamp, ())]
 
     def contact_penalty(self, timestamp: float, pose: np.ndarray) -> float:
         """Return the penalty in metres for the floor terms that a pose (P,) violates."""
@@ -72,32 +66,25 @@ class Retracked(NamedTuple):
 
     Attributes
     ----------
-    rows : one result per frame
     distances : for each gap float64 (C, D), metres, from each candidate to the frame; infinite without a person
     angles : for each gap float64 (C, D, A), radians, those of the second tracking included
     confidence : for each gap float64 (C, D, 3), of the limb's outer joints for each candidate
     explained : float64 (T,), metres, distances of the poses before; infinite without a person
-    whole : float64 (2, T), metres, distances of the whole pose before and tracked again; NaN outside bad frames
     """
 
-    rows: list[FrameResult]
     distances: list[np.ndarray]
     angles: list[np.ndarray]
     confidence: list[np.ndarray]
     explained: np.ndarray
-    whole: np.ndarray
 
 
-def retrack(
-    source: SourceRun, candidates: Sequence[GapCandidates], bad: np.ndarray, guide: GapGuide, progress: Count
-) -> Retracked:
+def retrack(source: SourceRun, candidates: Sequence[GapCandidates], guide: GapGuide, progress: Count) -> Retracked:
     """Track the recording again with a guide, and compare all candidates with its frames.
 
     Parameters
     ----------
     source : finished run
     candidates : candidates of each gap
-    bad : bool (T,), frames in which the whole pose may be exchanged
     guide : priors and floor terms
     progress : callback for the number of frames done
     """
@@ -106,7 +93,7 @@ def retrack(
     finder = find_person(recording, tracker.settings.sensing, judge_of(tracker))
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
-    explained, whole = np.full(len(poses), np.inf), np.full((2, len(poses)), np.nan)
+    explained = np.full(len(poses), np.inf)
     angles = [gap.angles.copy() for gap in candidates]
     distances = [np.full(gap.angles.shape[:2], np.inf) for gap in candidates]
     confidence = [np.zeros((*gap.angles.shape[:2], len(skeleton.OUTER[gap.gap.limb]))) for gap in candidates]
@@ -128,11 +115,8 @@ def retrack(
         if follower.observation is not None:
             scene = follower.observation.scene
             explained[number] = follower.objective.compare(follower.body, poses[number], scene).distance
-            if bad[number]:
-                fresh = follower.objective.compare(follower.body, rows[-1].pose, scene)
-                whole[:, number] = explained[number], fresh.distance
         progress(number + 1, len(poses))
-    return Retracked(rows, distances, angles, confidence, explained, whole)
+    return Retracked(distances, angles, confidence, explained)
 
 
 def _compared(

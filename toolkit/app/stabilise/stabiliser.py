@@ -14,11 +14,9 @@ from toolkit.app.stabilise.source_run import SourceRun
 from toolkit.body import skeleton
 from toolkit.io.errors import SettingsError
 from toolkit.io.progress import Progress, silent
-from toolkit.io.spans import spans
 from toolkit.kernels import linear
 from toolkit.motion.contact import foot_contacts
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
-from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
@@ -30,13 +28,12 @@ from toolkit.retrieval.priors.gap_trajectories import (
     GapCandidates,
     cheapest_path,
     gap_candidates,
-    whole_priors,
 )
-from toolkit.retrieval.priors.gaps import Gap, bad_frames, find_gaps, hidden_flags
+from toolkit.retrieval.priors.gaps import Gap, find_gaps, hidden_flags
 from toolkit.tracks import Track
 
 SOURCE = "prior"
-"""Entry of `Track.source_names` for frames with an exchanged limb or pose."""
+"""Entry of `Track.source_names` for frames with an exchanged limb."""
 
 
 @dataclass(frozen=True)
@@ -153,12 +150,11 @@ def stabilise(
     candidates = gap_candidates(context, gaps) if labelled else []
     if not candidates:  # no limb is occluded, or no class is recognised
         return Stabilised(annotation, labelled, (), track)
-    bad, contacts = bad_frames(context.hidden, settings.gaps), contact_terms(source, context)
-    guide = GapGuide(candidates, whole_priors(context, bad), track.timestamps, contacts, settings.gaps)
-    around = _around(bad, settings.gaps.widened_frames)
-    again = retrack(source, candidates, around, guide, partial(progress, "tracking again"))
+    contacts = contact_terms(source, context)
+    guide = GapGuide(candidates, track.timestamps, contacts, settings.gaps)
+    again = retrack(source, candidates, guide, partial(progress, "tracking again"))
     paths = [select(*of_gap, settings.gaps) for of_gap in zip(candidates, again.distances, again.angles, strict=True)]
-    changed = _exchanged(source, candidates, again, paths, _select_poses(track, again, settings.gaps))
+    changed = _exchanged(source, candidates, again, paths)
     moved = linear.lengths((changed.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
     filled = tuple(
         _filled(*of_gap, moved) for of_gap in zip(candidates, paths, again.angles, again.distances, strict=True)
@@ -187,25 +183,6 @@ def select(gap: GapCandidates, distances: np.ndarray, angles: np.ndarray, settin
     costs[gap.names.index(KEPT)] -= settings.track_advantage
     costs = np.where(np.isfinite(costs), costs, np.where(np.arange(len(costs))[:, None] == 0, 0.0, np.inf))
     return cheapest_path(costs, np.nan_to_num(angles), settings.smoothness_cost)
-
-
-def _select_poses(track: Track, again: Retracked, settings: GapSettings) -> np.ndarray:
-    """Return a bool (T,) mask of the frames that take the whole pose of the second tracking."""
-    taken = np.zeros(len(track), dtype=np.bool_)
-    angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]
-    for span in spans(np.isfinite(again.whole).all(axis=0)):
-        costs = again.whole[:, span].copy()
-        costs[0] -= settings.track_advantage
-        taken[span] = cheapest_path(costs, angles[:, span], settings.smoothness_cost) == 1
-    return taken
-
-
-def _around(flags: np.ndarray, by: int) -> np.ndarray:
-    """Return a bool (T,) mask of the frames within `by` frames of a flagged one."""
-    wide = np.zeros_like(flags)
-    for span in spans(flags):
-        wide[max(0, span.start - by) : span.stop + by] = True
-    return wide
 
 
 def _context(
@@ -243,9 +220,8 @@ def _exchanged(
     candidates: Sequence[GapCandidates],
     again: Retracked,
     paths: Sequence[np.ndarray],
-    whole: np.ndarray,
 ) -> Track:
-    """Return the track with the selected limbs and whole poses, and with the confidence of their joints."""
+    """Return the track with the selected limbs, and with the confidence of their joints."""
     track = source.track
     poses, confidence, touched = track.pose.copy(), track.confidence.copy(), np.zeros(len(track), dtype=np.bool_)
     for candidate, angles, trust, path in zip(candidates, again.angles, again.confidence, paths, strict=True):
@@ -255,9 +231,6 @@ def _exchanged(
             poses[frame, candidate.entries] = angles[path[place], place]
             confidence[frame, outer] = trust[path[place], place]
             touched[frame] = True
-    for frame in np.flatnonzero(whole):
-        poses[frame], confidence[frame] = again.rows[frame].pose, again.rows[frame].confidence
-    touched |= whole
     joints, at = track.joints.copy(), track.source.copy()
     for frame in np.flatnonzero(touched):
         joints[frame] = linear.rotated(source.body.joint_positions(poses[frame]), source.info.R_level_camera)

@@ -20,7 +20,6 @@ class GapSettings:
     joined_frames : gaps of one limb with fewer frames between them become one
     shortest_gap : frames; shorter gaps are ignored
     widened_frames : frames added at both ends of a gap, because a limb is mistracked before its confidence drops
-    bad_limbs : occluded limbs, of four, from which the whole pose of a frame counts as bad
     end_share : fraction of a segment at its end in which an alignment with a template may end
     observed_noise : radians, standard deviation of the angles of visible limbs
     end_noise : radians, the same of an occluded limb at the ends of its gap
@@ -46,7 +45,6 @@ class GapSettings:
     joined_frames: int = 3
     shortest_gap: int = 4
     widened_frames: int = 20
-    bad_limbs: int = 3
     end_share: float = 0.2
     observed_noise: float = 0.12
     end_noise: float = 0.1

@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from toolkit.fitting.priors import PRIOR_SPREAD, GaussianPrior
-from toolkit.kernels import linear
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.expectation import ROOT, GapContext, fill
+from toolkit.retrieval.priors.expectation import GapContext, fill
 from toolkit.retrieval.priors.gap_settings import DEFAULT
 from toolkit.retrieval.priors.gaps import Gap, hidden_flags, widened
 from toolkit.retrieval.priors.limb_entries import ENTRIES
@@ -42,23 +40,6 @@ class GapCandidates:
     def entries(self) -> np.ndarray:
         """Indices of the limb's angles in a pose, int64 (A,)."""
         return ENTRIES[self.gap.limb]
-
-
-def whole_priors(context: GapContext, bad: np.ndarray) -> dict[int, GaussianPrior]:
-    """Return a prior on the whole pose for each bad frame (T,) with the label of a class that has a motion."""
-    precisions: dict[int, np.ndarray] = {}
-    found = {}
-    for frame in np.flatnonzero(bad & (context.allocation.label >= 0)):
-        row = int(context.allocation.label[frame])
-        motion = context.classes[row].motion
-        if motion is None:
-            continue
-        if row not in precisions:
-            covariance = motion.covariance + PRIOR_SPREAD**2 * np.eye(len(motion.covariance))
-            precisions[row] = linear.inverse(covariance)
-        mean = np.concatenate([np.zeros(ROOT), motion.mean[context.allocation.column[frame]]])
-        found[int(frame)] = GaussianPrior(context.settings.prior_weight, mean, precisions[row])
-    return found
 
 
 def gap_candidates(context: GapContext, gaps: Sequence[Gap]) -> list[GapCandidates]:

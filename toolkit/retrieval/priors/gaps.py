@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -79,8 +79,3 @@ def hidden_flags(gaps: Sequence[Gap], frames: int) -> dict[str, np.ndarray]:
     for gap in gaps:
         flags[gap.limb][gap.start : gap.stop] = True
     return flags
-
-
-def bad_frames(hidden: Mapping[str, np.ndarray], settings: GapSettings = DEFAULT) -> np.ndarray:
-    """Return a bool (T,) mask of the frames in which at least `bad_limbs` limbs are occluded."""
-    return np.sum([hidden[limb] for limb in LIMBS], axis=0) >= settings.bad_limbs
