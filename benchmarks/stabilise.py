@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from benchmarks._rows import add_database_options, add_split_option, poses_of
 from tests.support.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
 from toolkit.app.pipeline import TrackerRecipe, track_recording
 from toolkit.app.stabilise.source_run import open_source
-from toolkit.app.stabilise.stabiliser import Stabilised, StabiliseSettings, stabilise
+from toolkit.app.stabilise.stabiliser import THRESHOLD, Stabilised, stabilise
 from toolkit.evaluation.joint_errors import CORRECT_WITHIN, joint_errors, visible_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -83,7 +82,7 @@ class Measured(NamedTuple):
 def measured(run: Path, database: Path, performed: Performed, classes: Sequence[MotionClass]) -> Measured:
     """Stabilise a track and compare it with the truth."""
     source = open_source(run, database=database)
-    result = stabilise(source, list(classes), StabiliseSettings())
+    result = stabilise(source, list(classes))
     labels = labels_of(result, performed, classes)
     truth, seen = np.asarray(source.recording.joints), visible(source.recording)
     tracks = dict(zip(LINES, (source.track, result.track), strict=True))
@@ -111,7 +110,7 @@ def classes(parser: argparse.ArgumentParser) -> None:
     show({name: value for name, value in figures.items() if name != "sequences"}, "all")
     name = f"stabilise_{options.split}{part_suffix(parser, options, 'sequences')}"
     plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.jpg")
-    print("written:", save_figures(name, figures, asdict(StabiliseSettings())))
+    print("written:", save_figures(name, figures, {"threshold": THRESHOLD}))
 
 
 def plot_errors(errors: Mapping[str, Sequence[np.ndarray]], path: Path) -> None:

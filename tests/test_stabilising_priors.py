@@ -25,7 +25,6 @@ from toolkit.retrieval.features.relational import FeatureMatrix, relational_feat
 from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
 from toolkit.retrieval.priors.bridge import End, bridge
 from toolkit.retrieval.priors.expectation import GapContext, fill
-from toolkit.retrieval.priors.gap_settings import GapSettings
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
@@ -183,7 +182,7 @@ def test_gaps_are_where_a_limb_has_no_support():
 def test_a_gap_ends_where_no_person_is_there():
     present = np.ones(60, dtype=bool)
     present[30:35] = False
-    found = find_gaps(confidence_of(60, "left_arm", (20, 50)), present, GapSettings(smoothing_frames=1))
+    found = find_gaps(confidence_of(60, "left_arm", (20, 50)), present, 1)
     assert found == [Gap("left_arm", 20, 30), Gap("left_arm", 35, 50)]
 
 

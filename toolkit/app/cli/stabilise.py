@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from toolkit.app.cli.groups import spread
+from toolkit.app.cli.options import MovedRecording
 from toolkit.io.errors import UsageError
 
 
-@dataclass(frozen=True)
-class InputPaths:
-    """Options for the present paths of the files of a run."""
-
-    recording: Annotated[Path | None, typer.Option(help="New path of the recording.")] = None
-    database: Annotated[Path | None, typer.Option("--database", "-d", help="New path of the pose database.")] = None
-
-
-@spread
 def stabilise(
     runs: Annotated[
         list[Path], typer.Argument(metavar="RUN...", help="Run folders of the hybrid tracker.", show_default=False)
@@ -29,28 +19,29 @@ def stabilise(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
     ],
-    moved: InputPaths,
     threshold: Annotated[float, typer.Option(help="Largest cost of a template: fraction of differing features.")] = 0.1,
     segments: Annotated[
         Path | None, typer.Option(help="CSV of labelled stretches (start, end, label), instead of annotating.")
+    ] = None,
+    recording: MovedRecording = None,
+    database: Annotated[
+        Path | None, typer.Option("--database", "-d", help="New location of the pose database, if it was moved.")
     ] = None,
 ) -> None:
     """Fill in occluded limbs of a finished track by the motions that are recognised in it."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table, progress_bars
-    from toolkit.app.stabilise.stabiliser import StabiliseSettings
     from toolkit.app.stabilise.workflow import output_folders, stabilise_run
 
-    if (segments is not None or moved.recording is not None) and len(runs) > 1:
+    if (segments is not None or recording is not None) and len(runs) > 1:
         raise UsageError("--segments and --recording belong to one run; name one")
-    settings = StabiliseSettings(threshold)
     table = Table("run", "labels", "gaps", "filled", "moved mm", "result")
     with progress_bars() as bars:
         for run, folder in output_folders(runs, output).items():
             done = stabilise_run(
-                run, classes, folder, settings=settings, segments=segments,
-                recording=moved.recording, database=moved.database, progress=bars,
+                run, classes, folder, threshold=threshold, segments=segments,
+                recording=recording, database=database, progress=bars,
             )  # fmt: skip
             table.add_row(
                 run.name, str(len(done.segments)), str(len(done.gaps)),

@@ -11,7 +11,6 @@ from toolkit.fitting.priors import ResidualTerm
 from toolkit.io.spans import spans
 from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.foot_contact import contact_frames
-from toolkit.retrieval.priors.gap_settings import DEFAULT, GapSettings
 from toolkit.retrieval.priors.limb_entries import ENTRIES
 
 
@@ -21,25 +20,22 @@ def contact_terms(source: SourceRun, context: GapContext) -> dict[int, list[Resi
     A foot that is visible in part of a contact stays at its median place there.
     """
     found: dict[int, list[ResidualTerm]] = {}
-    settings = context.settings
     for leg in FEET:
         sole = Sole.of(source.body, leg)
-        for span in spans(contact_frames(context.allocation, context.classes, leg, settings.contact_columns)):
+        for span in spans(contact_frames(context.allocation, context.classes, leg)):
             hidden = context.hidden[leg][span]
             if not hidden.any():
                 continue
             visible = np.flatnonzero(~hidden) + span.start
             places = np.array([sole.at(source.body, context.poses[frame]) for frame in visible])
             place = np.median(places, axis=0) if len(visible) else None
-            term = floor_term(source.body, leg, source.floor.height, place, settings)
+            term = floor_term(source.body, leg, source.floor.height, place)
             for frame in (np.flatnonzero(hidden) + span.start).tolist():
                 found.setdefault(frame, []).append(term)
     return found
 
 
-def floor_term(
-    body: Body, leg: str, height: float, place: np.ndarray | None, settings: GapSettings = DEFAULT
-) -> ResidualTerm:
+def floor_term(body: Body, leg: str, height: float, place: np.ndarray | None) -> ResidualTerm:
     """Return a term that pulls heel and ball of a foot to the floor and to their place on it.
 
     Parameters
@@ -48,7 +44,6 @@ def floor_term(
     leg : `left_leg` or `right_leg`; only its angles change
     height : metres, y of the floor under the foot, level frame
     place : float64 (2, 3), metres, heel and ball at rest (only x and z are used); None if unknown
-    settings : weight and scale of the term
     """
     sole = Sole.of(body, leg)
 
@@ -57,4 +52,5 @@ def floor_term(
         above = points[:, 1] - height
         return above if place is None else np.concatenate([above, (points - place)[:, [0, 2]].ravel()])
 
-    return ResidualTerm(settings.contact_weight, settings.contact_scale, ENTRIES[leg], residuals)
+    weight, scale = 1.0, 0.1  # relative to one correspondence; metres of the Geman-McClure weight
+    return ResidualTerm(weight, scale, ENTRIES[leg], residuals)

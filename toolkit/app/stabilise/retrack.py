@@ -14,8 +14,7 @@ from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.priors import LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
 from toolkit.people.survey import find_person
-from toolkit.retrieval.priors.gap_settings import GapSettings
-from toolkit.retrieval.priors.gap_trajectories import RETRACKED, GapCandidates
+from toolkit.retrieval.priors.gap_trajectories import PRIOR_SPREAD, RETRACKED, GapCandidates
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guide import NoGuide
@@ -33,7 +32,6 @@ class GapGuide(NoGuide):
     candidates : candidates of each gap, with the expected angles
     times : float64 (T,), seconds, of the frames
     contacts : frame -> floor terms of occluded feet
-    settings : weights
     """
 
     def __init__(
@@ -41,15 +39,14 @@ class GapGuide(NoGuide):
         candidates: Sequence[GapCandidates],
         times: np.ndarray,
         contacts: Mapping[int, Sequence[ResidualTerm]],
-        settings: GapSettings,
     ) -> None:
         self._contacts = {float(times[frame]): tuple(terms) for frame, terms in contacts.items()}
-        self._contact_cost = settings.contact_cost
         self._priors: dict[float, list[LimbPrior]] = {}
+        weight = 0.003  # m^2 per rad^2 and variance; a tenth of the weight of the depth samples on a visible arm
         for gap in candidates:
             for place in np.flatnonzero(gap.hidden):
                 mean, variance = gap.expected.mean[place], gap.expected.variance[place]
-                prior = LimbPrior(settings.prior_weight, gap.entries, mean, variance + settings.prior_spread**2)
+                prior = LimbPrior(weight, gap.entries, mean, variance + PRIOR_SPREAD**2)
                 self._priors.setdefault(float(times[gap.gap.start + place]), []).append(prior)
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
@@ -58,7 +55,8 @@ class GapGuide(NoGuide):
 
     def contact_penalty(self, timestamp: float, pose: np.ndarray) -> float:
         """Return the penalty in metres for the floor terms that a pose (P,) violates."""
-        return self._contact_cost * sum(term.violation(pose) for term in self._contacts.get(timestamp, ()))
+        cost = 0.001  # metres added to the distance of a pose for each fully violated floor residual
+        return cost * sum(term.violation(pose) for term in self._contacts.get(timestamp, ()))
 
 
 class Retracked(NamedTuple):

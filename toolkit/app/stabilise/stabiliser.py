@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -22,9 +22,9 @@ from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import allocate, unknown_rows
 from toolkit.retrieval.priors.expectation import GapContext
-from toolkit.retrieval.priors.gap_settings import GapSettings
 from toolkit.retrieval.priors.gap_trajectories import (
     KEPT,
+    PRIOR_SPREAD,
     GapCandidates,
     cheapest_path,
     gap_candidates,
@@ -34,25 +34,9 @@ from toolkit.tracks import Track
 
 SOURCE = "prior"
 """Entry of `Track.source_names` for frames with an exchanged limb."""
-
-
-@dataclass(frozen=True)
-class StabiliseSettings:
-    """Settings of the stabilisation of a track.
-
-    Attributes
-    ----------
-    threshold : fraction of differing features, in (0, 1], from which an alignment with a template is rejected; the
-        thesis has 0.07 for tracks of another sensor
-    gaps : thresholds, weights and spreads of the gaps
-    """
-
-    threshold: float = 0.1
-    gaps: GapSettings = field(default_factory=GapSettings)
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.threshold <= 1.0:
-            raise SettingsError(f"threshold {self.threshold} is not in (0, 1]; try 0.1")
+THRESHOLD = 0.1
+"""Fraction of differing features from which an alignment with a template is rejected; the thesis has 0.07 for tracks of
+another sensor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +104,7 @@ class Stabilised:
 def stabilise(
     source: SourceRun,
     classes: Sequence[MotionClass],
-    settings: StabiliseSettings | None = None,
+    threshold: float = THRESHOLD,
     *,
     segments: Sequence[Segment] | None = None,
     progress: Progress = silent,
@@ -134,7 +118,7 @@ def stabilise(
     ----------
     source : finished run
     classes : motion classes; a class without a motion only marks segments as repetitions
-    settings : thresholds and weights
+    threshold : fraction of differing features, in (0, 1], from which an alignment with a template is rejected
     segments : labelled segments in place of an annotation of the track
     progress : callback for the number of frames done
 
@@ -142,18 +126,21 @@ def stabilise(
     ------
     RetrievalError
         A segment has a label of no class.
+    SettingsError
+        The threshold is out of range.
     """
-    settings = settings or StabiliseSettings()
+    if not 0.0 < threshold <= 1.0:
+        raise SettingsError(f"threshold {threshold} is not in (0, 1]; try {THRESHOLD}")
     track = source.track
-    gaps = find_gaps(track.confidence, source.present, settings.gaps)
-    context, annotation, labelled = _context(source, gaps, classes, segments, settings)
+    gaps = find_gaps(track.confidence, source.present)
+    context, annotation, labelled = _context(source, gaps, classes, segments, threshold)
     candidates = gap_candidates(context, gaps) if labelled else []
     if not candidates:  # no limb is occluded, or no class is recognised
         return Stabilised(annotation, labelled, (), track)
     contacts = contact_terms(source, context)
-    guide = GapGuide(candidates, track.timestamps, contacts, settings.gaps)
+    guide = GapGuide(candidates, track.timestamps, contacts)
     again = retrack(source, candidates, guide, partial(progress, "tracking again"))
-    paths = [select(*of_gap, settings.gaps) for of_gap in zip(candidates, again.distances, again.angles, strict=True)]
+    paths = [select(*of_gap) for of_gap in zip(candidates, again.distances, again.angles, strict=True)]
     changed = _exchanged(source, candidates, again, paths)
     moved = linear.lengths((changed.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
     filled = tuple(
@@ -171,18 +158,21 @@ def _mean_distances(track: Track, again: Retracked, filled: Sequence[FilledGap])
     return before, before + gained / max(len(track), 1)
 
 
-def select(gap: GapCandidates, distances: np.ndarray, angles: np.ndarray, settings: GapSettings) -> np.ndarray:
+def select(gap: GapCandidates, distances: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Return the selected candidate (D,) of each frame of a gap.
 
     The cost is the distance (C, D) from the frame, the deviation from the expected angles, and the step from the frame
     before. The thesis accepts every prior and reports the harm of wrong ones (6.6); here the depth decides.
     """
-    spread = gap.expected.variance + settings.prior_spread**2
+    # Chosen on the tuning split of the labelled sequences: metres for one squared standard deviation of one angle, and
+    # metres by which another trajectory must be closer to the depth than the track.
+    prior_cost, track_advantage = 0.00015, 0.0007
+    spread = gap.expected.variance + PRIOR_SPREAD**2
     deviation = ((angles - gap.expected.mean) ** 2 / spread).sum(axis=2)
-    costs = distances + settings.prior_cost * deviation
-    costs[gap.names.index(KEPT)] -= settings.track_advantage
+    costs = distances + prior_cost * deviation
+    costs[gap.names.index(KEPT)] -= track_advantage
     costs = np.where(np.isfinite(costs), costs, np.where(np.arange(len(costs))[:, None] == 0, 0.0, np.inf))
-    return cheapest_path(costs, np.nan_to_num(angles), settings.smoothness_cost)
+    return cheapest_path(costs, np.nan_to_num(angles))
 
 
 def _context(
@@ -190,7 +180,7 @@ def _context(
     gaps: Sequence[Gap],
     classes: Sequence[MotionClass],
     segments: Sequence[Segment] | None,
-    settings: StabiliseSettings,
+    threshold: float,
 ) -> tuple[GapContext, Annotation | None, tuple[Segment, ...]]:
     """Return the track with its labels and occluded limbs, its annotation, and its labelled segments."""
     track = source.track
@@ -198,14 +188,14 @@ def _context(
     features = relational_features(from_poses(track.pose, source.body, rate, source.run.name))
     annotation = None
     if segments is None:
-        annotation = annotate(features, classes, settings.threshold)
+        annotation = annotate(features, classes, threshold)
     labelled = tuple(segments if segments is not None else annotation.segments if annotation else ())
     hidden = hidden_flags(gaps, len(track))
     columns = np.minimum(np.rint(np.arange(len(track)) * FEATURE_RATE / rate).astype(np.int64), len(features) - 1)
     first = np.searchsorted(columns, np.arange(len(features)))
     unknown = unknown_rows({limb: flags[first] for limb, flags in hidden.items()}, len(features))
-    allocation = allocate(features, labelled, classes, unknown, settings.gaps.end_share).at(columns)
-    context = GapContext(track.pose, track.timestamps, hidden, allocation, classes, settings.gaps)
+    allocation = allocate(features, labelled, classes, unknown).at(columns)
+    context = GapContext(track.pose, track.timestamps, hidden, allocation, classes)
     return context, annotation, labelled
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from toolkit.app.pipeline.run_writer import CONFIG_FILE
 from toolkit.app.stabilise.result_page import write_page
 from toolkit.app.stabilise.source_run import SourceRun, open_source
-from toolkit.app.stabilise.stabiliser import Stabilised, StabiliseSettings, stabilise
+from toolkit.app.stabilise.stabiliser import THRESHOLD, Stabilised, stabilise
 from toolkit.io.errors import RetrievalError, TrackError, UsageError
 from toolkit.io.files import check_output, locked, save_json, save_text
 from toolkit.io.progress import Progress, silent
@@ -29,7 +29,7 @@ def stabilise_run(
     classes: str | Path,
     output: str | Path,
     *,
-    settings: StabiliseSettings | None = None,
+    threshold: float = THRESHOLD,
     segments: str | Path | None = None,
     recording: str | Path | None = None,
     database: str | Path | None = None,
@@ -42,7 +42,7 @@ def stabilise_run(
     run : finished run of one person by the hybrid tracker
     classes : class file of `depthmocap learn --templates`
     output : run folder to write, with segments.csv and .json, annotation.png, stabilise.json and report.html
-    settings : see `StabiliseSettings`
+    threshold : see `stabilise`
     segments : CSV of labelled segments (start, end, label), in place of an annotation of the track
     recording, database : new paths, if they were moved
     progress : callback for the number of frames done
@@ -58,15 +58,15 @@ def stabilise_run(
     UsageError
         The output is the run itself, or the run has several people or another tracker.
     """
-    settings, folder = settings or StabiliseSettings(), Path(output)
+    folder = Path(output)
     for name in (TRACK_FILE, RUN_FILE, CONFIG_FILE, RESULT_FILE, *REPORT_FILES):
         check_output(folder / name, [Path(run) / TRACK_FILE, Path(run) / RUN_FILE, Path(run) / CONFIG_FILE, classes])
     wanted = load_classes(classes)
     source = open_source(run, recording=recording, database=database)
     labelled = None if segments is None else _segments(segments, source, wanted)
     with locked(folder):
-        result = stabilise(source, wanted, settings, segments=labelled, progress=progress)
-        _write(source, result, settings, folder)
+        result = stabilise(source, wanted, threshold, segments=labelled, progress=progress)
+        _write(source, result, threshold, folder)
     return result
 
 
@@ -94,20 +94,20 @@ def _segments(path: str | Path, source: SourceRun, classes: Sequence[MotionClass
     return found
 
 
-def _write(source: SourceRun, result: Stabilised, settings: StabiliseSettings, folder: Path) -> None:
+def _write(source: SourceRun, result: Stabilised, threshold: float, folder: Path) -> None:
     """Write the run folder; the track is written last, so that a folder with a track is complete."""
     folder.mkdir(parents=True, exist_ok=True)
     if result.annotation is not None:
         write_report(result.annotation, folder)
-    save_json(folder / RESULT_FILE, summary_of(source, result, settings))
+    save_json(folder / RESULT_FILE, summary_of(source, result, threshold))
     write_page(source, result, folder)
     save_text(folder / CONFIG_FILE, read_text(source.run / CONFIG_FILE, TrackError, AGAIN, inside=True))
     source.info.save(folder)
     result.track.save(folder)
 
 
-def summary_of(source: SourceRun, result: Stabilised, settings: StabiliseSettings) -> dict[str, object]:
-    """Return the content of `stabilise.json`: settings, segments, gaps and distances."""
+def summary_of(source: SourceRun, result: Stabilised, threshold: float) -> dict[str, object]:
+    """Return the content of `stabilise.json`: threshold, segments, gaps and distances."""
     times = source.track.timestamps
     gaps = [
         {
@@ -119,7 +119,7 @@ def summary_of(source: SourceRun, result: Stabilised, settings: StabiliseSetting
     ]  # fmt: skip
     return {
         "run": source.run.name,
-        "settings": asdict(settings),
+        "threshold": threshold,
         "segments": [asdict(s) for s in result.segments],
         "gaps": gaps,
         "moved": result.moved,

@@ -11,7 +11,6 @@ from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
-from toolkit.retrieval.priors.gap_settings import DEFAULT
 from toolkit.retrieval.priors.limb_entries import ROWS_OF_LIMB
 from toolkit.retrieval.templates import QuantisedTemplate
 
@@ -57,7 +56,7 @@ def allocate(
     segments: Sequence[Segment],
     classes: Sequence[MotionClass],
     unknown: np.ndarray | None = None,
-    end_share: float = DEFAULT.end_share,
+    end_share: float = 0.2,
 ) -> Allocation:
     """Align each labelled segment of a document with its class's template.
 

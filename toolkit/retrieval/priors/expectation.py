@@ -14,12 +14,13 @@ from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge, End, bridge
-from toolkit.retrieval.priors.gap_settings import DEFAULT, GapSettings
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limb_entries import ENTRIES, LIMBS
 
 ROOT = skeleton.POSE_SIZE - (ANGLES.stop - ANGLES.start)
 """Entries of a pose before its joint angles."""
+UNKNOWN_SPREAD = 0.7
+"""Standard deviation of an angle without a motion prior, radians."""
 
 
 class Expected(NamedTuple):
@@ -42,7 +43,6 @@ class GapContext:
     hidden : limb -> bool (T,), frames in which it is occluded
     allocation : alignment of the T frames with the classes
     classes : motion classes
-    settings : spreads and weights
     """
 
     poses: np.ndarray
@@ -50,7 +50,6 @@ class GapContext:
     hidden: dict[str, np.ndarray]
     allocation: Allocation
     classes: Sequence[MotionClass]
-    settings: GapSettings = DEFAULT
 
 
 def fill(context: GapContext, gap: Gap) -> tuple[Bridge, str]:
@@ -60,7 +59,8 @@ def fill(context: GapContext, gap: Gap) -> tuple[Bridge, str]:
     before, after = gap.start - 1, gap.stop
     around = np.concatenate([[max(before, 0)], rows, [min(after, len(context.times) - 1)]])
     expected = expect(context, gap.limb, around)
-    noise = np.full(len(entries), context.settings.end_noise**2)
+    end_noise = 0.1  # radians, standard deviation of the limb's angles at the ends of its gap
+    noise = np.full(len(entries), end_noise**2)
     ends: list[End | None] = []
     for frame, place in ((before, 0), (after, -1)):
         inside = 0 <= frame < len(context.times) and not context.hidden[gap.limb][frame]
@@ -77,9 +77,9 @@ def expect(context: GapContext, limb: str, frames: np.ndarray) -> Expected:
     """Return the expected angles of a limb in some frames (D,), without its own angles around them.
 
     Sources are averaged by inverse variance in each frame. A frame without a source has the mean of the nearest
-    frame that has one, with `unknown_spread`.
+    frame that has one, with `UNKNOWN_SPREAD`.
     """
-    entries, unknown = ENTRIES[limb], context.settings.unknown_spread
+    entries = ENTRIES[limb]
     shape = (len(frames), len(entries))
     weights, total, memory, sources = np.zeros(shape), np.zeros(shape), 0.0, []
     for source in (class_motion, repetitions):
@@ -94,9 +94,10 @@ def expect(context: GapContext, limb: str, frames: np.ndarray) -> Expected:
         sources.append(found.source)
     known = weights[:, 0] > 0.0
     if not known.any():
-        return Expected(np.zeros(shape), np.full(shape, unknown), context.settings.unknown_memory, "interpolation")
+        unknown_memory = 4.0  # seconds, correlation time of the deviations without a motion prior
+        return Expected(np.zeros(shape), np.full(shape, UNKNOWN_SPREAD), unknown_memory, "interpolation")
     mean = np.where(weights > 0.0, total / np.maximum(weights, 1e-12), 0.0)
-    spread = np.where(weights > 0.0, np.maximum(weights, 1e-12) ** -0.5, unknown)
+    spread = np.where(weights > 0.0, np.maximum(weights, 1e-12) ** -0.5, UNKNOWN_SPREAD)
     nearest = np.abs(np.arange(len(frames))[:, None] - np.flatnonzero(known)[None]).argmin(axis=1)
     return Expected(mean[np.flatnonzero(known)[nearest]], spread, memory, " and ".join(sources))
 
@@ -105,7 +106,7 @@ def class_motion(context: GapContext, limb: str, frames: np.ndarray) -> Expected
     """Return the class's motion conditioned on the visible limbs; NaN in frames without a label, None without any."""
     entries = ENTRIES[limb]
     mean = np.full((len(frames), len(entries)), np.nan)
-    spread, memory = np.full(mean.shape, context.settings.unknown_spread), 0.0
+    spread, memory = np.full(mean.shape, UNKNOWN_SPREAD), 0.0
     gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     for place, frame in enumerate(frames):
         row = int(context.allocation.label[frame])
@@ -116,7 +117,7 @@ def class_motion(context: GapContext, limb: str, frames: np.ndarray) -> Expected
         hidden = np.array([context.hidden[other][frame] or other == limb for other in LIMBS])
         key = (row, hidden.tobytes())
         if key not in gains:
-            gains[key] = _gain(motion.covariance, entries - ROOT, hidden, context.settings.observed_noise)
+            gains[key] = _gain(motion.covariance, entries - ROOT, hidden)
         visible, gain, remaining = gains[key]
         deviation = context.poses[frame, ROOT + visible] - motion.mean[column, visible]
         mean[place] = motion.mean[column, entries - ROOT] + linear.times(gain, deviation)
@@ -125,12 +126,11 @@ def class_motion(context: GapContext, limb: str, frames: np.ndarray) -> Expected
     return Expected(mean, spread, memory, "class") if np.isfinite(mean).any() else None
 
 
-def _gain(
-    covariance: np.ndarray, wanted: np.ndarray, hidden: np.ndarray, noise: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _gain(covariance: np.ndarray, wanted: np.ndarray, hidden: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the visible angles (S,), the gain (A, S) of the wanted ones on them, and the remaining spread factor."""
     taken = np.concatenate([ENTRIES[limb] - ROOT for limb, gone in zip(LIMBS, hidden, strict=True) if gone])
     visible = np.setdiff1d(np.arange(len(covariance)), taken)
+    noise = 0.12  # radians, standard deviation of the angles of visible limbs
     among = linear.inverse(covariance[np.ix_(visible, visible)] + noise**2 * np.eye(len(visible)))
     across = np.ascontiguousarray(covariance[np.ix_(wanted, visible)])
     gain = np.stack([linear.times(among, row) for row in across])
@@ -142,7 +142,7 @@ def _gain(
 def repetitions(context: GapContext, limb: str, frames: np.ndarray) -> Expected | None:
     """Return the person's mean angles in other segments of the same label with a visible limb (thesis 6.4.1, 6.4.3)."""
     allocation, entries = context.allocation, ENTRIES[limb]
-    between = context.settings.repetition_spread
+    between = 0.15  # radians, standard deviation between repetitions of one motion by one person
     mean = np.full((len(frames), len(entries)), np.nan)
     spread = np.full(mean.shape, between)
     visible = ~context.hidden[limb] & (allocation.label >= 0)
@@ -161,4 +161,5 @@ def repetitions(context: GapContext, limb: str, frames: np.ndarray) -> Expected 
         spread[place] = np.sqrt(between**2 / segments + own.var(axis=0) / len(own))
     if not np.isfinite(mean).any():
         return None
-    return Expected(mean, spread, context.settings.repetition_memory, "repetitions")
+    memory = 0.5  # seconds, correlation time of these deviations
+    return Expected(mean, spread, memory, "repetitions")

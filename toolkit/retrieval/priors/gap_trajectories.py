@@ -10,11 +10,14 @@ import numpy as np
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge
 from toolkit.retrieval.priors.expectation import GapContext, fill
-from toolkit.retrieval.priors.gap_settings import DEFAULT
 from toolkit.retrieval.priors.gaps import Gap, hidden_flags, widened
 from toolkit.retrieval.priors.limb_entries import ENTRIES
 
 KEPT, RETRACKED, INTERPOLATED = "track", "tracked again", "interpolation"
+PRIOR_SPREAD = 0.15
+"""Added to the standard deviation of a prior, radians."""
+SMOOTHNESS_COST = 0.02
+"""Cost of a squared step of one angle between frames, m / rad^2; chosen on the tuning split."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,7 @@ class GapCandidates:
 def gap_candidates(context: GapContext, gaps: Sequence[Gap]) -> list[GapCandidates]:
     """Return the candidates of each gap; the angles of `RETRACKED` are NaN."""
     frames = len(context.times)
-    wide = widened(gaps, frames, context.settings)
+    wide = widened(gaps, frames)
     around = replace(context, hidden=hidden_flags(wide, frames))
     unlabelled = replace(around, allocation=Allocation.nothing(frames))
     found = []
@@ -62,9 +65,7 @@ def gap_candidates(context: GapContext, gaps: Sequence[Gap]) -> list[GapCandidat
     return found
 
 
-def cheapest_path(
-    costs: np.ndarray, angles: np.ndarray, smoothness_cost: float = DEFAULT.smoothness_cost
-) -> np.ndarray:
+def cheapest_path(costs: np.ndarray, angles: np.ndarray, smoothness_cost: float = SMOOTHNESS_COST) -> np.ndarray:
     """Return the candidate of each frame that minimises the sum of costs and steps (dynamic programming).
 
     Parameters
