@@ -27,7 +27,6 @@ import numpy as np
 from benchmarks._record import run_part, save_figures, show
 from tests.container_files import RosWriter
 from toolkit.datasets.folder import data_folder
-from toolkit.io.files import OWN_MARK
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
@@ -111,7 +110,7 @@ def signalled(command: str, after: float, folder: Path, names: dict[str, Path]) 
         known = {128 + number: "ended", -number: "ended", 1: "exit 1", 0: "finished before"}
         counts[known.get(child.returncode, "other exits")] += 1
         counts["tracebacks"] += "Traceback" in told
-        counts["temporary files left"] += sum(p.is_file() and p.name != OWN_MARK for p in folder.rglob(".*"))
+        counts["temporary files left"] += sum(p.is_file() for p in folder.rglob(".*"))
         shutil.rmtree(out.parent)
     return dict(counts)
 

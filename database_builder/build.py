@@ -21,7 +21,7 @@ from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import RootView, observed_offsets
 from toolkit.io.errors import MocapError, PlausibilityWarning, UsageError
-from toolkit.io.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
+from toolkit.io.files import check_output, is_folder
 from toolkit.io.progress import Progress, silent
 from toolkit.io.workers import usable_processors
 from toolkit.kernels.linear import lengths
@@ -109,10 +109,8 @@ def build_database(
 ) -> BuildReport:
     """Build a pose database and write it as one file.
 
-    Files that were read are kept in a folder of its own beside `output` until the database is
-    written, so that a killed or failed build goes on where it was. It is `<stem>.work`, with a number behind it where
-    such a folder is there already and is not the toolkit's. The result does not depend on the number of processes.
-    They are spawned, so a script that calls this needs the usual `if __name__ == "__main__":`.
+    The result does not depend on the number of processes. They are spawned, so a script that calls this needs the usual
+    `if __name__ == "__main__":`.
 
     Parameters
     ----------
@@ -134,19 +132,14 @@ def build_database(
         `output` cannot be written.
     """
     target, body = _checked_target(output, sources, workers), body or load_body("neutral")
-    work = free_folder(target.with_name(f"{target.stem}.work"))
-    files, clips = _sources(sources, work, body)
+    files, clips = _sources(sources, body)
     build = _Build(body, sampling, usable_processors() if workers is None else workers, progress)
-    make_own_folder(work)
-    with locked(work):
-        pool, skipped = build.read(files, clips, strict)
-        if len(skipped) == len(files) + len(clips):
-            remove_own_folder(work)  # it holds nothing that another build could use
-            raise MocapError(f"no file can be used; {skipped[0][0]}: {skipped[0][1]}; give BVH, ASF/AMC or AMASS")
-        database = build.database(pool, skipped)
-        database.save(target)
-        remove_own_folder(work)
-        build.end("write")
+    pool, skipped = build.read(files, clips, strict)
+    if len(skipped) == len(files) + len(clips):
+        raise MocapError(f"no file can be used; {skipped[0][0]}: {skipped[0][1]}; give BVH, ASF/AMC or AMASS")
+    database = build.database(pool, skipped)
+    database.save(target)
+    build.end("write")
     return BuildReport(target, database, pool.poses_read, tuple(skipped), build.seconds)
 
 
@@ -236,13 +229,11 @@ def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip]
     return check_output(target, [s for s in sources or () if not isinstance(s, PoseClip)])
 
 
-def _sources(
-    sources: Sequence[str | Path | PoseClip] | None, work: Path, body: Body
-) -> tuple[list[MocapFile], list[PoseClip]]:
+def _sources(sources: Sequence[str | Path | PoseClip] | None, body: Body) -> tuple[list[MocapFile], list[PoseClip]]:
     """Return the motion files and clips to read; the bundled motions if no source is given."""
     given = list(procedural_clips(body=body) if sources is None else sources)
     clips = [s for s in given if isinstance(s, PoseClip)]
-    files = find_sources([Path(s) for s in given if not isinstance(s, PoseClip)], work)
+    files = find_sources([Path(s) for s in given if not isinstance(s, PoseClip)])
     if not files and not clips:
         raise UsageError("there is no source to build a pose database from; give a folder with mocap")
     return files, clips

@@ -1,4 +1,4 @@
-"""Mocap files to canonical poses of one body, in parallel processes, resumable by file."""
+"""Mocap files to canonical poses of one body, in parallel processes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from database_builder.kept import KeptFile
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
@@ -21,17 +20,13 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 
-READING_VERSION = 2
-"""Version of reading and retargeting; intermediate files of another version are ignored."""
-
 
 @dataclass(frozen=True)
 class MocapFile:
-    """A mocap file: its name in reports, its path and its intermediate file."""
+    """A mocap file: its name in reports and its path."""
 
     name: str
     path: Path
-    kept: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +54,7 @@ class CanonicalPoses:
     doubts: tuple[str, ...] = ()
 
 
-def find_sources(paths: Iterable[Path], work: Path) -> list[MocapFile]:
+def find_sources(paths: Iterable[Path]) -> list[MocapFile]:
     """Return the motion files in the given files and folders, each once, sorted by path, with names relative to the
     input.
 
@@ -73,10 +68,7 @@ def find_sources(paths: Iterable[Path], work: Path) -> list[MocapFile]:
         for file in find_clips(root):
             name = file.name if file == root else file.relative_to(root).as_posix()
             found.setdefault(file.resolve(), name)
-    return [
-        MocapFile(name, path, work / f"{hashlib.sha256(str(path).encode()).hexdigest()[:16]}.npz")
-        for path, name in sorted(found.items())
-    ]
+    return [MocapFile(name, path) for path, name in sorted(found.items())]
 
 
 def of_clip(clip: PoseClip, body: Body, mirror: bool) -> CanonicalPoses:
@@ -86,15 +78,12 @@ def of_clip(clip: PoseClip, body: Body, mirror: bool) -> CanonicalPoses:
 
 
 def read_source(source: MocapFile, body: Body, mirror: bool) -> CanonicalPoses:
-    """Return the canonical poses of a file: from its intermediate file, else read, retargeted and stored.
+    """Return the canonical poses of a file.
 
     All failures of a file are reported in `error`, so that it does not stop the others.
     """
     try:
         digest = _digest(source.path)
-        kept = KeptFile(source.kept, _key(digest, body, mirror))
-        if (known := kept.load()) is not None:
-            return CanonicalPoses(source.name, digest, known["poses"], known["joints"], int(known["frames"]))
         with warnings.catch_warnings(record=True) as doubts:  # the process of the build shows them
             warnings.simplefilter("always", PlausibilityWarning)
             poses = retarget(read_clip(source.path), body).poses
@@ -103,7 +92,6 @@ def read_source(source: MocapFile, body: Body, mirror: bool) -> CanonicalPoses:
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
         empty = np.zeros((0, skeleton.POSE_SIZE), np.float32), np.zeros((0, len(skeleton.REPORTED), 3), np.float32)
         return CanonicalPoses(source.name, "", *empty, 0, reason)
-    kept.save({"poses": result.poses, "joints": result.joints, "frames": result.frames})
     return replace(result, doubts=tuple(str(doubt.message) for doubt in doubts))
 
 
@@ -123,9 +111,3 @@ def _digest(path: Path) -> str:
         return digest
     skeletons = sorted(p for p in path.parent.iterdir() if p.suffix.lower() == ".asf")
     return hashlib.sha256("".join([digest, *map(sha256_of, skeletons)]).encode()).hexdigest()
-
-
-def _key(digest: str, body: Body, mirror: bool) -> str:
-    """Return a key of all inputs of a file's canonical poses."""
-    parts = (digest, READING_VERSION, skeleton.fingerprint(), mirror, body.joints.tobytes(), body.sites.tobytes())
-    return hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -14,13 +14,9 @@ from toolkit.io import files
 from toolkit.io.errors import MocapError, OutputError, UsageError
 from toolkit.io.files import (
     LOCK_FILE,
-    OWN_MARK,
     OWNER_FILE,
     check_output,
-    free_folder,
     locked,
-    make_own_folder,
-    remove_own_folder,
     sha256_of,
 )
 from toolkit.io.yaml_reader import parse_json, parse_yaml, read_json
@@ -57,18 +53,6 @@ def test_an_output_inside_of_an_input_is_refused_where_the_input_is_sealed(tmp_p
     assert check_output(tmp_path / "frames" / "run", [tmp_path / "frames"]) == tmp_path / "frames" / "run"
     with pytest.raises(UsageError, match="outside of it"):
         check_output(tmp_path / "frames" / "run", [tmp_path / "frames"], sealed=[tmp_path / "frames"])
-
-
-def test_only_own_folders_are_removed(tmp_path: Path) -> None:
-    (tmp_path / "mine.work").mkdir()
-    (tmp_path / "mine.work" / "thesis.txt").write_text("years")
-    own = free_folder(tmp_path / "mine.work")
-    assert own.name == "mine.work-2" and not own.exists()
-    make_own_folder(own)
-    assert free_folder(tmp_path / "mine.work") == own
-    for folder in (own, tmp_path / "mine.work"):
-        remove_own_folder(folder)
-    assert not own.exists() and (tmp_path / "mine.work" / "thesis.txt").exists()
 
 
 HOLD = """import sys, time
@@ -139,19 +123,6 @@ def test_a_lock_never_writes_through_what_lies_in_its_folder(
     with pytest.raises(OutputError, match="cannot write"), locked(tmp_path / "run"):
         pass
     assert (tmp_path / "thesis.txt").read_text() == "years"
-
-
-def test_an_own_folder_is_neither_marked_nor_removed_through_a_link(tmp_path: Path) -> None:
-    (tmp_path / "thesis").mkdir()
-    (tmp_path / "thesis" / OWN_MARK).touch()
-    (tmp_path / "a.work").symlink_to("thesis")
-    assert free_folder(tmp_path / "a.work").name == "a.work-2"
-    remove_own_folder(tmp_path / "a.work")
-    (tmp_path / "b.work").mkdir()
-    (tmp_path / "b.work" / OWN_MARK).symlink_to(tmp_path / "new")
-    with pytest.raises(OutputError, match="it is a link"):
-        make_own_folder(tmp_path / "b.work")
-    assert (tmp_path / "thesis").is_dir() and not (tmp_path / "new").exists()
 
 
 def test_a_digest_of_a_folder_leaves_links_out_and_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

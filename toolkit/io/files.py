@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import socket
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -21,7 +20,7 @@ from toolkit.io.safe_open import is_inside, open_file, read_file
 
 LARGEST_FOLDER = 1_000_000
 """Largest number of files and folders of a recording."""
-LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
+LOCK_FILE, OWNER_FILE = ".lock", ".lock-owner"
 
 
 @contextmanager
@@ -176,44 +175,6 @@ def _same_file(a: Path, b: Path) -> bool:
         return a.samefile(b)
     except (OSError, ValueError):
         return False
-
-
-def free_folder(path: str | Path) -> Path:
-    """Return a path for intermediate files: `path`, else `path`-2, ...; no folder is made."""
-    wanted, number = Path(path), 1
-    folder = wanted
-    while os.path.lexists(folder) and not _is_own(folder):
-        number += 1
-        folder = wanted.with_name(f"{wanted.name}-{number}")
-    return folder
-
-
-def _is_own(folder: Path) -> bool:
-    return not folder.is_symlink() and is_inside(folder / OWN_MARK)
-
-
-def make_own_folder(path: str | Path) -> None:
-    """Make a folder with a marker file; `remove_own_folder` may delete it with its content.
-
-    Raises
-    ------
-    OutputError
-        The folder cannot be made.
-    """
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        open_file(folder / OWN_MARK, "a+b", inside=True).close()
-    except OSError as error:
-        raise OutputError(
-            f"cannot write {folder}: {error.strerror or error}; choose a folder that can be written"
-        ) from error
-
-
-def remove_own_folder(path: str | Path) -> None:
-    """Remove a folder that `make_own_folder` made, with its content; leave any other folder unchanged."""
-    if _is_own(Path(path)):
-        shutil.rmtree(path, ignore_errors=True)
 
 
 @contextmanager
