@@ -58,7 +58,7 @@ def test_any_csv_is_read_with_its_columns_and_units_declared(tmp_path):
         ("", {}, InertialError, "is empty"),
         ("a,b\n1,2\n", {}, InertialError, "has no column time_s; it has: a, b"),
         ("time_s,a\n0,1\n1,1\n", {}, InertialError, "neither orientations nor a gyroscope"),
-        ("time_s,a\n0,1\n", {"units": "gyro=turns"}, UsageError, "knows no gyro=turns"),
+        ("time_s,a\n0,1\n", {"units": "gyro=turns"}, UsageError, "has no gyro=turns"),
         ("time_s,a\n0,1\n", {"columns": "when=a"}, UsageError, "--columns names when"),
         ("time_s,a\n0,1\n", {"columns": "nonsense"}, UsageError, "write pairs such as"),
     ),

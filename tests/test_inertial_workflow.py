@@ -10,6 +10,7 @@ import pytest
 
 from tests.inertial_scenes import RATE, poses_of
 from tests.run_helpers import KNOWN_SIZE
+from tests.support.worn_sensors import simulate_sensors
 from tests.test_inertial_clock import typed
 from toolkit.app.cli.main import main
 from toolkit.body import skeleton
@@ -21,7 +22,8 @@ from toolkit.io.errors import InertialError
 from toolkit.mocap.clip import PoseClip
 from toolkit.output.rendering.axes import limb_axes
 from toolkit.recordings.opening import open_recording
-from toolkit.simulation.simulate import simulate_recording
+from toolkit.simulation.person import SimulatedPerson
+from toolkit.simulation.simulate import CaptureSettings, prepare, simulate_scene
 from toolkit.tracks import RunInfo, Track
 
 LIMBS = ("left_forearm", "right_forearm", "pelvis")
@@ -32,7 +34,10 @@ def workdir(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) ->
     """Return a folder with a recording, its sensors and the run."""
     folder = tmp_path_factory.mktemp("inertial")
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
-    simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, inertial=LIMBS)
+    person, shot = SimulatedPerson(clip), CaptureSettings(furnished=False, distance=2.6)
+    simulate_scene([person], folder / "take.npz", shot)
+    (wearer,) = prepare([person], shot).performers
+    simulate_sensors(wearer.body, wearer.poses, RATE, LIMBS).sensors.save(folder / "take_sensors.npz")
     words = ("--database", bundled_database, *KNOWN_SIZE)
     typed("track", folder / "take.npz", *words, "--online", "--output", folder / "run")
     return folder
