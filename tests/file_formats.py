@@ -220,7 +220,6 @@ FORMATS: dict[str, Format] = {
     "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
     "sensors csv": Format(sensors_file(".csv"), read_file),
     "sensors sto": _sensors("take.sto", STO),
-    "sensors czu text": _sensors("pi03", "0 0 1 0 0 90 100.0\n0 0 1 0 0 90 100.003\n"),
     "sensors mat": Format(inertial_matlab_file, read_file),
     "sensor placement yaml": Format(text_file("p.yaml", "00B421AF: left_shin\n7: pelvis\n"), load_placement),
     "sensor calibration json": Format(calibration_file, Calibration.load),
