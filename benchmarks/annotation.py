@@ -61,7 +61,7 @@ LAST_TRAINING_SUBJECT = 8
 HOW = (
     "documents put together from cut HDM05 clips of one actor (12 each), joined by eased straight lines of 0.25 to "
     "1.5 s, with excerpts of CMU walks, punches and swordplay before every second clip; joins and filler bear no "
-    "label; 'without joins' leaves the frames of the joins out of the count"
+    "label"
 )
 COUNTEREXAMPLES = 3
 """Number of document sets of a training actor's clips whose unlabelled parts are counterexamples."""
@@ -79,8 +79,8 @@ THRESHOLDS = tuple(round(0.02 * step, 2) for step in range(1, 13))
 MEASURES = ("frames", "segments")
 RELEVANT_SHARE = 0.1
 """Fraction of labelled frames in the second timed corpus."""
-Labelled = tuple[FeatureMatrix, tuple[Segment, ...], tuple[tuple[float, float], ...]]
-"""Features of a document, its true segments and its joins."""
+Labelled = tuple[FeatureMatrix, tuple[Segment, ...]]
+"""Features of a document, and its true segments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def make_documents(examples: Sequence[Example], filler: Sequence[Motion], seed: 
             groups.append([])
         groups[-1].append(part)
     documents = [assemble(f"{examples[0].actor} {i}", group) for i, group in enumerate(groups, start=1)]
-    return [(relational_features(d.motion), d.segments, d.joins) for d in documents]
+    return [(relational_features(d.motion), d.segments) for d in documents]
 
 
 def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
@@ -117,7 +117,7 @@ def train(examples: Sequence[Example], filler: Sequence[Motion], options: argpar
     folds = []
     for actor in sorted({example.actor for example in examples}):
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        unknown = [(features, segments) for features, segments, _ in make_documents(unseen, filler, options.seed)]
+        unknown = make_documents(unseen, filler, options.seed)
         folds.append(Fold(learn_classes(classes_of(seen)), unknown, keyframes_of(seen, filler, options)))
     threshold = learn_threshold(folds)
     classes = learn_classes(classes_of(examples), threshold=threshold)
@@ -135,7 +135,7 @@ def keyframes_of(
         for number in range(COUNTEREXAMPLES):
             made.extend(
                 LabelledDocument(features, actor, tuple((*s.frames(FEATURE_RATE), s.label) for s in segments))
-                for features, segments, _ in make_documents(own, filler, options.seed + 100 + number)
+                for features, segments in make_documents(own, filler, options.seed + 100 + number)
             )
     learned = learned_from(examples, made, settings, np.random.default_rng(options.seed))
     return [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
@@ -144,24 +144,21 @@ def keyframes_of(
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
     """Return scores, confusion matrix and searched fraction, without and with keyframes, of one actor's documents."""
     labels = trained.annotator.labels
-    index = KeyframeIndex.build([features for features, _, _ in documents])
+    index = KeyframeIndex.build([features for features, _ in documents])
     intervals = preselect(index, trained.queries, labels)
-    frames = sum(len(features) for features, _, _ in documents)
+    frames = sum(len(features) for features, _ in documents)
     result: dict[str, Any] = {"threshold": trained.threshold, "minutes": frames / 1800.0}
     searched = sum(stop - start for found in intervals for pieces in found.values() for start, stop in pieces)
     result["share_searched"] = searched / (frames * len(labels))
     for name, (narrowed, rules) in VARIANTS.items():
         annotator = Annotator(trained.annotator.classes, rules)
-        totals = dict.fromkeys(("frames", "frames without joins", "segments"), Scores(0, 0, 0, 0))
+        totals = dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
         table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
         annotations = []
-        for number, (features, segments, joins) in enumerate(documents):
+        for number, (features, segments) in enumerate(documents):
             found = annotator.annotate(features, intervals[number] if narrowed else None)
             true = label_frames(segments, labels, len(features), features.frame_rate)
-            joined = [Segment(start, end, "join") for start, end in joins]
-            counted = ~label_frames(joined, ("join",), len(features), features.frame_rate)[0]
             totals["frames"] += frame_scores(true, found.frames)
-            totals["frames without joins"] += frame_scores(true[:, counted], found.frames[:, counted])
             totals["segments"] += segment_scores(segments, found.segments)
             table += confusion(true, found.decided)
             annotations.append((frame_scores(true, found.frames).f, found, segments))
@@ -176,7 +173,7 @@ def swept(
     """Return scores over frames and segments with keyframes and a common threshold (Fig. 5.6)."""
     classes = [replace(known, threshold=threshold) for known in trained.annotator.classes]
     annotator, found = Annotator(classes, AS_PUBLISHED), dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
-    for (features, segments, _), own in zip(documents, intervals, strict=True):
+    for (features, segments), own in zip(documents, intervals, strict=True):
         annotation = annotator.annotate(features, own)
         true = label_frames(segments, annotator.labels, len(features), features.frame_rate)
         found["frames"] += frame_scores(true, annotation.frames)
@@ -207,11 +204,11 @@ def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> d
 
 def diluted(documents: Sequence[Labelled], filler: Sequence[Motion]) -> list[FeatureMatrix]:
     """Return the documents with filler, so that labelled frames are `RELEVANT_SHARE` of all."""
-    labelled = sum(segment.end - segment.start for _, segments, _ in documents for segment in segments)
-    total = sum(features.duration for features, _, _ in documents)
+    labelled = sum(segment.end - segment.start for _, segments in documents for segment in segments)
+    total = sum(features.duration for features, _ in documents)
     matrices = [relational_features(motion) for motion in filler]
     wanted = (labelled / RELEVANT_SHARE - total) / sum(matrix.duration for matrix in matrices)
-    return [*(features for features, _, _ in documents), *matrices * max(0, round(wanted))]
+    return [*(features for features, _ in documents), *matrices * max(0, round(wanted))]
 
 
 def _cpu_seconds(run: Callable[[], object], repeats: int = 5) -> float:
@@ -228,7 +225,7 @@ def rotations(examples: Sequence[Example], filler: Mapping[str, Motion], options
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
         trained, documents = train(seen, training, options), make_documents(unseen, reporting, options.seed + 1)
         found[actor] = measured(trained, documents)
-        dense = [features for features, _, _ in documents]
+        dense = [features for features, _ in documents]
         found[actor]["speed"] = {
             "documents": speed(trained, dense, options.minutes),
             "with more filler": speed(trained, diluted(documents, reporting), options.minutes),

@@ -269,31 +269,12 @@ def set_of(examples: Sequence[Example], label: str) -> TrainingSet:
     return TrainingSet([e.features for e in examples], [e.label == label for e in examples])
 
 
-def tables(examples: Sequence[Example], settings: LearningSettings, seed: int) -> list[dict[str, Any]]:
-    """Return the quality of each class on the left-out actor."""
-    rows: list[dict[str, Any]] = []
-    for actor in ACTORS:
-        seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        begin = time.process_time()
-        classes, checks = training_clips(by_label(seen), settings)
-        learned = learn(classes, settings, np.random.default_rng(seed), checks=checks)
-        seconds = time.process_time() - begin
-        for label, result in learned.items():
-            verification = set_of(unseen, label)
-            quality = verification.quality(result.individual)
-            runs = [verification.quality(s).fitness for s in result.solutions]
-            rows.append(
-                {
-                    "left_out": actor, "label": label, "clips": int(verification.relevant.sum()),
-                    "precision": quality.precision, "recall": quality.recall, "fitness": quality.fitness,
-                    "fitness_of_single_runs": float(np.mean(runs)), "training_fitness": result.training.fitness,
-                    "learning_cpu_seconds_all_classes": seconds,
-                }
-            )  # fmt: skip
-        print(
-            f"  {actor} left out: F {np.mean([r['fitness'] for r in rows if r['left_out'] == actor]):.3f}", flush=True
-        )
-    return rows
+def fitness_on(actor: str, examples: Sequence[Example], settings: LearningSettings, seed: int) -> float:
+    """Return the mean fitness over classes on clips of an actor who is left out of the learning."""
+    seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
+    classes, checks = training_clips(by_label(seen), settings)
+    learned = learn(classes, settings, np.random.default_rng(seed), checks=checks)
+    return float(np.mean([set_of(unseen, name).quality(found.individual).fitness for name, found in learned.items()]))
 
 
 def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -> dict[str, Any]:
@@ -365,28 +346,20 @@ def learn_keyframes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--curve-runs", type=int, default=2)
     options = _options(parser)
     examples = load_examples(options.data)
-    run = timed_run(examples, 10)
-    print(f"one run on {run['frames']} frames: {run['median_cpu_seconds']:.3f} s", flush=True)
-    figures: dict[str, Any] = {"one_run": run}
+    figures: dict[str, Any] = {"one_run": timed_run(examples, 10)}
     for name, learning in (
         ("clips as they are", LearningSettings(runs=options.runs, proportions=(), speeds=())),
         ("also under other proportions and speeds", LearningSettings(runs=options.runs)),
     ):
-        print(name, flush=True)
-        rows = tables(examples, learning, options.seed)
-        means = {actor: float(np.mean([r["fitness"] for r in rows if r["left_out"] == actor])) for actor in ACTORS}
+        means = {actor: fitness_on(actor, examples, learning, options.seed) for actor in ACTORS}
         figures[name] = {
             "fitness_by_actor_left_out": means,
             "fitness": float(np.mean(list(means.values()))),
-            "classes": rows,
             "curves": curves(examples, learning, options.curve_runs),
         }
-        population = figures[name]["curves"]["verification"]["fitness"][-1]
-        print(f"  mean {figures[name]['fitness']:.3f}, mean of the last populations {population:.3f}", flush=True)
-    settings = _settings(options)
-    settings["training_set_of_the_timed_run"] = (
-        "HDM05 clips, mirrored and at speeds 0.8 to 1.25, up to the thesis's size"
-    )
+    show(figures)
+    training = "HDM05 clips, mirrored and at speeds 0.8 to 1.25, up to the thesis's size"
+    settings = _settings(options) | {"training_set_of_the_timed_run": training}
     print(save_figures("keyframe_learning", figures, settings))
 
 
