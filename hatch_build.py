@@ -14,7 +14,10 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-NEEDED = ("filelock", "matplotlib", "numba", "numpy", "opencv-python-headless", "platformdirs", "pyyaml", "scipy")
+NEEDED = (
+    "filelock", "matplotlib", "numba", "numpy", "opencv-python-headless", "platformdirs", "pyyaml", "scikit-learn",
+    "scipy",
+)  # fmt: skip
 """Dependencies of the package that `scripts/compile_kernels.py` imports."""
 
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Build the wheel and use it without a checkout: an empty environment, another folder, the demo.
-# The wheel has to contain the compiled kernels: a first track of the demo's recording compiles nothing.
+# The wheel has to contain the compiled kernels: first commands over the demo's recording compile nothing.
 #   scripts/check_wheel.sh PYTHON          dependencies are those of PYTHON's environment (what CI does)
 #   scripts/check_wheel.sh PYTHON --full   dependencies are installed from the package index (a release)
 set -euo pipefail
@@ -37,8 +37,11 @@ esac
 for file in take.npz run/track.npz film.webm contact_sheet.png table.csv report.html; do
     [ -s "demo/$file" ] || { echo "the demo did not write $file" >&2; exit 1; }
 done
-XDG_CACHE_HOME=$work/cache "$work/empty/bin/depthmocap" track demo/take.npz --output run
-compiled=$(find "$work/cache" -name '*.nbc')
-[ -z "$compiled" ] || { echo "a first track compiled kernels that the wheel should contain: $compiled" >&2; exit 1; }
+for first in "track demo/take.npz --output run" "info demo/take.npz --output info.png" "live file:demo/take.npz" \
+    "database build --max-poses 100 --output poses.npz"; do
+    XDG_CACHE_HOME=$work/cache "$work/empty/bin/depthmocap" $first
+    compiled=$(find "$work/cache" -name '*.nbc')
+    [ -z "$compiled" ] || { echo "$first compiled kernels that the wheel should contain: $compiled" >&2; exit 1; }
+done
 "$work/empty/bin/depthmocap" export demo/run --output motion.glb --rig mixamo
 echo "the wheel works"

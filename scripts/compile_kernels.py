@@ -1,7 +1,8 @@
-"""Compile the kernels of a first track into a folder: `python scripts/compile_kernels.py FOLDER`.
+"""Compile the kernels of first commands into a folder: `python scripts/compile_kernels.py FOLDER`.
 
-Two short recordings are drawn and tracked: one person before an empty scene and two people in a room. A folder with the
-kernels of these sources is left as it is.
+Two short recordings are drawn, tracked and described: one person before an empty scene and two people in a room, who
+are tracked live too. A pose database is built of two motions. A folder with the kernels of these sources is left as it
+is.
 """
 
 from __future__ import annotations
@@ -85,8 +86,8 @@ def write_examples(folder: Path) -> tuple[Path, Path]:
     return folder / "person.npz", folder / "room.npz"
 
 
-def track_examples(folder: Path) -> None:
-    """Track the two recordings in one pass and in two, score and draw the person."""
+def track_examples(folder: Path) -> Path:
+    """Track the two recordings in one pass and in two, score and draw the person; return the recording of the room."""
     import depthmocap
     from toolkit.app.pipeline import TrackerRecipe, track_recording
     from toolkit.database.default import default_database_path
@@ -102,6 +103,41 @@ def track_examples(folder: Path) -> None:
         render_run(folder / "run", folder / name, frames=range(3))
     for passes in (1, 2):
         depthmocap.track(room, people="all", settings={"passes": passes})
+    return room
+
+
+def track_live_example(room: Path) -> None:
+    """Track the people of a room frame by frame."""
+    import depthmocap
+    from toolkit.recordings.opening import open_recording
+
+    tracker = depthmocap.Tracker(intrinsics=(FOCAL, FOCAL, (WIDTH - 1) / 2, (HEIGHT - 1) / 2), people="all")
+    slow = 5.0  # times as slow as recorded: bodies are learned in 18 of the frames
+    for frame in open_recording(room).stream():
+        tracker.step(frame.depth_mm, slow * frame.timestamp)
+    tracker.finish()
+
+
+def describe_example(room: Path, folder: Path) -> None:
+    """Describe a recording, as `depthmocap info` does."""
+    from toolkit.output.rendering.survey_picture import save_picture
+    from toolkit.people.description import describe
+    from toolkit.people.person_network import person_network
+    from toolkit.recordings.opening import open_upright
+    from toolkit.sensing.sensing_settings import SensingSettings
+
+    judge = person_network()
+    save_picture(describe(open_upright(room, judge), SensingSettings(), judge), folder / "info.png")
+
+
+def build_example(folder: Path) -> None:
+    """Build a pose database of two motions."""
+    from database_builder.build import Sampling, build_database
+    from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
+
+    few = 40  # poses, of which the prior is learned
+    clips = procedural_clips(SUBJECT_MOTIONS[:2], variations=1, seed=0)
+    build_database(clips, folder / "poses.npz", Sampling(max_poses=few, seated=False), workers=1)
 
 
 def main() -> None:
@@ -121,7 +157,10 @@ def main() -> None:
         described.parent.mkdir()
         described.write_text("Metadata-Version: 2.1\nName: depthmocap\nVersion: 0\n", encoding="utf-8")
         sys.path.append(name)
-        track_examples(work)
+        room = track_examples(work)
+        track_live_example(room)
+        describe_example(room, work)
+        build_example(work)
         shutil.rmtree(output, ignore_errors=True)
         shutil.copytree(user_folder(), output)
         (output / BUILD_FILE).write_text(key, encoding="utf-8")

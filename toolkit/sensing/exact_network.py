@@ -64,7 +64,7 @@ class _Loaded:
         import cv2
 
         self._net, self._outputs = cv2.dnn.readNetFromONNX(str(path)), list(outputs)
-        self._lock = Lock()  # a live recording learns its room in a second thread
+        self._lock = Lock()  # trackers of one process may run in several threads
         self._net.enableWinograd(False)
 
     def run(self, whole: np.ndarray) -> tuple[np.ndarray, ...]:
