@@ -11,7 +11,7 @@ from tests.retrieval_motions import random_motion
 from toolkit.io.errors import RetrievalError
 from toolkit.io.spans import spans
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, _segments_of
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, segments_of
 from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
@@ -185,7 +185,7 @@ def test_segments_are_the_runs_of_each_class_with_their_smallest_distance(share:
         for row in range(3)
         for run in spans(frames[row])
     ]
-    assert _segments_of(frames, distances, "abc", 30.0) == sorted(plain, key=lambda s: (s.start, s.end, s.label))
+    assert segments_of(frames, distances, "abc", 30.0) == sorted(plain, key=lambda s: (s.start, s.end, s.label))
 
 
 def test_the_first_of_the_cheapest_classes_is_decided_in_searched_frames() -> None:

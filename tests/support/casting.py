@@ -30,6 +30,7 @@ class Actor(SimulatedPerson):
     side : -1 comes from the left or stands there, 1 at the right
     start : seconds of the motion that are skipped
     spin : degrees by which they are turned evenly until the last frame
+    carries : object of `holding.HOLDINGS` in their hands
     """
 
     clip: str
@@ -38,6 +39,7 @@ class Actor(SimulatedPerson):
     side: float = -1.0
     start: float = 0.0
     spin: float = 0.0
+    carries: str | None = None
 
 
 @dataclass(frozen=True)

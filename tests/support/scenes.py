@@ -11,12 +11,14 @@ absent, bundled `subject` motions take its place.
 
 from collections.abc import Sequence
 from dataclasses import astuple, fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tests.support import acts, suite
 from tests.support.casting import Actor, Scene, listed
+from tests.support.holding import held_mesh
 from tests.support.suite import RATE, SHORTEST, cut, digest_of, in_place, motion_of, spun
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
@@ -190,6 +192,7 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
         made = {field.name: getattr(actor, field.name) for field in fields(SimulatedPerson)}
         made |= {"clip": PoseClip(actor.clip, played, RATE, ""), "body": own, "stature": None}
         made |= {"at": at, "yaw": yaw, "enters": late / RATE}
+        made["holds"] = None if actor.carries is None else partial(held_mesh, actor.carries)
         if actor.path == "give":
             made["held"] = halves[actor.side]
         people.append(SimulatedPerson(**made))
@@ -204,8 +207,8 @@ def _played(actor: Actor, scene: Scene, poses: np.ndarray) -> np.ndarray:
     """Return poses (T, P) of an actor along the path, with the held object."""
     if actor.path not in ("walks", "passes"):
         poses = in_place(poses)
-    if actor.holds is not None and actor.path != "give":
-        poses = acts.with_arms(poses, actor.holds)
+    if actor.carries is not None and actor.path != "give":
+        poses = acts.with_arms(poses, actor.carries)
     if actor.path in ("hug", "give"):
         return acts.meeting(actor.path, actor.side, actor.at, poses)
     if actor.path in acts.PATHS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -18,10 +18,10 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.simulation.clothes import dressed
 from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Box, boxes_mesh, check_kinds
-from toolkit.simulation.holding import check_holding, held_mesh
 from toolkit.simulation.mesh import Mesh, joined
 from toolkit.simulation.seating import seat_height, seated
 
+Holding = Callable[[np.ndarray], Mesh]
 CHEST = 0.075
 """Radius of the core of a trunk over the stature; two cores never overlap, even in a hug."""
 
@@ -41,7 +41,7 @@ class SimulatedPerson:
     furniture : furniture beside or before the person, names of `furniture.SEATS` and `furniture.OBSTACLES`
     clothes : names of `clothes.GARMENTS`
     enters : seconds of the recording at which the person appears; the person leaves at the end of the clip
-    holds : held object, a name of `holding.HOLDINGS`
+    holds : mesh of a held object for joints (20, 3), metres, y up
     held : seconds of the recording between which it is held
     """
 
@@ -54,7 +54,7 @@ class SimulatedPerson:
     furniture: tuple[str, ...] = ()
     clothes: tuple[str, ...] = ()
     enters: float = 0.0
-    holds: str | None = None
+    holds: Holding | None = None
     held: tuple[float, float] = (0.0, np.inf)
 
     def __post_init__(self) -> None:
@@ -96,14 +96,14 @@ class PosedSubject(NamedTuple):
     poses: np.ndarray
     first: int
     hanging: int = 0
-    holds: str | None = None
+    holds: Holding | None = None
     held: tuple[float, float] = (0.0, np.inf)
 
     def held_thing(self, frame: int) -> Mesh | None:
         """Return the held object in a frame of the recording, on the floor plan."""
         if self.holds is None or not self.held[0] <= frame < self.held[1]:
             return None
-        return held_mesh(self.holds, self.body.joint_positions(self.poses[frame - self.first]))
+        return self.holds(self.body.joint_positions(self.poses[frame - self.first]))
 
     @property
     def end(self) -> int:
@@ -151,7 +151,6 @@ def grown_to(body: Body, stature: float) -> Body:
 
 def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Generator) -> PosedSubject:
     """Return body and poses of a person on the floor plan; `rng` draws the sitting posture."""
-    check_holding(person.holds)
     naked = subject_of(person.body)
     if person.stature is not None:
         naked = grown_to(naked, person.stature)

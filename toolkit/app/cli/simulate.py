@@ -47,12 +47,6 @@ class SubjectOptions:
         list[float] | None,
         typer.Option(help="Angle by which a person is turned to their left, degrees.", rich_help_panel=PEOPLE),
     ] = None
-    stature: Annotated[
-        list[float] | None,
-        typer.Option(
-            help="Stature in metres; below 1.25 with the proportions of a small child.", rich_help_panel=PEOPLE
-        ),
-    ] = None
     enters: Annotated[
         list[float] | None, typer.Option(help="Time of the person's first frame, seconds.", rich_help_panel=PEOPLE)
     ] = None
@@ -90,7 +84,6 @@ class SubjectOptions:
             "body": each(self.body, count, "--body", "neutral"),
             "at": row if self.at is None else each([_place(text) for text in self.at], count, "--at", (0.0, 0.0)),
             "yaw": each(self.yaw, count, "--yaw", 0.0),
-            "stature": each(self.stature, count, "--stature", None),
             "seated": [self.seated] * count,
             "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
             "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],

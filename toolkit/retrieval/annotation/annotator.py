@@ -158,7 +158,7 @@ class Annotator:
         frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, decided, frames,
-            tuple(_segments_of(frames, distances, self.labels, features.frame_rate)),
+            tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
             tuple(c.label for c in self.classes if len(features) < c.template.shortest),
             tuple(motion_class.threshold for motion_class in self.classes),
         )  # fmt: skip
@@ -179,7 +179,7 @@ class Annotator:
         return distances, searched
 
 
-def _segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
+def segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
     """Return runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance."""
     length = frames.shape[1]
     places = np.flatnonzero(frames)  # of rows one after the other; a run ends with its row

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.errors import UsageError
 from toolkit.simulation.mesh import Mesh, box, joined, moved
 
 HOLDINGS: dict[str, tuple[float, float, float]] = {
@@ -13,12 +12,6 @@ HOLDINGS: dict[str, tuple[float, float, float]] = {
 }  # fmt: skip
 """Width, height and depth in metres of held objects; an object in both hands is as wide as their distance."""
 _LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
-
-
-def check_holding(kind: str | None) -> None:
-    """Raise UsageError for an unknown object."""
-    if kind is not None and kind not in HOLDINGS:
-        raise UsageError(f"no person can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
 
 
 def held_mesh(kind: str, joints: np.ndarray) -> Mesh:
