@@ -217,4 +217,7 @@ def test_the_size_is_measured_from_the_first_frames() -> None:
     learner = tracker.learner(CAMERA, LEVEL)
     learner.observe(of_depth(np.zeros(CAMERA.shape)), 0.0)
     assert learner.body is None and not learner.found
+    for i, pose in enumerate(WAVING):
+        assert list(learner.observe_parts(sighting_of(pose), i / 30)) == [None]
+    assert learner.body is not None and learner.preview(sighting_of(WAVING[0]), 1.0) is None
     assert ParticleTracker(body=load_body("neutral")).learning_seconds == 0.0

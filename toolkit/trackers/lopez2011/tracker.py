@@ -242,7 +242,6 @@ class MeasuredBody:
     """
 
     found = False
-    result: FrameResult | None = None
 
     def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
         self._settings = settings
@@ -254,6 +253,15 @@ class MeasuredBody:
         seen = self._viewer.look(sighting)
         if seen.points >= max(self._settings.smallest_person, 1):
             self._seen.append(seen)
+
+    def observe_parts(self, sighting: Sighting, timestamp: float) -> Parts[None]:
+        """See `BodyLearner.observe_parts`: a single part."""
+        yield
+        self.observe(sighting, timestamp)
+
+    def preview(self, sighting: Sighting | None, timestamp: float) -> FrameResult | None:
+        """Return None, because no person is tracked during the measurement."""
+        return None
 
     def predicted(self) -> PredictedBody:
         """Return None, because no person is tracked during the measurement."""
