@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
 from toolkit.io.errors import RetrievalError, SettingsError
 from toolkit.io.progress import Progress, silent
-from toolkit.io.workers import end_with
+from toolkit.io.workers import Task
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
@@ -169,6 +167,8 @@ def learn(
     RetrievalError
         A label is unknown, a class has no clips or no common features, or there are no counterexamples.
     """
+    from joblib import Parallel, delayed
+
     labels = list(classes) if labels is None else list(labels)
     _check(classes, labels, others)
     documents = [document for clips in classes.values() for document in clips] + list(others)
@@ -188,7 +188,11 @@ def learn(
             )
     tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
     solutions: dict[str, list[Individual]] = {label: [] for label in labels}
-    runs = _runs(tasks, _Evolution(training, templates, settings.genetic), workers)
+    jobs = (
+        delayed(Task.of(evolve))(training[label], templates[label], settings.genetic, np.random.default_rng(seed))
+        for label, seed in tasks
+    )
+    runs = Parallel(n_jobs=workers, return_as="generator")(jobs)
     for done, ((label, _), individual) in enumerate(zip(tasks, runs, strict=True), start=1):
         solutions[label].append(individual)
         progress(label, done, len(tasks))
@@ -213,42 +217,6 @@ def _check(
             f"all clips have the label {labels[0]!r}, so there are no counterexamples; give clips of other "
             "classes, or of none (the default label of a clip is its folder's name)"
         )
-
-
-@dataclass(frozen=True, eq=False)
-class _Evolution:
-    """One genetic run as a task for a worker process."""
-
-    training: Mapping[str, TrainingSet]
-    templates: Mapping[str, QuantisedTemplate]
-    settings: GeneticSettings
-
-    def __call__(self, task: tuple[str, int]) -> Individual:
-        label, seed = task
-        return evolve(self.training[label], self.templates[label], self.settings, np.random.default_rng(seed))
-
-
-_evolution: _Evolution
-
-
-def _prepare_worker(evolution: _Evolution, parent: int) -> None:
-    """Store the training data in the worker process, so that it is sent once."""
-    end_with(parent)
-    global _evolution
-    _evolution = evolution
-
-
-def _run_in_worker(task: tuple[str, int]) -> Individual:
-    return _evolution(task)
-
-
-def _runs(tasks: Sequence[tuple[str, int]], evolution: _Evolution, workers: int) -> Iterator[Individual]:
-    """Yield the results of all runs in the order of the tasks."""
-    if workers <= 1:
-        yield from map(evolution, tasks)
-        return
-    with ProcessPoolExecutor(workers, initializer=_prepare_worker, initargs=(evolution, os.getpid())) as pool:
-        yield from pool.map(_run_in_worker, tasks)
 
 
 def _learned(

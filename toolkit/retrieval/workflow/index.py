@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
 from pathlib import Path
 
 from toolkit.io.files import check_output
-from toolkit.io.workers import end_with
+from toolkit.io.workers import Task
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
@@ -38,19 +35,15 @@ def index_motions(
     UsageError
         `output` would replace a motion.
     """
+    from joblib import Parallel, delayed
+
     files = find_motions(paths)
     check_output(output, files)
     documents = []
-    with (
-        ProcessPoolExecutor(workers, initializer=end_with, initargs=(os.getpid(),))
-        if workers > 1
-        else nullcontext() as pool
-    ):
-        read = map(_read, files) if pool is None else pool.map(_read, files)
-        for number, features in enumerate(read, start=1):
-            documents.append(features)
-            if progress is not None:
-                progress("features", number, len(files))
+    for features in Parallel(n_jobs=workers, return_as="generator")(delayed(Task.of(_read))(file) for file in files):
+        documents.append(features)
+        if progress is not None:
+            progress("features", len(documents), len(files))
     index = KeyframeIndex.build(documents)
     index.save(output)
     return index
