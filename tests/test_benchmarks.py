@@ -12,17 +12,18 @@ import pytest
 
 from benchmarks import _room_scores
 from benchmarks import rooms as rooms_benchmark
-from benchmarks._keyframe_corpus import load_all
-from benchmarks.keyframes import MANUAL
+from benchmarks._keyframe_corpus import LabelledDocument, load_all
+from benchmarks.keyframes import MANUAL, Truth
 from tests.support import suite
 from tests.support.casting import listed
 from tests.support.scenes import scenes
 from tests.support.suite import takes
 from toolkit.app.cli.bench import benchmarks
 from toolkit.body import skeleton
+from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query_file import load_queries
-from toolkit.retrieval.search.find import find
+from toolkit.retrieval.search.find import HitRanges, find
 
 
 @pytest.mark.parametrize("name", sorted(benchmarks()))
@@ -101,3 +102,13 @@ def test_hand_written_keyframes_find_the_clips_that_they_were_written_for(data_f
     right = [(clip.label, number) in found for number, clip in enumerate(clips)]
     wrong = [(label, number) in found for label in queries for number, c in enumerate(clips) if c.label != label]
     assert np.mean(right) > 0.9 and np.mean(wrong) < 0.05
+
+
+@pytest.mark.quick
+def test_a_hit_is_right_where_it_overlaps_a_motion_of_the_class() -> None:
+    features = FeatureMatrix("document", np.zeros((40, 100), dtype=bool))
+    document = LabelledDocument(features, "bk", ((10, 30, "kick"), (50, 70, "squat"), (80, 90, "kick")))
+    truth = Truth([document], "kick")
+    found = HitRanges(np.zeros(3, int), np.array([25, 40, 60]), np.array([35, 45, 80]))
+    assert truth.relevant == pytest.approx(0.3) and truth.precision(found) == pytest.approx(1 / 3)
+    assert truth.quality([found]) == pytest.approx((0.35, 0.5, 0.0))
