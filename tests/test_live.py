@@ -370,17 +370,17 @@ def test_a_room_is_learned_from_the_samples_so_far_in_parts(take: Recording, mon
     assert sizes == list(live_room.LEARNED_AFTER)
     # the 8th, 16th and 40th sample are of 3.5, 7.5 and 19.5 s; a part is computed in every fourth frame
     assert changes == [106 + 40, 226 + 40, 586 + 40]
-    assert len(set(parts)) == 30 and {part % live_room.PERIOD for part in parts} == {2}
+    assert len(set(parts)) == 30 and {part % live_room.LEARNING_PERIOD for part in parts} == {2}
     assert all(learned.floor == -1.2 for _, learned in finder.rooms)
 
 
-def test_heads_are_searched_in_every_fourth_frame_and_while_no_person_is_found(take: Recording) -> None:
+def test_heads_are_searched_in_every_eighth_frame_and_while_no_person_is_found(take: Recording) -> None:
     finder = RoomFinder()
     room, depth = room_finder(take, finder), take.depth(0)
-    for k in range(14):
+    for k in range(20):
         finder.seen = (Sighting(1, depth.astype(np.float32), None, CAMERA),) if k >= 3 else ()
         room.find(depth, k / 30, {})
-    assert [k for k, (_, searches) in enumerate(finder.asked) if searches] == [0, 1, 2, 3, 4, 8, 12]
+    assert [k for k, (_, searches) in enumerate(finder.asked) if searches] == [0, 1, 2, 3, 8, 16]
 
 
 def test_one_person_in_a_room_is_the_largest_and_stays_it_unless_it_is_furniture() -> None:

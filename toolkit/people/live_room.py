@@ -27,9 +27,9 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
-PERIOD = 4
-"""Frames of which one has heads and limbs searched while the room is not known, and another one has a part of learning,
-20 to 40 ms each.
+SEARCH_PERIOD, LEARNING_PERIOD = 8, 4
+"""Frames of which one has heads and limbs searched while the room is not known, and frames of which another one has a
+part of learning: 20 to 40 ms each.
 """
 LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 """Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
@@ -108,9 +108,9 @@ class RoomLearningFinder:
         """See `PeopleFinder.find`; with `only`, that of one person."""
         if timestamp >= self._due and len(self._samples) < SAMPLES:
             self._sample(depth_mm, timestamp)
-        if self._learning is not None and self._frames % PERIOD == PERIOD // 2:
+        if self._learning is not None and self._frames % LEARNING_PERIOD == LEARNING_PERIOD // 2:
             self._learn(self._learning)
-        searches = not self._anyone or self._frames % PERIOD == 0
+        searches = not self._anyone or self._frames % SEARCH_PERIOD == 0
         self._frames += 1
         found = self._finder.find(depth_mm, timestamp, predicted, only=only, searches=searches)
         self._anyone = bool(found)

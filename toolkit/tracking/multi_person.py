@@ -63,6 +63,9 @@ class Predictions(Mapping[int, PredictedBody]):
     def __getitem__(self, person: int) -> PredictedBody:
         return self._known[person].predicted()
 
+    def __contains__(self, person: object) -> bool:
+        return person in self._known
+
     def __iter__(self) -> Iterator[int]:
         return iter(self._known)
 
