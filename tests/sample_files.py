@@ -285,6 +285,6 @@ def inertial_matlab_file(folder: Path) -> Path:
 def calibration_file(folder: Path) -> Path:
     still = (1.0, 0.0, 0.0, 0.0)
     mounted = {"left_shin": Mounting(still, "good", device="7")}
-    takes = {"take": TakeClock(0.5, 1.0, {"left_shin": still})}
+    takes = {"take": TakeClock(0.5, {"left_shin": still})}
     Calibration("robust", "shared", mounted, takes, ("a note",)).save(folder / "calibration.json")
     return folder / "calibration.json"
