@@ -53,16 +53,18 @@ def live_finder(
         `sensing.segment` is a mode that needs a whole recording.
     """
     mode = SegmentationMode.parse(sensing.segment).name
-    cut_out = mode not in ("auto", "person") or first.background is not None
-    if not cut_out and mode == "auto":
+    cut_out, look = mode not in ("auto", "person") or first.background is not None, None
+    if not cut_out:
         lens = MultiPersonFinder(first.camera, first.up_camera, None, sensing).lens
-        cut_out = first_look(lens.coarse(DepthFilter(first.camera, sensing).checked(first.depth(0))), lens).cut_out
+        depth = lens.coarse(DepthFilter(first.camera, sensing).checked(first.depth(0)))
+        look = first_look(depth, lens)
+        cut_out = mode == "auto" and look.cut_out
     if cut_out and people == 1:
         return SinglePersonSegmenter.of(first, sensing)
     if cut_out:
         return find_people(first, sensing, most=people, judge=judge)
     most = MOST_PEOPLE if people in (None, 1) else people
-    finder = MultiPersonFinder(first.camera, first.up_camera, None, sensing, most, judge)
+    finder = MultiPersonFinder(first.camera, first.up_camera, look, sensing, most, judge)
     height = floor_height(first)
     learning = RoomLearningFinder(finder, sensing, first, judge, None if height is None else -height)
     return FirstPersonFinder(learning) if people == 1 else learning
