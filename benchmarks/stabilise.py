@@ -95,7 +95,7 @@ def classes(parser: argparse.ArgumentParser) -> None:
     """Track, stabilise, compare, print, write JSON."""
     add_split_option(parser)
     names = [sequence.name for sequence in SEQUENCES]
-    parser.add_argument("--sequences", nargs="*", default=names, help="names of some; all")
+    parser.add_argument("--sequences", nargs="*", default=names, help="names of sequences; default: all")
     add_database_options(parser)
     options = parser.parse_args()
     database, known = poses_of(options), learn_templates(class_clips(options.split))

@@ -15,16 +15,16 @@ from toolkit.datasets.folder import data_folder as datasets_folder
 from toolkit.datasets.registry import data_set_of
 
 QUICK = frozenset({
-    "test_config", "test_configs", "test_database_canonical", "test_database_query", "test_files", "test_fitting_parts",
+    "test_config", "test_database_canonical", "test_database_query", "test_files", "test_fitting_parts",
     "test_kernels_linear", "test_kernels_planes", "test_sensing_camera", "test_sensing_parts",
     "test_track", "test_tracking_follower", "test_tracking_lookup", "test_tracking_observation",
     "test_tracking_planning", "test_tracking_search", "test_tracking_smoothing",
 })  # fmt: skip
 """Modules whose tests need under a second each; slow parts are replaced by fakes."""
 LONGEST = (
-    "test_stabilising", "test_same_tracks", "test_inertial_workflow", "test_examples", "test_tour",
+    "test_stabilising", "test_same_tracks", "test_inertial_workflow", "test_demo", "test_tour",
     "test_tracking_passes", "test_pipeline_batch", "test_tracking_hybrid", "test_people", "test_bad_input",
-    "test_demo", "test_tracking_particles", "test_database_builder", "test_damaged_files",
+    "test_tracking_particles", "test_database_builder", "test_damaged_files",
     "test_retrieval_search_files", "test_interrupted_writes", "test_real_workflow",
 )  # fmt: skip
 """Modules with the longest tests, longest first. They start first so that no worker ends with one alone."""

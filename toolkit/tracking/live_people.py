@@ -32,7 +32,9 @@ to 5 ms, so these take less than 15 ms; at 30 frames a second, the 90 frames of 
 PART_POINTS = 27_000
 """Cost of a part of a detection, 15 to 25 ms: two of three frames have one."""
 MOST_POINTS = 14_400
-"""Cost of a person's frame at most, so that five frames are tracked again while four come."""
+"""Maximum cost of a person's frame: with 18,000 points beside each new frame, five frames are tracked again while four
+arrive.
+"""
 ABSENT_POINTS = 120
 """Cost of a frame without a sighting: 20 to 60 microseconds."""
 
