@@ -65,7 +65,7 @@ def test_a_signal_that_is_ignored_stays_ignored() -> None:
 PARENT = """
 import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
-from tests.test_workers import told
+from tests.test_signals import told
 from toolkit.io.workers import Task, end_with
 
 def with_joblib():
