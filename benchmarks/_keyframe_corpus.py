@@ -4,8 +4,6 @@ HDM05 has 188 cut clips of 11 classes by 3 actors, about 6 minutes. Larger corpo
 mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table states this.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The papers' own numbers (`papers.yaml`) beside the results of the benchmarks."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

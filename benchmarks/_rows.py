@@ -1,7 +1,5 @@
 """Trackers of the benchmarks by row name: hybrid, its parts, the published tracker, swarm."""
 
-from __future__ import annotations
-
 import argparse
 import shutil
 from collections.abc import Mapping

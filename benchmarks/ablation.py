@@ -10,8 +10,6 @@ recordings per group of the report split. The rows are
 - `one pass`: without the second pass (`--online`).
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from contextlib import nullcontext

@@ -6,8 +6,6 @@ reported, the others continue, and the exit code is 1. `--list` prints the pendi
 Those of the swarm need the extra `joints` and `depthmocap joints --fetch`.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -14,8 +14,6 @@
   time per frame.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 import timeit

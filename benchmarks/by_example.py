@@ -19,8 +19,6 @@ the same with weights from the example, the same in two steps, and with the plac
 (`depthmocap search --by-example`). All DTW has the same steps.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

@@ -12,8 +12,6 @@
 `--every N` takes every N-th recording of each real person.
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 from collections.abc import Iterator, Mapping, Sequence

@@ -6,8 +6,6 @@ There is no truth: the figure is the image distance of fitted from detected join
 Needs the pose model (`depthmocap joints --fetch`).
 """
 
-from __future__ import annotations
-
 import argparse
 import shutil
 from typing import Any

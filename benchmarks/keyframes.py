@@ -16,8 +16,6 @@
   on a training set of the size of the thesis's.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

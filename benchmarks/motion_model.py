@@ -14,8 +14,6 @@ grouping by person and the thresholds per class were chosen with the three rotat
 confirm the figures.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Sequence

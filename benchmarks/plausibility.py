@@ -6,8 +6,6 @@
 - `signals [--after 2.5]`: each termination signal to each long command after some seconds.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

@@ -11,8 +11,6 @@
   in front of which the depth within 120 mm was measured; no tracker is involved. `SHIFTS` are the best ones.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from pathlib import Path

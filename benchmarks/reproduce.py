@@ -6,8 +6,6 @@ prints the pending benchmarks with the CPU time of their last run. `benchmarks/p
 each with its table, figure or section.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from itertools import groupby

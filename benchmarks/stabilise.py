@@ -6,8 +6,6 @@ standard deviation and largest value over the frames (Table 6.1), of visible and
 a plot frame by frame (Fig. 6.14).
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """configs/baak2013.yaml against Baak 2013, 5.4: medians of 5.4.1, and Eq. 5.7 to 5.9 against plain references."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

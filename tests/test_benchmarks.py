@@ -1,7 +1,5 @@
 """Each benchmark starts; the evaluation splits share no person; the scores of real rooms fit the annotations."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Database builder end to end: mocap in, one file out; bad mocap and bad outputs."""
 
-from __future__ import annotations
-
 import errno
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Change values of the file at `path` and remove its checksum, as other programs write it; None removes a value."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Data sets by name: registry, download from a server on this machine, and the command."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 from collections.abc import Iterator

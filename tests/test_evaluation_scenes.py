@@ -1,7 +1,5 @@
 """Scores of scenes: visible joints, identities, calibration of confidences."""
 
-from __future__ import annotations
-
 from itertools import permutations
 from types import SimpleNamespace
 from typing import Any

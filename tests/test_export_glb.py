@@ -1,7 +1,5 @@
 """A GLB file moves exactly as the toolkit's body, by a second reader; the Khronos validator finds no error."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Outputs never damage inputs, locks name their owner, text is not trusted."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The particle filter of an upper body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """First frames: pose of the fork, hands moved to the cloud's ends, both headings, refined alike."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

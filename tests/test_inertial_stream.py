@@ -1,7 +1,5 @@
 """Sensor streams: marked, omitted and rejected rows; round trip of the canonical file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

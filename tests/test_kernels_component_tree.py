@@ -1,7 +1,5 @@
 """Component tree of a function on a graph, against Higra and a plain threshold decomposition."""
 
-from __future__ import annotations
-
 import higra as hg
 import numpy as np
 import pytest

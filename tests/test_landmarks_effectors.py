@@ -1,7 +1,5 @@
 """Candidates for head and hands, their paths and the fork."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import dijkstra

@@ -1,7 +1,5 @@
 """`import depthmocap`: arrays in, tracks out, equal to run folders, also frame by frame."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Live sources, dropped frames, recordings and streams of `depthmocap live`; rooms learnt during the run."""
 
-from __future__ import annotations
-
 import json
 import signal
 import socket

@@ -1,7 +1,5 @@
 """MATLAB files: SciPy's reader is the reference for whole files; a damaged file is an error."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

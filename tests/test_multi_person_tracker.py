@@ -1,7 +1,5 @@
 """The loop over frames with fake tracker and finder: waiting people, body learning, time of rows."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any

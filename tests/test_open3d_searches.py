@@ -1,7 +1,5 @@
 """Open3D: searches equal to the compiled ones to the bit, and pictures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

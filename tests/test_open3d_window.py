@@ -3,8 +3,6 @@
 Open3D ends its process where Vulkan fails, so that the window has a process of its own.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

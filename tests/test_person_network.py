@@ -1,7 +1,5 @@
 """The person network: input, log-odds of people and rooms, the same bits everywhere."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

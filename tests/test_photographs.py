@@ -1,7 +1,5 @@
 """Photographs in one recording: no frame says anything of the pose in another, and the user is told."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Numbers of the papers beside the results; curves are drawn."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Annotation: distance functions against the recursion, class decision, extension, measures, bad inputs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """Motion models: examples, classifiers, learning from documents of other people, and the file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

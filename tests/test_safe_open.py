@@ -1,7 +1,5 @@
 """Safe opening of files: ordinary files only, and no links in a given folder."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulated scenes: several people, seats and furniture, clothes, small children, rooms without people."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Stabilised tracks: choice of trajectories, gaps, run folder, rejected inputs."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from dataclasses import replace

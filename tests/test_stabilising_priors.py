@@ -1,7 +1,5 @@
 """Priors of labels for hidden limbs: alignments, class motions, gaps, bridges as conditioned Gaussians."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

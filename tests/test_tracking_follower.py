@@ -1,7 +1,5 @@
 """The follower's step with fake parts: selection, queries, state, and reported values."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace

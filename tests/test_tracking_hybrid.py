@@ -1,7 +1,5 @@
 """The hybrid tracker on short simulated recordings (Baak 2013, 5.4)."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import replace

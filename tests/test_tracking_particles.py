@@ -1,7 +1,5 @@
 """Particle filter as a tracker, on drawn sequences of an upper body."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Size of a person whose body is not known yet."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Simulated training images of both networks, and export in whole numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calibration error of confidences."""
 
-from __future__ import annotations
-
 import numpy as np
 
 BINS = 10

@@ -1,7 +1,5 @@
 """Skinning by dual quaternions, which keeps the volume of a twist (Kavan 2008; Qammaz, 3.1)."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

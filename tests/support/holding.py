@@ -1,7 +1,5 @@
 """Held objects, which move with the hands and are not part of the person."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from toolkit.body import skeleton

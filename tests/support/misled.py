@@ -1,7 +1,5 @@
 """Trackers with wrong states: wrong poses, and a person's state as if one of them had been the last result."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
