@@ -10,13 +10,14 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.io.errors import SegmentationError, SeveralPeopleError
-from toolkit.people.candidates import shaped_alone
+from toolkit.people.candidates import in_a_mirror, shaped_alone
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.selected_person import FIRST_SECONDS, SelectedPersonFinder, meant_person
 from toolkit.people.sharing import body_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import people_and_furniture
+from toolkit.people.structure import Plane
 from toolkit.people.tracks import KnownPerson
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import level_rotation, rotated_points
@@ -78,6 +79,14 @@ def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
     board = np.where(np.arange(KINECT.height)[:, None] > 40, np.full(KINECT.shape, 2500), 0).astype(np.uint16)
     lens, view = view_of(board)
     assert not shaped_alone(view, lens, head)
+
+
+@pytest.mark.parametrize(("depth", "mirrored"), [(4.0, True), (4.8, False), (2.0, False)])
+def test_a_head_behind_a_wall_at_the_mirror_image_of_another_is_none(depth, mirrored):
+    lens, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
+    wall = Plane(np.array([0.0, 0.0, -1.0]), 3.0, 4.0)  # 3 m before the camera
+    before, behind = np.array([0.2, 0.3, -2.0]), np.array([0.2, 0.3, -depth])
+    assert in_a_mirror(behind, [before], [wall], lens) == mirrored
 
 
 # Seeds.

@@ -5,7 +5,7 @@ import pytest
 
 from tests.sensing_scenes import KINECT, scene
 from toolkit.people.hypothesis import EvidenceSample, log_odds
-from toolkit.people.learning import FEWEST, HeadTrack, below_heads, hanging, learnt
+from toolkit.people.learning import learnt, person_pixels
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.view import CoarseCamera
@@ -36,18 +36,16 @@ def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
     "glimpse",
     [
         EvidenceSample(True, moved=1.0),
-        EvidenceSample(True, moved=0.0, alive=0.02),
-        EvidenceSample(True, moved=0.0, head_alive=0.1),
         EvidenceSample(True, moved=0.0, judged=2.0),
     ],
-    ids=["moved", "alive", "the head moves", "judged"],
+    ids=["moved", "judged"],
 )
 def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(glimpse):
     assert log_odds([glimpse] * 40) > 0
 
 
 def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_only_if_it_moves():
-    shaped, shapeless = (EvidenceSample(shape, moved=0.0, alive=0.02) for shape in (True, False))
+    shaped, shapeless = (EvidenceSample(shape, moved=0.0, judged=2.5) for shape in (True, False))
     assert log_odds([shaped] * 10 + [shapeless] * 30) < 0 < log_odds([shaped] * 40)
     assert log_odds([shapeless] * 40) < 0 < log_odds([EvidenceSample(False, 1.0, judged=3.0)] * 40)
 
@@ -108,16 +106,19 @@ def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_re
     assert not two.unclaimed[two.owned].any(), "theirs have a moving person's reach"
 
 
-def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_had_it():
+def test_a_person_has_connected_pixels_that_are_not_rejected_and_likely_ones_below_the_head():
     frames, own, block = seated_on_a_block()
-    lens = lens_of()
-    view = lens.view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
-    place = view.points[own][np.argmax(view.points[own][:, 1])] - (0.0, 0.1, 0.0)
-    seen = HeadTrack(0, place.astype(np.float64), np.zeros(own.shape, dtype=bool), FIGURE)
-    still = np.ones(own.shape, dtype=bool)
-    found = hanging([seen], [seen], np.stack(frames), still, own, [], lens)
-    assert found[own].mean() > 0.7 and not found[~own].any()
-    assert not hanging([seen], [seen], np.stack(frames), still, ~own, [], lens).any()
+    view = lens_of().view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
+    place = (view.points[own][np.argmax(view.points[own][:, 1])] - (0.0, 0.1, 0.0)).astype(np.float64)
+    aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
+    near, block, nothing = own & (aside < 0.35), block & (aside > 0.45), np.zeros(own.shape, dtype=bool)
+    assert near.any() and block.any()
+    likely, distant = (np.where(mask, 2.0, -3.0) for mask in (own, block))
+    assert not person_pixels(view, nothing, place, distant).any(), "likely, but not below the head"
+    assert person_pixels(view, nothing, place, likely)[near].all()
+    found = person_pixels(view, own | block, place, likely)
+    assert found[own].all() and not found[block].any()
+    assert (person_pixels(view, own | block, place, None) == (own | block)).all()
 
 
 def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_classifier():
@@ -143,26 +144,6 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
     room = learnt(coarse(frames), lens_of(), None)
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.5, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
-
-
-def test_what_lies_below_a_head_that_stays_is_near_it_and_lower() -> None:
-    lens = lens_of()
-    background = np.full(lens.camera.shape, 2.5, dtype=np.float32)
-    points = lens.view(background, background > 0, background > 0).points
-    place = np.array([0.1, 0.3, -2.5])
-    wanted = (np.hypot(points[..., 0] - 0.1, points[..., 2] + 2.5) < 0.4) & (points[..., 1] < 0.3)
-    near = np.ones((2 * FEWEST + 1, *background.shape), dtype=bool)
-    near[2 * FEWEST] = False
-
-    def found(frames: int) -> np.ndarray:
-        nothing = np.zeros(background.shape, dtype=bool)
-        seen = [HeadTrack(frame, place, nothing, EvidenceSample(True, 0.0)) for frame in range(frames)]
-        return below_heads(seen, near, background, lens)
-
-    assert (found(FEWEST + 1) == wanted).all() and wanted.any()
-    assert not found(FEWEST).any(), "in as many samples nobody is above it"
-    near[FEWEST - 1 :] = False
-    assert not found(FEWEST + 1).any(), "too few show it"
 
 
 def test_the_classifier_rejects_person_like_furniture_in_a_still():

@@ -24,7 +24,7 @@ LATER = PATIENCE + 4.0
 def met(known: KnownPeople, place: np.ndarray, timestamp: float = 0.0) -> int:
     """Return the number of a person who enters with the head at a place (3,)."""
     back = known.expected_back(timestamp)
-    return known.meet(place, place - (0.0, 0.7, 0.0), 0.5, timestamp, back, head_seen=True)
+    return known.meet(place, place - (0.0, 0.7, 0.0), 0.5, timestamp, back)
 
 
 def walked_out(known: KnownPeople) -> None:
@@ -46,8 +46,6 @@ def test_a_person_is_present_as_long_as_there_is_patience_and_absent_then() -> N
     met(known, HEAD)
     assert [person.id for person in known.present(PATIENCE, {})] == [1]
     assert known.present(PATIENCE + 0.01, {}) == [] and known.expected_back(PATIENCE) == []
-    assert known.at_last_places([ASIDE, HEAD + 0.1], PATIENCE + 0.01) == [1]
-    assert known.at_last_places([ASIDE, HEAD + 0.1], PATIENCE) == [], "who is present is matched elsewhere"
 
 
 def test_who_comes_back_keeps_the_number_and_comes_back_once() -> None:
@@ -55,7 +53,7 @@ def test_who_comes_back_keeps_the_number_and_comes_back_once() -> None:
     met(known, HEAD)
     back = known.expected_back(LATER)
     places = (HEAD + (0.3, 0.0, 0.0), HEAD - (0.3, 0.0, 0.0))
-    numbers = [known.meet(place, place, 0.5, LATER, back, head_seen=True) for place in places]
+    numbers = [known.meet(place, place, 0.5, LATER, back) for place in places]
     assert numbers == [1, 2] and back == []
     assert known.people[0].last == LATER and not known.people[0].velocity.any()
 

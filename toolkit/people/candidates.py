@@ -9,7 +9,6 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.people.detection import (
     BRIDGE_CUT,
-    REACH_STILL,
     SHOULDER_DISTANCE,
     Head,
     head_seeds,
@@ -18,7 +17,6 @@ from toolkit.people.detection import (
     share_out,
 )
 from toolkit.people.structure import Plane
-from toolkit.people.unassigned import head_of
 from toolkit.people.view import CoarseCamera, View
 
 # Places are (3,), level frame, metres.
@@ -66,12 +64,6 @@ def _trunk_below(view: View, mask: np.ndarray, place: np.ndarray) -> bool:
     return bool(place[1] - lowest > trunk)
 
 
-def beside(place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
-    """Return True if a place is within a seated person's reach of one of the other heads."""
-    asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
-    return min(asides, default=np.inf) < REACH_STILL
-
-
 def apart(head: np.ndarray, other: np.ndarray) -> bool:
     """Return True if two heads on one surface may be of two people."""
     aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
@@ -81,11 +73,6 @@ def apart(head: np.ndarray, other: np.ndarray) -> bool:
     # below) or the back of a leaning one.
     knee_reach = 0.75
     return aside >= (SHOULDER_DISTANCE if level else knee_reach)
-
-
-def headless(view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Return the bodies (masks) that are connected to none of the heads."""
-    return [body for body in bodies if not beside(head_of(view, body), heads)]
 
 
 def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: CoarseCamera) -> bool:

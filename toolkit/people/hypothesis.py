@@ -18,10 +18,8 @@ from toolkit.sensing.camera import Camera
 
 PRIOR_LOG_ODDS = -1.8
 """Log odds of a head candidate without other evidence: rooms hold more candidates than people."""
-MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL = 4.0, 2.0, 3.0
-"""Log odds of a candidate that stood elsewhere in other frames; of a surface, and of a head, that moves in place."""
-ENOUGH, ENOUGH_HEAD = 0.02, 0.1
-"""Fractions of moving pixels of a body (a hand) and of a head at which that evidence is complete."""
+MOVED = 4.0
+"""Log odds of a candidate that stood elsewhere in other frames."""
 SHAPED = 3.0
 """Log odds between a candidate that never has a person's shape and one that has it in all its frames."""
 PIXEL_WEIGHT, UNDECIDED = 0.9, 1.3
@@ -79,15 +77,12 @@ class EvidenceSample:
     ----------
     shaped : True with a person's shape
     moved : fraction of the head's pixels before the lasting background
-    alive, head_alive : fraction of its pixels, and of the head's, with other depths close by in other frames
     judged : mean log odds of the classifier over the head's pixels; None without one
     low : see `lowness`
     """
 
     shaped: bool
     moved: float
-    alive: float = 0.0
-    head_alive: float = 0.0
     judged: float | None = None
     low: float = 0.0
 
@@ -102,8 +97,6 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
     return float(
         PRIOR_LOG_ODDS
         + MOVED * mean([g.moved for g in glimpses])
-        + MOVED_AT_ALL * min(mean([g.alive for g in glimpses]) / ENOUGH, 1.0)
-        + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
         + SHAPED * (mean([g.shaped for g in glimpses]) - 0.5)
         - LOW * mean([g.low for g in glimpses])
         + PIXEL_WEIGHT * mean(judged or [0.0])

@@ -52,11 +52,6 @@ class KnownPeople:
                 present[k] = replace(person, stature=float(body.stature), body_head=head)
         return present
 
-    def at_last_places(self, heads: Sequence[np.ndarray], timestamp: float) -> list[int]:
-        """Return the indices of heads at the last places of people who are absent."""
-        absent = [replace(p, last=timestamp) for p in self._absent(timestamp)]
-        return list(match_heads(absent, heads, timestamp).values())
-
     def expected_back(self, timestamp: float) -> list[KnownPerson]:
         """Return the people out of view who may return: those who left the image, and those unseen for `PATIENCE`.
 
@@ -80,15 +75,13 @@ class KnownPeople:
         area: float,
         timestamp: float,
         back: list[KnownPerson],
-        *,
-        head_seen: bool,
     ) -> int:
         """Return the id of a person who enters; 0 for one beyond the maximum number.
 
         Parameters
         ----------
         place : (3,), of the head, level frame, metres
-        middle, area, head_seen : as in `KnownPerson`
+        middle, area : as in `KnownPerson`
         back : those who may come back; who does is taken from the list
         """
         again = known_again(back, place, timestamp)
@@ -97,8 +90,9 @@ class KnownPeople:
             return self.keep(replace(again, head=place).seen(place, middle, area, timestamp))
         if len(self.people) < self._most:
             number = len(self.people) + 1
-            here = KnownPerson(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
-            self.people.append(replace(here, head_seen=head_seen))
+            self.people.append(
+                KnownPerson(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
+            )
             return number
         if not self._left_out:
             self._left_out = True
@@ -135,7 +129,7 @@ class KnownPeople:
             "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
             "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
             "body_head": replace(place, gaps=True), "looked": number,
-            "head_seen": Column("b", ("n",)), "gone": Column("b", ("n",)),
+            "gone": Column("b", ("n",)),
         }  # fmt: skip
         check_state(state, columns, ("evidence",), "people")
         evidence = restore_evidence(state["evidence"])
@@ -146,9 +140,6 @@ class KnownPeople:
             {k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in plain.items()} for i in range(len(evidence))
         ]
         self.people = [KnownPerson(**row, evidence=evidence[row["id"]]) for row in rows]
-
-    def _absent(self, timestamp: float) -> list[KnownPerson]:
-        return [p for p in self.people if timestamp - p.last > PATIENCE]
 
 
 def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
@@ -162,22 +153,12 @@ def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
     return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if not beyond[r, c]]
 
 
-def match_heads(
-    people: Sequence[KnownPerson], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
-) -> dict[int, int]:
-    """Match heads to people: index of the person -> index of the head.
-
-    `resting` is True for a head where nothing ever moved: it belongs to a person whose head was there before, or to a
-    chair.
-    """
+def match_heads(people: Sequence[KnownPerson], heads: Sequence[np.ndarray], timestamp: float) -> dict[int, int]:
+    """Match heads to people: index of the person -> index of the head."""
     if not people or not heads:
         return {}
     expected = np.array([p.expected(timestamp) for p in people])
     costs = np.sqrt(((expected[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
-    rested = 0.15  # metres around a head's last place within which it counts as motionless
-    if any(resting):
-        away = np.sqrt(((np.array([p.head for p in people])[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
-        costs[np.array(resting) & (away > rested)] = np.inf
     return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
 
 

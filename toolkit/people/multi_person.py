@@ -12,7 +12,7 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
-from toolkit.people.candidates import above_trunks, apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.candidates import above_trunks, apart, in_a_mirror, shaped_alone
 from toolkit.people.connection import HELD
 from toolkit.people.detection import (
     BRIDGE_CUT,
@@ -41,7 +41,7 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import a_person, large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import KnownPerson
-from toolkit.people.unassigned import attach_islands, attach_limbs, head_of
+from toolkit.people.unassigned import attach_islands, attach_limbs
 from toolkit.people.view import CoarseCamera, View
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
@@ -136,45 +136,28 @@ class MultiPersonFinder:
         view, surroundings = self._look(flat, timestamp)
         present = self._known.present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
-        resting = [_rests(view, head, surroundings) for head in heads]
-        matched = match_heads(present, heads, timestamp, resting)
+        matched = match_heads(present, heads, timestamp)
         for k, i in matched.items():
             present[k] = present[k].faced(heads[i], HEAD_DISTANCE)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
-        others = [heads[i] for i in left]
-        movers = [*places, *(heads[i] for i in left if not resting[i])]
-        chairs = [heads[i] for i in left if resting[i] and beside(heads[i], movers)]
-        furniture = [*furniture, *chairs]
         seeds = self._seeds(view, present, places, set(matched))
         view = self._shared_by_bodies(view, surroundings, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
-        labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
-        small = [children[i] for i in left]
-        candidates, touching, own = self._candidates(view, surroundings, seeds, present, places, others, small)
-        for k, i in own.items():
-            matched[k], places[k], present[k] = left[i], others[i], present[k].with_head(others[i])
-            seeds[near_head(view, others[i]) & view.foreground] = k + 1
-        whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others))}
-        candidates += [head_of(view, body) for body in whole.values()]
-        shaped = [i not in whole and shaped_alone(view, self.lens, place) for i, place in enumerate(candidates)]
-        sure = [
-            self._sure(view, place, shape, surroundings, headed=i not in whole)
-            for i, (place, shape) in enumerate(zip(candidates, shaped, strict=True))
-        ]
-        touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
+        labels = self._shared(view, surroundings, seeds, places, furniture)
+        others, small = [heads[i] for i in left], [children[i] for i in left]
+        candidates, touching = self._candidates(view, surroundings, seeds, places, others, small)
+        sure = [self._sure(view, place, surroundings) for place in candidates]
+        touching = [touches and bool(self.people) for touches in touching]
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
-        fresh = sorted({*fresh, *self._known.at_last_places(candidates, timestamp)})
         walls, everywhere = surroundings.planes, [*places, *candidates]
         fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens)]
-        if fresh or own:
+        if fresh:
             for k, i in enumerate(fresh, start=len(places) + 1):
-                seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
+                seeds[near_head(view, candidates[i]) & view.foreground] = k
             places += [candidates[i] for i in fresh]
-            labels, _ = self._shared(view, surroundings, seeds, places, furniture)
-        doubtful = {len(present) + k for k, i in enumerate(fresh) if not shaped[i]}
-        cut_out = surroundings.cut_out
-        ids = self._updated(view, labels, present, places, set(matched), doubtful, timestamp, cut_out)
+            labels = self._shared(view, surroundings, seeds, places, furniture)
+        ids = self._updated(view, labels, present, places, set(matched), timestamp, surroundings.cut_out)
         self._labels, self._depth = ids[labels], view.depth
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
         self._look_at(view, heads_seen, timestamp)
@@ -312,8 +295,8 @@ class MultiPersonFinder:
         seeds: np.ndarray,
         places: Sequence[np.ndarray],
         furniture: Sequence[np.ndarray],
-    ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return labels of the people at `places` (1, 2, ...), and masks of possible people without a visible head."""
+    ) -> np.ndarray:
+        """Return labels of the people at `places` (1, 2, ...): int32 (h, w)."""
         bridge = BRIDGE_CUT if surroundings.known else BRIDGE_ROOM
         everything = seeds.copy()
         for k, place in enumerate(furniture, start=len(places) + 1):
@@ -323,7 +306,7 @@ class MultiPersonFinder:
             labels = attach_limbs(view, self.lens, labels, len(places), self._judge)
         labels[labels > len(places)] = 0
         if not surroundings.known:
-            return labels, []
+            return labels
         return attach_islands(view, self.lens, labels, places, cut_out=surroundings.cut_out)
 
     def _candidates(
@@ -331,44 +314,33 @@ class MultiPersonFinder:
         view: View,
         surroundings: Surroundings,
         seeds: np.ndarray,
-        present: Sequence[KnownPerson],
         places: Sequence[np.ndarray],
         heads: Sequence[np.ndarray],
         children: Sequence[bool],
-    ) -> tuple[list[np.ndarray], list[bool], dict[int, int]]:
-        """Return head candidates of new people, a flag for those that touch a person, and first heads of present
-        people.
-        """
+    ) -> tuple[list[np.ndarray], list[bool]]:
+        """Return head candidates of new people, and a flag for those on the surface of a person."""
         people, found, touching, seeds = list(places), [], [], seeds.copy()
-        own: dict[int, int] = {}
-        for i, (head, child) in enumerate(zip(heads, children, strict=True)):  # adults first, then the highest
-            labels, _ = self._shared(view, surroundings, seeds, people, [])
+        for head, child in zip(heads, children, strict=True):  # adults first, then the highest
+            labels = self._shared(view, surroundings, seeds, people, [])
             here = near_head(view, head) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
-            whose = [int(k) - 1 for k in owners if k <= len(present) and present[k - 1].may_have(head)]
-            if len(owners) == 1 and whose and whose[0] not in own:
-                own[whose[0]] = i
-                seeds[here] = owners[0]
-                continue
-            chair = _rests(view, head, surroundings) and beside(head, people)
-            if not chair and all(apart(head, people[k - 1]) and not child for k in owners):
+            if all(apart(head, people[k - 1]) and not child for k in owners):
                 people.append(head)
                 found.append(head)
                 seeds[here] = len(people)
                 touching.append(len(owners) > 0 and not self._parted(view, surroundings, seeds, people))
-        return found, touching, own
+        return found, touching
 
     def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
         """Return True if the last of `places` has a person's shape on new surface alone; a bent elbow has that shape
         too.
         """
-        labels, _ = self._shared(view, surroundings, seeds, places, [])
-        share = labels == len(places)
+        share = self._shared(view, surroundings, seeds, places, []) == len(places)
         min_mask_overlap = 0.5  # minimum fraction of a surface that was a person's in the previous frame to keep it
         fresh = share_of((self._labels > 0) & self._lasting(view), share) < min_mask_overlap
         return fresh and a_person(view, self.lens, share, places[-1])
 
-    def _sure(self, view: View, place: np.ndarray, shaped: bool, surroundings: Surroundings, *, headed: bool) -> bool:
+    def _sure(self, view: View, place: np.ndarray, surroundings: Surroundings) -> bool:
         """Return True if the surface below a head candidate is certainly a person's, who then counts at once.
 
         In front of a known background carried objects move too: shape or classifier decide. In a segmented
@@ -376,10 +348,8 @@ class MultiPersonFinder:
         """
         if surroundings.cut_out:
             return not self.people
-        if not surroundings.known:
+        if not surroundings.known or shaped_alone(view, self.lens, place):
             return True
-        if shaped or not headed:
-            return shaped
         here = near_head(view, place) & view.foreground
         moved = share_of(surroundings.background > 0, here)
         judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
@@ -405,7 +375,6 @@ class MultiPersonFinder:
         present: Sequence[KnownPerson],
         places: Sequence[np.ndarray],
         matched: set[int],
-        doubtful: set[int],
         timestamp: float,
         cut_out: bool,
     ) -> np.ndarray:
@@ -427,7 +396,7 @@ class MultiPersonFinder:
                     ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
             elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
                 back = self._known.expected_back(timestamp) if back is None else back  # the present are up to date
-                ids[k + 1] = self._known.meet(place, middle, area, timestamp, back, head_seen=k not in doubtful)
+                ids[k + 1] = self._known.meet(place, middle, area, timestamp, back)
         self._known.end_frame(timestamp)
         return ids
 
@@ -454,5 +423,5 @@ class MultiPersonFinder:
 def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
     """Return True if nothing ever moved at a head's place (3,)."""
     here = near_head(view, head) & view.foreground
-    never_moved = 0.3  # fraction of still pixels above which a head candidate beside a person is furniture
+    never_moved = 0.3  # fraction of still pixels above which a head rests
     return bool(np.count_nonzero(surroundings.resting & here) > never_moved * np.count_nonzero(here))

@@ -36,7 +36,6 @@ class KnownPerson:
     borne_out : True once a head was detected where the tracked body has it; from then on the body overrides detected
         heads
     body_head : float64 (3,), level frame, metres, head of the tracked body in the last frame; NaN = unknown
-    head_seen : True once the head was visible; a person may enter feet first
     gone : True after leaving the image: unseen in the last frame, and expected outside it
     looked : time of the last sample of evidence, seconds
     evidence : accumulated evidence that the track is a person
@@ -53,7 +52,6 @@ class KnownPerson:
     stature: float = 0.0
     borne_out: bool = False
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
-    head_seen: bool = True
     gone: bool = False
     looked: float = NEVER
     evidence: Evidence = Evidence()
@@ -72,19 +70,6 @@ class KnownPerson:
         """Return the person whose head is at `head` (3,); within `distance` metres it verifies the person's body."""
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
-
-    def may_have(self, head: np.ndarray) -> bool:
-        """Return True if a head at `head` (3,) on the person's surface may be their first visible head: above the
-        rest.
-        """
-        aside = float(np.hypot(head[0] - self.head[0], head[2] - self.head[2]))
-        # m from the top of a leg that is all that is seen, to the head: a stride, a thigh
-        head_aside, head_above = 0.8, 0.2
-        return not self.head_seen and aside < head_aside and head[1] > self.head[1] + head_above
-
-    def with_head(self, head: np.ndarray) -> KnownPerson:
-        """Return the person whose head is visible for the first time, at `head` (3,)."""
-        return replace(self, head=head, velocity=np.zeros(3), tallest=float(head[1]), borne_out=False, head_seen=True)
 
     def looked_at(self, shaped: bool, judged: float, rests: bool, timestamp: float) -> KnownPerson:
         """Return the person with one more sample of evidence."""
@@ -126,8 +111,6 @@ class KnownPerson:
             tallest += (1.0 if rising else min(elapsed / tallest_memory, 1.0)) * (float(head[1]) - tallest)
         area_fading = 0.1  # a second, by which the known area fades as a person walks away
         kept = max(area, self.area * (1 - area_fading * elapsed))
-        shown = self.head_seen or head is not None
         return replace(
-            self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest,
-            head_seen=shown, gone=False,
-        )  # fmt: skip
+            self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest, gone=False
+        )

@@ -28,8 +28,8 @@ def attach_islands(
     places: Sequence[np.ndarray],
     *,
     cut_out: bool,
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Assign the remaining components to nearby people.
+) -> np.ndarray:
+    """Return `labels` with the remaining components assigned to nearby people, a new array.
 
     A component of a person's size goes only to a person whose head is, or is expected, right above it.
 
@@ -38,16 +38,11 @@ def attach_islands(
     labels : int32 (h, w), 1.. the people, 0 = none
     places : places of their heads, (3,) each, level frame, metres
     cut_out : the recording holds segmented people, so that a small component may be a child
-
-    Returns
-    -------
-    labels : the same with islands attached, a new array
-    bodies : masks bool (h, w) of the unassigned components that are as large as a person
     """
     pieces, count, areas = surfaces(view, lens, labels)
     least_body = LEAST_CUT_OUT if cut_out else LEAST_BODY
     own_points = _people(view, labels)
-    attached, bodies = labels.copy(), []
+    attached = labels.copy()
     for piece in range(1, count + 1):
         if areas[piece] < LEAST_ISLAND:
             continue
@@ -58,11 +53,9 @@ def attach_islands(
             asides = [_aside(points, place) for place in places]
             if asides and min(asides) < REACH_STILL:
                 attached[mask] = 1 + int(np.argmin(asides))
-            else:
-                bodies.append(mask)
         elif areas[piece] <= LARGEST_ISLAND:
             attached[mask] = _owner(own_points, points)
-    return attached, bodies
+    return attached
 
 
 def attach_limbs(
@@ -129,11 +122,3 @@ def surfaces(view: View, lens: CoarseCamera, labels: np.ndarray) -> tuple[np.nda
     pieces = numbers[1:-1, 1:-1]
     pixel_areas = view.depth.astype(np.float64) ** 2 / (lens.camera.fx * lens.camera.fy)
     return pieces, count, np.bincount(pieces.ravel(), pixel_areas.ravel(), minlength=count + 1)
-
-
-def head_of(view: View, mask: np.ndarray) -> np.ndarray:
-    """Return the head of a standing body: float64 (3,), level frame, metres, a little below its highest points."""
-    points = view.points[mask].astype(np.float64)
-    top = np.percentile(points[:, 1], 98)
-    highest = points[points[:, 1] >= top - 0.15]
-    return np.array([np.median(highest[:, 0]), top - 0.1, np.median(highest[:, 2])])

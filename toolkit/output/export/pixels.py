@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.io.errors import UsageError
 from toolkit.io.files import atomic_path
+from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.people.survey import find_people, find_person
 from toolkit.sensing.camera import Camera
@@ -53,9 +54,9 @@ def labelled_frames(
     whole = replace(sensing, half_resolution=False)
     finder: PeopleFinder
     if several:
-        finder = find_people(recording, whole)
+        finder = find_people(recording, whole, judge=person_network())
     else:
-        finder = find_person(recording, whole)
+        finder = find_person(recording, whole, person_network())
     lookup = _pixels_of(recording.camera, finder.camera)
     frames = min(len(recording), min(len(person.track) for person in people))
     for i, frame in zip(range(frames), recording.stream(), strict=False):
