@@ -85,7 +85,7 @@ def learnt_parts(
     rough = farthest_lasting(stack, LASTING, lens)
     rough_margin, same = _margins(stack, rough, lens)
     still = (same.sum(axis=0) >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
-    moved = np.stack([_opened((depth > 0) & (rough - depth > rough_margin)) for depth in stack])
+    moved = (stack > 0) & (rough - stack > rough_margin)
     tolerance = tolerances(rough, lens)
     yield
     planes = find_planes(rough, lens.rays, tolerance)
@@ -172,13 +172,6 @@ def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> t
     count = np.maximum(near.sum(axis=0), 1)
     spread = np.sqrt((np.where(near, stack - background, np.float32(0)) ** 2).sum(axis=0) / count)
     return (tolerance + np.minimum(NOISE * spread, MOST_NOISE)).astype(np.float32), near
-
-
-def _opened(mask: np.ndarray) -> np.ndarray:
-    """Remove structures thinner than 3 pixels: edges where near and far alternate do not move."""
-    import cv2
-
-    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
 
 
 def _seen(

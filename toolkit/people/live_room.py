@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.learning import FEWEST, learnt_parts
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
-from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
+from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting, WrappedFinder
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings, first_look
 from toolkit.people.survey import SAMPLES, find_people
@@ -70,8 +69,8 @@ def live_finder(
     return FirstPersonFinder(learning) if people == 1 else learning
 
 
-class RoomLearningFinder:
-    """A `PeopleFinder` that learns the room from the frames it is given.
+class RoomLearningFinder(WrappedFinder):
+    """A `PeopleFinder` that learns the room from the frames it is given; its state is without them.
 
     Parameters
     ----------
@@ -81,6 +80,8 @@ class RoomLearningFinder:
     judge : person classifier
     floor : y of the floor, metres, level frame, None where it is not known
     """
+
+    _finder: MultiPersonFinder
 
     def __init__(
         self, finder: MultiPersonFinder, sensing: SensingSettings, first: Recording, judge: PersonClassifier | None,
@@ -135,25 +136,14 @@ class RoomLearningFinder:
             self._finder.use_room(replace(ended.value, floor=self._floor))
             self._learning = None
 
-    def redetect(self) -> MultiPersonFinder:
-        """See `PeopleFinder.redetect`."""
-        return self._finder.redetect()
 
-    def export_state(self) -> dict[str, Any]:
-        """See `PeopleFinder.export_state`; without the samples, so that a restored one keeps its room."""
-        return self._finder.export_state()
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `PeopleFinder.restore_state`."""
-        self._finder.restore_state(state)
-
-
-class FirstPersonFinder:
+class FirstPersonFinder(WrappedFinder):
     """A `PeopleFinder` of one person in a room: the largest one when a person is first seen, and then the same.
 
     If the evidence shows that it is furniture, the largest of the other people takes its place.
     """
 
+    _finder: RoomLearningFinder
     evidence: Mapping[int, Evidence] = {}
 
     def __init__(self, finder: RoomLearningFinder) -> None:
@@ -180,15 +170,3 @@ class FirstPersonFinder:
             if sighting.id == self._selected:
                 return (replace(sighting, id=only),)
         return (Sighting(only, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
-
-    def redetect(self) -> MultiPersonFinder:
-        """See `PeopleFinder.redetect`."""
-        return self._finder.redetect()
-
-    def export_state(self) -> dict[str, Any]:
-        """See `PeopleFinder.export_state`."""
-        return self._finder.export_state()
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `PeopleFinder.restore_state`."""
-        self._finder.restore_state(state)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from toolkit.io.errors import SegmentationError, SeveralPeopleError
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.known_people import SHORTER, WALK
 from toolkit.people.multi_person import MultiPersonFinder
-from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.sighting import PredictedBody, Sighting, WrappedFinder
 from toolkit.people.tracks import GATE, LEVEL, KnownPerson
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
@@ -23,7 +22,7 @@ FIRST_SECONDS = 10.0
 """Seconds after which two people in view together are refused, so that a long recording is not followed to its end."""
 
 
-class SelectedPersonFinder:
+class SelectedPersonFinder(WrappedFinder):
     """`PeopleFinder` of one person of another finder.
 
     Parameters
@@ -32,6 +31,7 @@ class SelectedPersonFinder:
     pieces : ids of the person, see `meant_person`
     """
 
+    _finder: MultiPersonFinder
     evidence: Mapping[int, Evidence] = MappingProxyType({})
 
     def __init__(self, finder: MultiPersonFinder, pieces: frozenset[int]) -> None:
@@ -51,18 +51,6 @@ class SelectedPersonFinder:
         if not found:
             return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
         return (replace(found.get(current) or found[min(found)], id=ID),)
-
-    def redetect(self) -> MultiPersonFinder:
-        """Return the finder of all people, see `PeopleFinder.redetect`."""
-        return self._finder.redetect()
-
-    def export_state(self) -> dict[str, Any]:
-        """Return the state, see `PeopleFinder.export_state`."""
-        return self._finder.export_state()
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state, see `PeopleFinder.restore_state`."""
-        self._finder.restore_state(state)
 
 
 @dataclass

@@ -96,3 +96,21 @@ class PeopleFinder(Protocol):
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Restore the state that `export_state` of a finder of the same stream and settings returned."""
         ...
+
+
+class WrappedFinder:
+    """Part of a `PeopleFinder` that has the state of another finder of the same stream."""
+
+    _finder: PeopleFinder
+
+    def redetect(self) -> PeopleFinder | None:
+        """See `PeopleFinder.redetect`."""
+        return self._finder.redetect()
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return self._finder.export_state()
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self._finder.restore_state(state)
