@@ -308,7 +308,11 @@ def test_with_a_body_learnt_again_the_forward_trajectory_begins_in_a_keyframe(
     assert worst(take, (step.result.joints for step in steps)) < 0.08
 
 
-@given(st.integers(0, 30), st.integers(0, int(99 * JUMP)), st.lists(st.sampled_from(list(Direction)), min_size=2, max_size=2))
+@given(
+    st.integers(0, 30),
+    st.integers(0, int(99 * JUMP)),
+    st.lists(st.sampled_from(list(Direction)), min_size=2, max_size=2),
+)
 def test_a_jump_is_followed_from_the_side_from_which_it_was_not_passed(
     gap: int, moved: int, directions: list[Direction]
 ) -> None:
