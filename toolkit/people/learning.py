@@ -96,17 +96,22 @@ def learnt_parts(
         seen += [s for s in heads if possible_height(s.place, floor)]
     yield
     occupied, furniture = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
+    stays: list[list[HeadTrack]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         if log_odds(glimpses) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
             for s in figure:
                 occupied[s.frame] |= s.own
+            if len(figure) >= FEWEST:
+                stays.append(figure)
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             furniture.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, lens)
     yield
     margin, near = _margins(stack, background, lens)
     background[(near & occupied).sum(axis=0) > MOSTLY * near.sum(axis=0)] = 0.0
+    for figure in stays:  # whose head is not found in all samples, but they are there
+        background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     owned = still & occupied.any(axis=0) & (background == 0)
     return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(furniture), owned=owned)
 
