@@ -99,10 +99,11 @@ def learnt_parts(
     stays: list[list[HeadTrack]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
-        if log_odds(glimpses) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
+        moves = np.mean([g.moved for g in glimpses]) > HEAD_MOVED
+        if log_odds(glimpses) > 0 or moves:
             for s in figure:
                 occupied[s.frame] |= s.own
-            if len(figure) >= FEWEST:
+            if moves and FEWEST <= len(figure) <= MOSTLY * len(stack):
                 stays.append(figure)
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             furniture.append(np.mean([[s.place for s in figure]], axis=1))
