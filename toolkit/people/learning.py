@@ -96,7 +96,7 @@ def learnt_parts(
         seen += [s for s in heads if possible_height(s.place, floor)]
     yield
     occupied, furniture = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
-    stays: list[list[HeadTrack]] = []
+    in_place: list[list[HeadTrack]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         moves = np.mean([g.moved for g in glimpses]) > HEAD_MOVED
@@ -104,14 +104,14 @@ def learnt_parts(
             for s in figure:
                 occupied[s.frame] |= s.own
             if moves and FEWEST <= len(figure) <= MOSTLY * len(stack):
-                stays.append(figure)
+                in_place.append(figure)
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             furniture.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, lens)
     yield
     margin, near = _margins(stack, background, lens)
     background[(near & occupied).sum(axis=0) > MOSTLY * near.sum(axis=0)] = 0.0
-    for figure in stays:  # whose head is not found in all samples, but they are there
+    for figure in in_place:  # people who move, with a head in at most half of the samples
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     owned = still & occupied.any(axis=0) & (background == 0)
     return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(furniture), owned=owned)

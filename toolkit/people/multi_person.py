@@ -92,7 +92,7 @@ class MultiPersonFinder:
         self._depth = np.zeros(self.lens.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
         self._fine = np.zeros(camera.shape, dtype=np.int32)
-        self._searches, self._furniture = True, list[np.ndarray]()
+        self._furniture: list[np.ndarray] = []
 
     def find(
         self,
@@ -116,9 +116,8 @@ class MultiPersonFinder:
         RecordingError
             The frame has another size or type.
         """
-        self._searches = searches
         flat = self._polisher.checked(depth_mm)
-        surroundings = self._follow(flat, timestamp, predicted)
+        surroundings = self._follow(flat, timestamp, predicted, searches=searches)
         return self._sightings(flat, surroundings, only)
 
     def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
@@ -131,11 +130,13 @@ class MultiPersonFinder:
         height, width = self._labels.shape
         return min(round(v / self.lens.step), height - 1), min(round(u / self.lens.step), width - 1)
 
-    def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
+    def _follow(
+        self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody], *, searches: bool = True
+    ) -> Surroundings:
         """Label the people of an undistorted frame at coarse resolution."""
         view, surroundings = self._look(flat, timestamp)
         present = self._known.present(timestamp, predicted)
-        heads, children, furniture = self._heads(view, surroundings)
+        heads, children, furniture = self._heads(view, surroundings, searches=searches)
         matched = match_heads(present, heads, timestamp)
         for k, i in matched.items():
             present[k] = present[k].faced(heads[i], HEAD_DISTANCE)
@@ -144,7 +145,7 @@ class MultiPersonFinder:
         seeds = self._seeds(view, present, places, set(matched))
         view = self._shared_by_bodies(view, surroundings, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
-        labels = self._shared(view, surroundings, seeds, places, furniture)
+        labels = self._shared(view, surroundings, seeds, places, furniture, limbs=searches)
         others, small = [heads[i] for i in left], [children[i] for i in left]
         candidates, touching = self._candidates(view, surroundings, seeds, places, others, small)
         sure = [self._sure(view, place, surroundings) for place in candidates]
@@ -218,8 +219,10 @@ class MultiPersonFinder:
         foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
         return lens.view(depth, foreground, surroundings.unclaimed), surroundings
 
-    def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
-        """Return head places, a flag for heads of a small child's size, and places of furniture."""
+    def _heads(
+        self, view: View, surroundings: Surroundings, *, searches: bool
+    ) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
+        """Return head places, a flag for heads of a small child's size, and places of furniture; see `find`."""
         if surroundings.known:
             heads = find_heads(view, self.lens, cut_out=surroundings.cut_out)
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
@@ -227,7 +230,7 @@ class MultiPersonFinder:
                 heads = above_trunks(view, self.lens, heads)
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
-        if not self._searches:
+        if not searches:
             return [], [], self._furniture
         people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge, floor=surroundings.floor)
         self._furniture = furniture
@@ -295,14 +298,16 @@ class MultiPersonFinder:
         seeds: np.ndarray,
         places: Sequence[np.ndarray],
         furniture: Sequence[np.ndarray],
+        *,
+        limbs: bool = True,
     ) -> np.ndarray:
-        """Return labels of the people at `places` (1, 2, ...): int32 (h, w)."""
+        """Return labels of the people at `places` (1, 2, ...): int32 (h, w); `limbs` also attaches separate limbs."""
         bridge = BRIDGE_CUT if surroundings.known else BRIDGE_ROOM
         everything = seeds.copy()
         for k, place in enumerate(furniture, start=len(places) + 1):
             everything[near_head(view, place) & view.foreground & (everything == 0)] = k
         labels = share_out(view, self.lens, everything, [*places, *furniture], bridge=bridge)
-        if not surroundings.known and self._searches and self._judge is not None:
+        if not surroundings.known and limbs and self._judge is not None:
             labels = attach_limbs(view, self.lens, labels, len(places), self._judge)
         labels[labels > len(places)] = 0
         if not surroundings.known:

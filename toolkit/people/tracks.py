@@ -36,7 +36,7 @@ class KnownPerson:
     borne_out : True once a head was detected where the tracked body has it; from then on the body overrides detected
         heads
     body_head : float64 (3,), level frame, metres, head of the tracked body in the last frame; NaN = unknown
-    gone : True after leaving the image: unseen in the last frame, and expected outside it
+    gone : True after leaving the image: unseen in the last frame, and expected outside it or at its border
     looked : time of the last sample of evidence, seconds
     evidence : accumulated evidence that the track is a person
     """
