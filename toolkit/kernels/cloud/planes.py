@@ -58,6 +58,8 @@ def best_plane(
     The weight of the points on it, 0 where no triple spans a plane. The first triple wins a tie.
     """
     best = 0.0
+    x, y, z = points[:, 0].copy(), points[:, 1].copy(), points[:, 2].copy()
+    heaviest = weights.max() * (1.0 + 1e-9)  # more than the rounding of the sum
     for k in range(triples.shape[0]):
         a, b, c = triples[k, 0], triples[k, 1], triples[k, 2]
         ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
@@ -68,9 +70,14 @@ def best_plane(
             continue
         nx, ny, nz = nx / length, ny / length, nz / length
         d = -(nx * points[a, 0] + ny * points[a, 1] + nz * points[a, 2])
+        count = 0
+        for i in range(x.size):  # vectorised, unlike the sum of the weights, which has a fixed order
+            count += abs(nx * x[i] + ny * y[i] + nz * z[i] + d) <= tolerances[i]
+        if count * heaviest < best:
+            continue
         total = 0.0
-        for i in range(points.shape[0]):
-            if abs(nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2] + d) <= tolerances[i]:
+        for i in range(x.size):
+            if abs(nx * x[i] + ny * y[i] + nz * z[i] + d) <= tolerances[i]:
                 total += weights[i]
         if total > best:
             best = total
