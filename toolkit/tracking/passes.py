@@ -37,6 +37,8 @@ JUMP = 0.05
 """Metres, mean over the joints, by which a step has to exceed those beside it to be a jump."""
 REPAIRED_SHARE = 0.5
 """Frames that are followed through jumps, per frame in sight, at most."""
+STORED_DETECTIONS = 32
+"""Detections in keyframes that are kept at a time, 1 MB each; others are computed again."""
 _STATE = {
     "leg": Column("iu", (), 0),
     "merged": Column("b", ()),
@@ -175,6 +177,8 @@ class BidirectionalTracker:
     def _detected(self, frame: int) -> Detection:
         """Return the detection in a keyframe."""
         if frame not in self._detections:
+            if len(self._detections) == STORED_DETECTIONS:
+                self._detections.pop(next(iter(self._detections)))
             self._detections[frame] = self._detector.redetect(frame, Direction.BACKWARD)
         return self._detections[frame]
 
@@ -190,6 +194,7 @@ class BidirectionalTracker:
                 found = self._followed_or_detected(leg, frame, state)
                 cost, result = self._cost_of_rival(frame, found), self._doubted(found.step.result, self._rival(frame))
                 self._trajectory[frame] = replace(found.step, result=result, direction=leg.direction, rival_cost=cost)
+                self._detections.pop(frame, None)
             self._frame, self._state = frame + leg.direction.value, found.followed.state
             yield False
 
@@ -236,27 +241,33 @@ class BidirectionalTracker:
 
     def _better_forward(self, stretch: Stretch) -> dict[int, Step]:
         """Return the steps of the forward trajectory on the cheapest path through both trajectories."""
-        frames = range(stretch.first, stretch.last + 1)
-        first, second = {}, {f: self._trajectory[f] for f in frames}
-        for f, step in second.items():
-            result = self._doubted(self._rival(f) or step.result, step.result)
-            result = replace(result, stage_ms=step.result.stage_ms)
-            first[f] = Step(result, step.rival_cost, rival_cost=step.rival_cost)
-        gaps = [0.0 if second[f].result.state == EMPTY else apart(first[f].result, second[f].result) for f in frames]
-        costs = np.array([[first[f].cost, second[f].cost] for f in frames])
-        chosen = better_parts(costs[:, 0], costs[:, 1], np.array(gaps), (True, True))
-        return {f: first[f] for f, better in zip(frames, chosen, strict=True) if not better}
+        frames, entries = range(stretch.first, stretch.last + 1), []
+        for f in frames:
+            second = self._trajectory[f]
+            other = self._rival(f) or second.result
+            gap = 0.0 if second.result.state == EMPTY else apart(other, second.result)
+            entries.append((second.rival_cost, second.cost, gap))
+        costs = np.array(entries)
+        chosen = better_parts(costs[:, 0], costs[:, 1], costs[:, 2], (True, True))
+        return {f: self._forward_step(f) for f, better in zip(frames, chosen, strict=True) if not better}
+
+    def _forward_step(self, frame: int) -> Step:
+        """Return the step of the forward trajectory in a frame that was followed backwards."""
+        step = self._trajectory[frame]
+        result = self._doubted(self._rival(frame) or step.result, step.result)
+        result = replace(result, stage_ms=step.result.stage_ms)
+        return Step(result, step.rival_cost, rival_cost=step.rival_cost)
 
     def _jumps_left(self) -> list[Jump]:
         """Return the jumps of the trajectory, the largest first, each from the side from which it was not passed."""
         found: list[tuple[float, Jump]] = []
         for stretch in self._plan.stretches:
-            steps = [self._trajectory[f] for f in range(stretch.first, stretch.last + 1)]
-            lost = [step.result.state == EMPTY for step in steps]
+            steps = (self._trajectory[f] for f in range(stretch.first, stretch.last + 1))
             moved = np.array([0.0, *(apart(a.result, b.result) for a, b in pairwise(steps)), 0.0])
-            for k, (before, after) in enumerate(pairwise(steps)):
-                excess = moved[k + 1] - max(moved[k], moved[k + 2])
-                if excess < JUMP or lost[k] or lost[k + 1] or _continues(before, after):
+            excesses = moved[1:-1] - np.maximum(moved[:-2], moved[2:])
+            for k in np.flatnonzero(excesses >= JUMP).tolist():
+                excess, before, after = excesses[k], *(self._trajectory[stretch.first + i] for i in (k, k + 1))
+                if EMPTY in (before.result.state, after.result.state) or _continues(before, after):
                     continue
                 if before.direction is Direction.BACKWARD:
                     found.append((-excess, Jump(stretch.first + k, Direction.FORWARD)))
