@@ -31,13 +31,8 @@ from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the
 error stays the same and only the lookup gets slower."""
-SEATED_RATE = 10.0
-"""Frames a second of the seated motions: people who sit move slowly."""
-CHUNK = 500
-"""Poses that a process looks at in one go, about a quarter of a second."""
 MANY_FILES, MANY_POSES = 16, 4000
 """Below these a build in one process ends before others have started."""
-RESIDUAL_POSES = 400
 RESIDUAL_VIEWS = (
     *(RootView(yaw=np.radians(yaw)) for yaw in (-45, -20, 20, 45)), RootView(distance=2.0), RootView(distance=4.0),
 )  # fmt: skip
@@ -164,7 +159,8 @@ class _Build:
         doubts: list[str] = []
         added = []
         if self.sampling.seated:
-            added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=self.body, variations=2)
+            seated_rate = 10.0  # frames a second: people who sit move slowly
+            added = procedural_clips(SEATED_MOTIONS, seated_rate, body=self.body, variations=2)
         total = len(files) + len(clips) + len(added)
         with process_pool(self.processes if len(files) >= MANY_FILES else 1) as mapped:
             of_files = mapped(partial(read_source, body=self.body, mirror=self.sampling.mirror), files)
@@ -210,7 +206,8 @@ class _Build:
 
     def look(self, poses: np.ndarray) -> np.ndarray:
         """Return offsets (N, 4) of the selected poses, a chunk of them at a time."""
-        chunks = [poses[i : i + CHUNK] for i in range(0, len(poses), CHUNK)]
+        chunk = 500  # poses that a process receives at once, about a quarter of a second
+        chunks = [poses[i : i + chunk] for i in range(0, len(poses), chunk)]
         offsets: list[np.ndarray] = []
         with process_pool(self.processes if len(poses) >= MANY_POSES else 1) as mapped:
             for part in mapped(partial(observed_offsets, self.body), chunks):
@@ -252,7 +249,8 @@ def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[st
     percentile (`centre_mm`, `centre_90_mm`) and the length of their mean vector (`bias_mm`); of the facing's
     differences the median and the 90th percentile (`facing_degrees`, `facing_90_degrees`)
     """
-    rows = np.unique(np.linspace(0, len(poses) - 1, min(RESIDUAL_POSES, len(poses))).astype(np.int64))
+    most = 400  # sampled poses
+    rows = np.unique(np.linspace(0, len(poses) - 1, min(most, len(poses))).astype(np.int64))
     entries = []
     for view in RESIDUAL_VIEWS:
         difference = observed_offsets(body, poses[rows], view) - offsets[rows]

@@ -58,7 +58,6 @@ _LEFT_FRAMES = {
 _KIND = dict.fromkeys(("CLAVICLE", "SHOULDER", "ELBOW", "THUMB"), "arm")
 _KIND |= dict.fromkeys(("WRIST", "HAND", "HANDTIP"), "hand") | dict.fromkeys(("HIP", "KNEE", "ANKLE"), "leg")
 _KIND |= {"FOOT": "foot"}
-MIRROR = np.diag([-1.0, 1.0, 1.0])
 
 
 def _rest_frame(name: str) -> np.ndarray:
@@ -66,7 +65,8 @@ def _rest_frame(name: str) -> np.ndarray:
     if part not in _KIND:
         return _frame(UP, FRONT)
     left = _LEFT_FRAMES[_KIND[part]]
-    return left if side == "LEFT" else -MIRROR @ left
+    mirror = np.diag([-1.0, 1.0, 1.0])  # reflection of the subject's left to the right
+    return left if side == "LEFT" else -mirror @ left
 
 
 REST_FRAMES: np.ndarray = np.array([_rest_frame(name) for name in NAMES])

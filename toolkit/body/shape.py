@@ -19,13 +19,8 @@ from toolkit.body.body import Body, vertex_normals
 from toolkit.io.errors import BodyError
 from toolkit.kernels import linear
 
-GROWTH: tuple[float, ...] = (1.0, -0.06, 0.41, 0.54, 0.46, 0.18, 0.26, 0.19, -0.75, -1.46)
-"""Direction in the shape space, per standard deviation of size, from a child of eight years to a toddler: large head,
-short legs. Fitted on MakeHuman's people from one to eight years; the residual is 12 mm instead of 20 mm."""
 CHILD = 2.4
 """Size (first coefficient) of the smallest people of the shape space's population."""
-SIZE_LIMITS = (-3.6, 7.2)
-"""First coefficients of people of 2.1 m and of 0.66 m."""
 ASSETS = Path(__file__).parent / "assets"
 CLOTHING = 0.01
 """Metres per standard deviation of a clothing component; the population of the shape space is naked and bald."""
@@ -147,13 +142,17 @@ class ShapeSpace:
     def childhood(self, size: float) -> np.ndarray:
         """Return the toddler component of a size (first coefficient): (K,), zeros for sizes up to `CHILD`."""
         shape = np.zeros(self.size)
-        shape[: len(GROWTH)] = max(size - CHILD, 0.0) * np.array(GROWTH)
+        # Direction in the shape space, per standard deviation of size, from a child of eight years to a toddler: large
+        # head, short legs. Fitted on MakeHuman's people from one to eight years (residual 12 instead of 20 mm).
+        growth = (1.0, -0.06, 0.41, 0.54, 0.46, 0.18, 0.26, 0.19, -0.75, -1.46)
+        shape[: len(growth)] = max(size - CHILD, 0.0) * np.array(growth)
         return shape
 
     @cached_property
     def _growth(self) -> tuple[np.ndarray, np.ndarray]:
         """Statures (N,), metres, decreasing, and coefficients (N, K) of average people of these statures."""
-        sizes = np.linspace(*SIZE_LIMITS, 33)
+        size_limits = (-3.6, 7.2)  # first coefficients of people of 2.1 m and of 0.66 m
+        sizes = np.linspace(*size_limits, 33)
         shapes = np.array([self.childhood(size) for size in sizes])
         shapes[:, 0] += np.minimum(sizes, CHILD)
         return np.array([self.body(shape).height for shape in shapes]), shapes
@@ -259,18 +258,15 @@ def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
     )
 
 
-BUMPS = 40
-"""Number of bumps and dents of a subject's clothes."""
-
-
 def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random points below the neck."""
     corners = skin[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = vertex_normals(skin, faces)
     area = np.linalg.norm(face_normals, axis=1) * (corners[..., 1].mean(axis=1) < np.quantile(skin[:, 1], 0.95) - 0.3)
-    centres = corners[rng.choice(len(faces), BUMPS, p=area / area.sum())].mean(axis=1)
-    width, height = rng.uniform(0.02, 0.06, BUMPS), rng.uniform(-0.006, 0.012, BUMPS)
+    bumps = 40  # number of bumps and dents of a subject's clothes
+    centres = corners[rng.choice(len(faces), bumps, p=area / area.sum())].mean(axis=1)
+    width, height = rng.uniform(0.02, 0.06, bumps), rng.uniform(-0.006, 0.012, bumps)
     distance = np.linalg.norm(skin[:, None] - centres, axis=2)
     return linear.times(np.exp(-0.5 * (distance / width) ** 2), height).clip(-0.008, 0.012)[:, None] * normals
 

@@ -14,8 +14,6 @@ import numpy as np
 
 from toolkit.io.errors import BodyError
 
-FLEXION = 2.6  # rad: elbow and knee flexion, Qammaz, Table 1, rounded up to 150 degrees
-
 
 @dataclass(frozen=True)
 class Joint:
@@ -33,13 +31,14 @@ def _side(side: str) -> tuple[Joint, ...]:
     def span(low: float, high: float) -> tuple[float, float]:
         return (low, high) if s > 0 else (-high, -low)
 
+    flexion = 2.6  # rad: elbow and knee flexion, Qammaz, Table 1, rounded up to 150 degrees
     return (
         Joint(f"{side}_clavicle", "thorax", {"y": span(-0.5, 0.3), "z": span(-0.25, 0.7)}),
         Joint(f"{side}_shoulder", f"{side}_clavicle", {"x": (-2.2, 2.2), "y": span(-2.4, 1.2), "z": span(-2.0, 1.6)}),
-        Joint(f"{side}_elbow", f"{side}_shoulder", {"y": span(-FLEXION, 0.05)}),
+        Joint(f"{side}_elbow", f"{side}_shoulder", {"y": span(-flexion, 0.05)}),
         Joint(f"{side}_wrist", f"{side}_elbow", {"y": span(-0.9, 0.9), "z": span(-1.3, 1.3)}),
         Joint(f"{side}_hip", "root", {"x": (-2.4, 0.9), "y": (-1.0, 1.0), "z": span(-0.7, 1.2)}),
-        Joint(f"{side}_knee", f"{side}_hip", {"x": (-0.05, FLEXION)}),
+        Joint(f"{side}_knee", f"{side}_hip", {"x": (-0.05, flexion)}),
         Joint(f"{side}_ankle", f"{side}_knee", {"x": (-0.8, 1.0), "z": (-0.6, 0.6)}),
     )
 

@@ -41,8 +41,6 @@ class RootView:
 CAMERA = Camera(fx=142.8, fy=142.8, cx=79.5, cy=59.5, width=160, height=120)
 """A Kinect at a quarter of its resolution: 2,000 to 3,000 pixels on a person at 3 m, enough for a mean and a plane."""
 
-R_LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])
-
 
 def observed_offsets(body: Body, poses: np.ndarray, view: RootView | None = None) -> np.ndarray:
     """Return the offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians).
@@ -68,11 +66,12 @@ def observed_offsets(body: Body, poses: np.ndarray, view: RootView | None = None
 
 def seen_points(body: Body, pose: np.ndarray) -> np.ndarray:
     """Return the points of a pose (P,) in the level frame that are visible to `CAMERA`: float32 (N, 3), metres."""
-    vertices_camera = linear.rotated(body.vertex_positions(pose), R_LEVEL_CAMERA)
+    R_level_camera = np.diag([1.0, -1.0, -1.0])
+    vertices_camera = linear.rotated(body.vertex_positions(pose), R_level_camera)
     projected = np.empty_like(vertices_camera)
     raster.project(vertices_camera, np.asarray(CAMERA.intrinsics, dtype=np.float64), projected)
     inverse_depth = np.empty((CAMERA.height, CAMERA.width))
     raster.rasterise(projected, body.faces, inverse_depth, np.empty(inverse_depth.shape, dtype=np.int32))
     depth = np.zeros(inverse_depth.shape, dtype=np.float32)
     np.divide(1.0, inverse_depth, out=depth, where=inverse_depth > 0, casting="same_kind")
-    return Cloud.from_depth(depth, CAMERA, R_LEVEL_CAMERA).points
+    return Cloud.from_depth(depth, CAMERA, R_level_camera).points

@@ -25,8 +25,6 @@ TRUNK = ("pelvis", "spine", "neck", "head", "left_hip", "right_hip")
 SURFACE_REACH = np.array([0.2 if name in TRUNK else 0.12 for name in skeleton.REPORTED])
 """Maximum distance along z from the measured surface to the centre of a visible joint, metres: centres lie up to 14 cm
 (trunk) and 7 cm (limbs) inside an average adult."""
-SURFACE_WINDOW = 2
-"""Half width of the window around the projection of a joint that is searched for the surface, pixels."""
 
 
 def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -70,7 +68,7 @@ def frame_errors(errors: np.ndarray) -> np.ndarray:
 def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
     """Return which joints are visible to the camera: bool (..., 20).
 
-    A joint is visible if a surface is measured within `SURFACE_WINDOW` pixels of its projection and within
+    A joint is visible if a surface is measured within 2 pixels of its projection and within
     `SURFACE_REACH` along z. Joints outside the image, in a hole of the depth image, or behind another limb, a person or
     furniture are hidden.
 
@@ -84,8 +82,9 @@ def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camer
     pixels = np.rint(np.nan_to_num(camera.project(joints), nan=-1.0))
     inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=-1)
     column, row = pixels[inside].astype(np.int64).T
-    padded = np.pad(depth_m, SURFACE_WINDOW)
-    around = np.stack([padded[row + i, column + j] for i, j in np.ndindex(*2 * (2 * SURFACE_WINDOW + 1,))])
+    half_width = 2  # pixels around the projection of a joint that are searched for the surface
+    padded = np.pad(depth_m, half_width)
+    around = np.stack([padded[row + i, column + j] for i, j in np.ndindex(*2 * (2 * half_width + 1,))])
     reach = np.broadcast_to(SURFACE_REACH, inside.shape)[inside]
     seen = np.zeros(inside.shape, dtype=bool)
     seen[inside] = ((around > 0) & (np.abs(around - joints[inside, 2]) < reach)).any(axis=0)

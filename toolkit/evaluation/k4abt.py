@@ -15,7 +15,6 @@ from toolkit.io.yaml_reader import read_json
 HINT = "give a JSON file of the offline processor of the Azure Kinect body tracking SDK"
 LEVELS = ("confidence_level", "confidence_levels", "joint_confidences", "confidences")
 """Keys under which programs store the confidence levels of the SDK."""
-MILLIMETRES, MICROSECONDS = 1000.0, 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ def read_k4abt(path: str | Path) -> KinectBodies:
     times, rows = [], []
     for i, frame in enumerate(content["frames"]):
         try:
-            times.append(float(frame["timestamp_usec"]) / MICROSECONDS)
+            times.append(float(frame["timestamp_usec"]) / 1e6)
             rows.append([_body(body, columns) for body in frame.get("bodies") or ()])
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise RecordingError(f"cannot read frame {i} of {file} ({error!r}); {HINT}") from error
@@ -126,7 +125,7 @@ def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
     levels = next((body[key] for key in LEVELS if body.get(key)), None)
     row: dict[str, Any] = {
         "id": None if body.get("body_id") is None else int(body["body_id"]),
-        "positions": positions / MILLIMETRES,
+        "positions": positions / 1000.0,
         "orientations": np.full((len(columns), 4), np.nan) if not turns else np.array(turns, dtype=float)[columns],
         "confidence": np.full(len(columns), np.nan) if levels is None else np.array(levels, dtype=float)[columns],
     }

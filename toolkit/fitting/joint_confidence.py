@@ -26,15 +26,6 @@ if TYPE_CHECKING:
 ASSET = Path(__file__).parent / "assets" / "confidence.json"
 WITHIN = 0.1
 """Error for which the confidence is defined, metres: confidence = P(error below it)."""
-SUPPORT = 0.04
-"""Distance from a measured point at which a vertex no longer supports its joint, metres."""
-OBSERVED = 0.4
-"""Minimum fraction of observed vertices around a joint that counts as fully observed."""
-NEAREST = 0.013
-"""Smallest surface distance of the fit, metres (1 % of its simulated frames are nearer): noise of a sensor; a smaller
-one is no evidence."""
-UNCOVERED, LIMB = 0.06, 0.5
-"""Metres: distance from the body beyond which a measured point is not covered by it; reach of a limb around a joint."""
 GROUPS: dict[str, tuple[str, ...]] = {
     "trunk": ("pelvis", "spine", "neck", "head", "shoulder", "hip"),
     "elbow": ("elbow",),
@@ -129,15 +120,20 @@ def joint_features(
     assert placed is not None and scene is not None  # an aborted comparison is never selected
     around = placed.placer.around_joints
     support, observed = np.empty((2, len(around)))
-    pairs.support_of_joints(around, comparison.gaps, comparison.observed, SUPPORT, support, observed)
-    samples = scene.samples[: scene.plain_samples][comparison.sample_gaps > UNCOVERED]
+    support_range = 0.04  # metres from a measured point at which a vertex no longer supports its joint
+    pairs.support_of_joints(around, comparison.gaps, comparison.observed, support_range, support, observed)
+    covered_within = 0.06  # metres from the body within which it covers a measured point
+    samples = scene.samples[: scene.plain_samples][comparison.sample_gaps > covered_within]
     points = linear.rotated(joints, placed.placer.from_level.T)
     x, y, z = (samples[:, k, None] - points[:, k] for k in range(3))
-    uncovered = np.count_nonzero(x * x + y * y + z * z < LIMB**2, axis=0)
+    reach = 0.5  # metres of a limb around a joint
+    uncovered = np.count_nonzero(x * x + y * y + z * z < reach**2, axis=0)
     features = np.full((len(around), len(FEATURES)), np.nan)
-    features[:, 0] = bounded(np.array(max(comparison.surface, NEAREST)), SCALES["surface"])
+    sensor_noise = 0.013  # metres: smaller surface distances are no evidence (1 % of the simulated frames of the fit)
+    features[:, 0] = bounded(np.array(max(comparison.surface, sensor_noise)), SCALES["surface"])
     features[:, 1] = np.sqrt(support)
-    features[:, 2] = np.minimum(observed / OBSERVED, 1.0)
+    fully_observed = 0.4  # minimum fraction of observed vertices around a joint that counts as fully observed
+    features[:, 2] = np.minimum(observed / fully_observed, 1.0)
     features[:, 3] = bounded(uncovered / max(scene.plain_samples, 1), SCALES["uncovered"])
     features[:, 4] = bounded(np.array(max(comparison.energy, 0.0)), SCALES["energy"])
     features[:, 5] = bounded(spread, SCALES["spread"])

@@ -23,9 +23,6 @@ from toolkit.io.errors import BodyError
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
-MOST = 0.03
-"""Maximum offset, metres."""
-
 
 class ScanView(NamedTuple):
     """One view of a person in a T-pose.
@@ -154,16 +151,17 @@ def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.
 
 
 def _spread(measured: np.ndarray, weight: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return smooth offsets (V,) close to the measured ones, 0 in unmeasured regions, at most `MOST`."""
+    """Return smooth offsets (V,) close to the measured ones, 0 in unmeasured regions, at most 3 cm."""
     ends = np.unique(np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1), axis=0)
     count = np.bincount(ends.ravel(), minlength=len(measured))
     smooth = np.where(weight > 0, measured, 0.0)
     stiffness = 1.0  # smoothing weight of a vertex's neighbours relative to one measurement
     sweeps = 100  # number of smoothing passes over all vertices
+    largest_offset = 0.03  # metres
     for _ in range(sweeps):
         around = np.zeros(len(measured))
         np.add.at(around, ends[:, 0], smooth[ends[:, 1]])
         np.add.at(around, ends[:, 1], smooth[ends[:, 0]])
         smooth = (weight * measured + stiffness * around) / (weight + stiffness * np.maximum(count, 1))
-        smooth = np.where(weight > 0, np.clip(smooth, -MOST, MOST), 0.0)
+        smooth = np.where(weight > 0, np.clip(smooth, -largest_offset, largest_offset), 0.0)
     return smooth

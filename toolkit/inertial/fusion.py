@@ -16,8 +16,6 @@ from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.stream import FREE, Sensors, SensorStream
 from toolkit.io.errors import InertialError
 
-UP: np.ndarray = np.array([0.0, 0.0, 1.0])
-
 
 def oriented(sensors: Sensors) -> Sensors:
     """Return the sensors with orientations: their own, else fused.
@@ -89,7 +87,8 @@ def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray) -> n
     gravity_seconds = 1.5
     up = _smoothed(quat.rotate(free, acceleration), gravity_seconds / float(np.median(np.diff(times))))
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
-    half = np.concatenate([1.0 + up[:, 2:], np.cross(up, UP)], axis=1)
+    world_up = np.array([0.0, 0.0, 1.0])
+    half = np.concatenate([1.0 + up[:, 2:], np.cross(up, world_up)], axis=1)
     half[np.linalg.norm(half, axis=1) < 1e-6] = (0.0, 1.0, 0.0, 0.0)
     return quat.normalised(half)
 

@@ -29,10 +29,6 @@ PLAIN_KINDS = "biufU"
 """Kinds of NumPy types that a file may hold: Booleans, numbers and text."""
 KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
 
-_END_MARK, _END_BYTES, _COUNT, _MANY = b"PK\x05\x06", 22, slice(10, 12), 0xFFFF
-"""Last record of a ZIP file: its first bytes, its size before the comment, the position of its file count, and the
-count that refers to ZIP64."""
-
 
 @dataclass(frozen=True)
 class Column:
@@ -198,12 +194,15 @@ def _check_count(stream: IO[bytes], archive: zipfile.ZipFile) -> None:
 
     zipfile does not compare them. A wrong length in one entry hides the entries behind it, and with them the checksum.
     """
-    stream.seek(-_END_BYTES - len(archive.comment), os.SEEK_END)
-    end = stream.read(_END_BYTES)
-    if not end.startswith(_END_MARK):
+    end_bytes = 22  # size of the last record of a ZIP file before the comment
+    stream.seek(-end_bytes - len(archive.comment), os.SEEK_END)
+    end = stream.read(end_bytes)
+    if not end.startswith(b"PK\x05\x06"):
         raise ValueError("there are bytes behind its end")
-    stated, listed = int.from_bytes(end[_COUNT], "little"), len(archive.infolist())
-    if stated not in (listed, _MANY):
+    file_count = slice(10, 12)  # position of the file count in that record
+    stated, listed = int.from_bytes(end[file_count], "little"), len(archive.infolist())
+    zip64_count = 0xFFFF  # file count that refers to ZIP64
+    if stated not in (listed, zip64_count):
         raise ValueError(f"it states {stated} arrays and lists {listed}")
 
 

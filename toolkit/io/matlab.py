@@ -18,13 +18,11 @@ from toolkit.io.safe_open import read_file
 
 LARGEST_MATLAB_FILE = 1 << 31
 """Largest size in bytes of a file and of an inflated variable."""
-INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
+INT32, UINT32, COMPRESSED = 5, 6, 15
 NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", INT32: "i4", UINT32: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
 }  # fmt: skip
 """Data types of stored numbers (MATLAB file format, table 1-1)."""
-FIRST_NUMERIC, LAST_NUMERIC = 6, 15
-"""Classes of variables. Numbers are stored in the smallest sufficient type, whatever the class."""
 
 
 def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, np.ndarray]:
@@ -49,10 +47,11 @@ def _variables(content: bytes) -> Iterator[tuple[str, np.ndarray]]:
     order = {b"IM": "<", b"MI": ">"}.get(content[header_bytes - 2 : header_bytes])
     if order is None:
         raise ValueError("it is not of level 5")
+    matrix_element = 14
     for kind, data in _elements(content[header_bytes:], order):
         if kind == COMPRESSED:
             ((kind, data),) = _elements(_inflated(data), order)
-        if kind == MATRIX:
+        if kind == matrix_element:
             yield from _matrix(data, order)
 
 
@@ -91,7 +90,8 @@ def _matrix(data: bytes, order: str) -> Iterator[tuple[str, np.ndarray]]:
     shape = np.frombuffer(elements[1][1], f"{order}i4").tolist()
     name, parts = elements[2][1].decode("ascii"), elements[3:]
     complex_flag = 0x0800
-    if FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & complex_flag:
+    # Classes 6 to 15 are numeric; numbers are stored in the smallest sufficient type, whatever the class.
+    if 6 <= flags & 0xFF <= 15 and not flags & complex_flag:
         if len(parts) != 1 or parts[0][0] not in NUMBERS or min(shape, default=-1) < 0:
             raise ValueError(f"the variable {name!r} holds something else than numbers")
         yield name, np.frombuffer(parts[0][1], order + NUMBERS[parts[0][0]]).reshape(shape, order="F")

@@ -12,9 +12,6 @@ import math
 import numpy as np
 from numba import njit
 
-SWEEPS = 30
-"""Jacobi sweeps over a 3x3 matrix; five are enough for all digits."""
-
 
 def rotated(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Return the rows of `points` (..., 3) times `rotation` (3, 3), as `points @ rotation`: float64 (..., 3)."""
@@ -221,7 +218,8 @@ def substitute(factor: np.ndarray, y: np.ndarray) -> None:
 @njit(cache=True)
 def _jacobi(a: np.ndarray, vectors: np.ndarray) -> None:
     """Turn a symmetric `a` (3, 3) into a diagonal one by plane rotations, gathered in `vectors` (3, 3)."""
-    for _ in range(SWEEPS):
+    sweeps = 30  # Jacobi sweeps; five are enough for all digits
+    for _ in range(sweeps):
         if a[0, 1] == 0.0 and a[0, 2] == 0.0 and a[1, 2] == 0.0:
             return
         for p in range(2):

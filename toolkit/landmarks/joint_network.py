@@ -22,8 +22,8 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.exact_network import ExactNetwork
 
 ASSET = Path(__file__).parent / "assets" / "joints.onnx"
-SIZE, STRIDE, PIXEL = 96, 8, 0.025
-"""Side of the crop, distance between anchors, pixels; size of a pixel at the person's median depth, metres."""
+SIZE, STRIDE = 96, 8
+"""Side of the crop and distance between its anchors, pixels."""
 WITHIN, RELIABILITY = 0.1, 1.4
 """Metres: the error below which a joint counts as right, with probability 1 - exp(-RELIABILITY (WITHIN / scale)**1.5):
 fitted between 800 held-out simulated crops and UTD-MHAD without the mean offset of each joint, see `docs/models.md`."""
@@ -97,11 +97,12 @@ class JointNetwork:
         down = _down(rotation)
         unknown = np.zeros((0, 0), dtype=np.bool_) if unobserved is None else np.ascontiguousarray(unobserved)
         crop = np.empty((3, SIZE, SIZE), dtype=np.float32)
-        joint_crop.crop(depth, unknown, cloud.camera.intrinsics, middle, down, PIXEL, crop)
+        pixel = 0.025  # size of a pixel of the crop in metres, at the person's median depth
+        joint_crop.crop(depth, unknown, cloud.camera.intrinsics, middle, down, pixel, crop)
         anchors, logits = self._net.run(crop[None])
 
         places, scales = np.empty((len(skeleton.REPORTED), 3)), np.empty(len(skeleton.REPORTED))
-        joint_crop.joints_of_anchors(anchors.reshape(self._anchors), STRIDE * PIXEL, places, scales)
+        joint_crop.joints_of_anchors(anchors.reshape(self._anchors), STRIDE * pixel, places, scales)
         sides = np.array([1.0 / (1.0 + joint_crop.exponential(-abs(float(logit)))) for logit in logits.ravel()])
         order = np.arange(len(OPPOSITE))
         for limb, logit in zip(PAIRS, logits.ravel(), strict=True):
@@ -110,7 +111,7 @@ class JointNetwork:
         places, scales = places[order], scales[order]
         across = places[:, 0] * down[1] + places[:, 1] * down[0]
         along = places[:, 1] * down[1] - places[:, 0] * down[0]
-        z = np.maximum(places[:, 2] + reference, PIXEL)
+        z = np.maximum(places[:, 2] + reference, pixel)
         x, y = middle[0] + across / reference, middle[1] + along / reference
         camera = np.stack([x * z, y * z, z], axis=1)
         # Scale on real frames against the network's own, and metres of it that add: 62 % of errors lie within it on

@@ -12,9 +12,6 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.io.errors import MocapError
 
-MIRROR: np.ndarray = np.diag([-1.0, 1.0, 1.0])
-"""Reflection at the plane x = 0."""
-
 
 @dataclass(frozen=True, eq=False)
 class Clip:
@@ -145,16 +142,17 @@ class Clip:
         swapped_parents = np.array([partner[p] if p >= 0 else -1 for p in self.parents])
         if not np.array_equal(swapped_parents, self.parents[partner]):
             raise MocapError(f"clip {self.name!r} cannot be mirrored: its left and right joints are not the same tree")
-        moved = None if self.translations is None else self.translations[:, partner] @ MIRROR
+        mirror = np.diag([-1.0, 1.0, 1.0])  # reflection at the plane x = 0
+        moved = None if self.translations is None else self.translations[:, partner] @ mirror
         names = self.joint_names
         return replace(
             self,
             name=f"{self.name}_mirrored",
-            offsets=self.offsets[partner] @ MIRROR,
-            rotations=MIRROR @ self.rotations[:, partner] @ MIRROR,
-            root_positions=self.root_positions @ MIRROR,
+            offsets=self.offsets[partner] @ mirror,
+            rotations=mirror @ self.rotations[:, partner] @ mirror,
+            root_positions=self.root_positions @ mirror,
             translations=moved,
-            end_sites={names[partner[self.index(joint)]]: MIRROR @ tip for joint, tip in self.end_sites.items()},
+            end_sites={names[partner[self.index(joint)]]: mirror @ tip for joint, tip in self.end_sites.items()},
         )
 
 

@@ -13,8 +13,6 @@ from toolkit.mocap.rig import load_rig
 
 FEWEST_FRAMES = 10
 """Minimum number of frames for a statement about motion."""
-STILL = 2.0 * np.pi
-"""Degrees: range of angles that a full turn has if radians are read as degrees."""
 
 
 def check_clip(clip: Clip) -> Clip:
@@ -68,7 +66,8 @@ def _doubts(clip: Clip) -> list[str]:
     if len(clip) >= FEWEST_FRAMES:
         turns = _turns(clip)
         knees = [turns[joints[key]] for key in ("left_knee", "right_knee") if key in joints]
-        if turns.max() < STILL:
+        full_turn = 2.0 * np.pi  # degrees: range of the angles of a full turn if radians are read as degrees
+        if turns.max() < full_turn:
             still = f"no joint turns by more than {turns.max():.1f} degrees"
             found.append(f"{still}; nothing moves, or radians have to be given in degrees")
         elif max(knees, default=0.0) > step and np.ptp(clip.root_positions, axis=0).max() == 0.0:

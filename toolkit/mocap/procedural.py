@@ -30,10 +30,6 @@ NAMES = (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_M
 """Names of all motions."""
 
 
-HABIT = 6.0
-"""Degrees, standard deviation of each control from the held pose of a settled motion, drawn once per performance."""
-
-
 def procedural_clips(
     names: Sequence[str] = DATABASE_MOTIONS,
     rate: float = 30.0,
@@ -214,7 +210,8 @@ def _habit(rng: np.random.Generator) -> np.ndarray:
     shared = {name.split("_")[-1]: rng.normal() for name in CONTROLS}
     habit = np.array([rng.normal() + shared[name.split("_")[-1]] for name in CONTROLS])
     habit[CONTROLS.index("hop")] = 0.0
-    return HABIT * np.sqrt(0.5) * habit
+    deviation = 6.0  # degrees, standard deviation of each control from the held pose, drawn once per performance
+    return deviation * np.sqrt(0.5) * habit
 
 
 def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -29,7 +29,6 @@ from toolkit.mocap.rig import Rig, load_rig
 from toolkit.mocap.source import KeyedClip
 
 X, Y = 0, 1
-DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
 
 Lever = tuple[float, np.ndarray, np.ndarray]
 """Far point of a limb: lever (m), direction in the limb's frame (T, 3) or (3,), direction in the source (T, 3)."""
@@ -231,7 +230,8 @@ def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list
     parent = chain.world[chain.parent(start)]
     probe = np.array([0.0, 0.0, 1.0])
     local = apply(transposed(parent), now)
-    for hanging in (swing(bone, bone), swing(bone, DOWN)):
+    down = np.array([0.0, -1.0, 0.0])
+    for hanging in (swing(bone, bone), swing(bone, down)):
         relaxed = parent @ swing(apply(hanging, bone), local) @ hanging
         untwisted = _turns_about(now, apply(turned, probe), apply(relaxed, probe))
         prior += 0.5 * untwisted / np.abs(untwisted)

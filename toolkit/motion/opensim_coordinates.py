@@ -8,9 +8,6 @@ from toolkit.body import skeleton
 from toolkit.motion.angles import ISB_AXES, SAGITTAL, segment_rotations, sequence_angles
 from toolkit.tracks.runs import Person
 
-PELVIS_TO_HIPS = np.array([-0.0563, -0.0786, 0.0])
-"""Metres, ISB axes: from the origin of the generic model's pelvis (between its spines) to the middle of its hips."""
-
 
 def coordinates(person: Person, rows: np.ndarray) -> dict[str, np.ndarray]:
     """Compute the coordinates of frames `rows` (N,) of a person: name -> float64 (N,), degrees or metres."""
@@ -26,7 +23,9 @@ def coordinates(person: Person, rows: np.ndarray) -> dict[str, np.ndarray]:
     pelvis = angles("", "root")
     hips = poses[:, skeleton.ROOT_POSITION] @ ISB_AXES
     generic_stature = 1.70  # metres, of that model (Rajagopal 2016)
-    place = hips - turned["root"] @ PELVIS_TO_HIPS * person.body.height / generic_stature
+    # Metres, ISB axes: from the origin of the generic model's pelvis (between its spines) to the middle of its hips.
+    pelvis_to_hips = np.array([-0.0563, -0.0786, 0.0])
+    place = hips - turned["root"] @ pelvis_to_hips * person.body.height / generic_stature
     found = dict(zip(("pelvis_tilt", "pelvis_list", "pelvis_rotation"), pelvis.T, strict=True))
     found |= dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), place.T, strict=True))
     for side in ("right", "left"):

@@ -13,8 +13,6 @@ from toolkit.tracks import EMPTY, Track
 
 UNCERTAIN = 0.5
 """Mean confidence of a limb's outer joints below which the limb is uncertain: it is more likely wrong than right."""
-SHORTEST, JOINED = 0.2, 0.3
-"""Seconds: shorter stretches are left out, after those of one limb with shorter pauses between them were joined."""
 NAMED = 6
 """Maximum number of stretches in a text, the longest ones."""
 
@@ -37,14 +35,16 @@ def uncertain_stretches(track: Track) -> list[UncertainStretch]:
     there, times = track.state != EMPTY, track.timestamps - track.timestamps[0]
     steps = np.diff(times, append=times[-1] + (np.median(np.diff(times)) if len(times) > 1 else 0.0))
     found = []
+    pause = 0.3  # seconds: stretches of one limb with shorter pauses between them are joined
     for limb, joints in skeleton.OUTER.items():
         low = spans(there & (track.confidence[:, joints].mean(axis=1) < UNCERTAIN))
-        breaks = [0, *(k for k, (a, b) in enumerate(pairwise(low), 1) if times[b.start] - times[a.stop] >= JOINED)]
+        breaks = [0, *(k for k, (a, b) in enumerate(pairwise(low), 1) if times[b.start] - times[a.stop] >= pause)]
         for first, after in pairwise([*breaks, len(low)]):
             if first < after:
                 last = low[after - 1].stop - 1
                 found.append(UncertainStretch(limb, float(times[low[first].start]), float(times[last] + steps[last])))
-    long = [stretch for stretch in found if stretch.end - stretch.start >= SHORTEST or len(times) == 1]
+    shortest = 0.2  # seconds, after short pauses were joined
+    long = [stretch for stretch in found if stretch.end - stretch.start >= shortest or len(times) == 1]
     return sorted(long, key=lambda stretch: stretch.start)
 
 

@@ -23,14 +23,14 @@ TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
 """Scale of head and body against these, and the minimum score: an adult, and a child of a metre, whose shape a fist on
 a forearm resembles."""
 HEAD_DISTANCE = 0.25  # m between two heads, shoulder to shoulder and cheek to cheek
-SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a shoulder with a head's score
+SHOULDER_DISTANCE = 0.3  # m aside from a head, of a shoulder
 SURFACE_GAP = 0.05  # m of depth between neighbours on one surface, besides the quantisation: a torso's side, at 3 m
 BRIDGE_CUT = 0.5  # m, largest depth step within a segmented person: an arm in front of the chest
 BRIDGE_ROOM = 0.12  # m, the same in a room: below the distance between a person and a shelf behind
 REACH_STILL = 0.6
 """Metres horizontally from the head of a person who has not moved yet: the knees of a seated one, without the chair."""
 SEED_RADIUS = 0.12  # m around a head's centre that certainly belong to the head
-HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
+CHEST_BAND = (-0.42, -0.28)  # m above the head's centre
 CHEST_WIDTH = (0.2, 0.95)  # m: from a slim person seen from the side to an adult with spread elbows
 
 
@@ -85,7 +85,8 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
 def _on_body_below(place: np.ndarray, head: np.ndarray) -> bool:
     """Return True if `place` is so close to the axis below `head` that it is a shoulder, an elbow or a knee."""
     aside, drop = float(np.hypot(place[0] - head[0], place[2] - head[2])), head[1] - place[1]
-    if drop < LEAST_DROP:
+    least_drop = 0.1  # m from a head down to a shoulder with a head's score
+    if drop < least_drop:
         return False
     # m from a head's axis to an elbow or a knee, and m below the head from which it applies
     body_distance, head_drop = 0.45, 0.5
@@ -145,7 +146,8 @@ def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np
 
 def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:
     """Return True if a surface is narrow around a head's centre (3,) and wide below it, for a body of a `scale`."""
-    across_head = float(np.median(_run_widths(view, mask, head, HEAD_BAND, scale)))
+    head_band = (-0.06, 0.06)  # m above the head's centre
+    across_head = float(np.median(_run_widths(view, mask, head, head_band, scale)))
     across_chest = float(np.max(_run_widths(view, mask, head, CHEST_BAND, scale)))
     head_width = (0.09, 0.36)  # m: from a child seen from the side to a hooded adult
     fits = head_width[0] <= across_head <= head_width[1] and CHEST_WIDTH[0] <= across_chest <= CHEST_WIDTH[1]

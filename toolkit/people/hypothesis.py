@@ -16,21 +16,8 @@ from toolkit.people.detection import near_head
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import Camera
 
-PRIOR_LOG_ODDS = -1.8
-"""Log odds of a head candidate without other evidence: rooms hold more candidates than people."""
-MOVED = 4.0
-"""Log odds of a candidate that stood elsewhere in other frames."""
-SHAPED = 3.0
-"""Log odds between a candidate that never has a person's shape and one that has it in all its frames."""
-PIXEL_WEIGHT, UNDECIDED = 0.9, 1.3
-"""Weight of the classifier's mean log odds, and the mean without evidence: a head candidate looks more like a person
-than the walls and desks of the training images."""
-ALONE = 0.7
-"""Log odds added where there is only one frame: no later frame finds a missed person."""
 HEAD_HEIGHT = (0.5, 2.4)
 """Height of a head's centre above the floor, metres: a squatting child of 0.8 m, an adult of 2.2 m on a step."""
-LOW = 2.0
-"""Log odds against a low head: chairs, boxes and low cupboards end there."""
 SEATED, LOWEST = 1.0, 0.75
 """Metres above the floor: heads of seated adults are above the first; below the second a head counts as fully low."""
 
@@ -93,16 +80,25 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
     def mean(values: list[float]) -> float:
         return float(np.mean(values))
 
-    judged = [g.judged - UNDECIDED for g in glimpses if g.judged is not None]
+    # Mean log odds without evidence: a head candidate looks more like a person than the walls of the training images.
+    undecided = 1.3
+    judged = [g.judged - undecided for g in glimpses if g.judged is not None]
+    # Log odds:
+    prior = -1.8  # of a head candidate without other evidence: rooms hold more candidates than people
+    moved = 4.0  # weight of the fraction of frames in which the candidate stood elsewhere
+    shaped = 3.0  # difference between a candidate with a person's shape in all frames and in none
+    low = 2.0  # against a low head: chairs, boxes and low cupboards end there
+    pixel_weight = 0.9  # of the classifier's mean log odds
     return float(
-        PRIOR_LOG_ODDS
-        + MOVED * mean([g.moved for g in glimpses])
-        + SHAPED * (mean([g.shaped for g in glimpses]) - 0.5)
-        - LOW * mean([g.low for g in glimpses])
-        + PIXEL_WEIGHT * mean(judged or [0.0])
+        prior
+        + moved * mean([g.moved for g in glimpses])
+        + shaped * (mean([g.shaped for g in glimpses]) - 0.5)
+        - low * mean([g.low for g in glimpses])
+        + pixel_weight * mean(judged or [0.0])
     )
 
 
 def alone_log_odds(shaped: bool, judged: float | None, low: float = 0.0) -> float:
     """Return the log odds of a person from the only frame of a recording."""
-    return ALONE + log_odds([EvidenceSample(shaped, 0.0, judged=judged, low=low)])
+    alone = 0.7  # in a single frame: no later frame finds a missed person
+    return alone + log_odds([EvidenceSample(shaped, 0.0, judged=judged, low=low)])

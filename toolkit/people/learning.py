@@ -30,15 +30,6 @@ from toolkit.people.view import CoarseCamera, View
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
 LASTING = 0.15  # of the samples, and at least 2, in which the room behind a person must be seen
 MOSTLY = 0.5  # fraction of samples at the background's depth that show a person, above which the room there is unknown
-SAME_PLACE = 0.2  # m between the heads of one figure
-HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there
-FIGURE = 0.5  # of the samples in which a thing that never moves has a person's shape, to be called a figure
-STILL = 0.98  # fraction of samples with the same depth in a pixel without motion
-ANOTHER_ROOM = 0.5  # of the pixels whose depth differs: two images show different rooms
-NOISE = 3.0  # standard deviations of a pixel that stands before the room
-MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
-BELOW = 0.4  # m, horizontally, around a head: likely pixels are the person's
-REJECTED = -2.5  # log odds of a pixel connected to a person's head, below which it is furniture
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +75,8 @@ def learnt_parts(
     stack = np.stack(frames)
     rough = farthest_lasting(stack, LASTING, lens)
     rough_margin, same = _margins(stack, rough, lens)
-    still = (same.sum(axis=0) >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
+    still_share = 0.98  # of samples with the same depth in a pixel without motion
+    still = (same.sum(axis=0) >= still_share * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
     moved = (stack > 0) & (rough - stack > rough_margin)
     tolerance = tolerances(rough, lens)
     yield
@@ -97,15 +89,17 @@ def learnt_parts(
     yield
     occupied, furniture = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
     in_place: list[list[HeadTrack]] = []
+    moving = 0.5  # minimum fraction of a head's pixels that move
+    figure_share = 0.5  # minimum fraction of samples in which a motionless figure has a person's shape
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
-        moves = np.mean([g.moved for g in glimpses]) > HEAD_MOVED
+        moves = np.mean([g.moved for g in glimpses]) > moving
         if log_odds(glimpses) > 0 or moves:
             for s in figure:
                 occupied[s.frame] |= s.own
             if moves and FEWEST <= len(figure) <= MOSTLY * len(stack):
                 in_place.append(figure)
-        elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
+        elif sum(g.shaped for g in glimpses) > figure_share * len(stack):
             furniture.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, lens)
     yield
@@ -127,8 +121,10 @@ def person_pixels(view: View, connected: np.ndarray, place: np.ndarray, odds: np
         return connected
     aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
     head_top = 0.3  # m from a head's centre to above its hair
-    below = (view.depth > 0) & (aside < BELOW) & (view.points[..., 1] < place[1] + head_top)
-    return np.asarray((connected & (odds > REJECTED)) | (below & (odds > 0)))
+    radius = 0.4  # m, horizontally, around a head: likely pixels below it are the person's
+    below = (view.depth > 0) & (aside < radius) & (view.points[..., 1] < place[1] + head_top)
+    rejected = -2.5  # log odds of a pixel connected to a person's head, below which it is furniture
+    return np.asarray((connected & (odds > rejected)) | (below & (odds > 0)))
 
 
 def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
@@ -150,7 +146,8 @@ def rooms_differ(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
 def _another_room(before: np.ndarray, after: np.ndarray, lens: CoarseCamera) -> bool:
     both = (before > 0) & (after > 0)
     margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
-    return share_of(np.abs(before - after) > margin, both) > ANOTHER_ROOM
+    changed_share = 0.5  # of the pixels of two images with different depth, above which they show different rooms
+    return share_of(np.abs(before - after) > margin, both) > changed_share
 
 
 def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.ndarray:
@@ -177,7 +174,9 @@ def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> t
     near = (stack > 0) & (np.abs(stack - background) <= 2 * tolerance)
     count = np.maximum(near.sum(axis=0), 1)
     spread = np.sqrt((np.where(near, stack - background, np.float32(0)) ** 2).sum(axis=0) / count)
-    return (tolerance + np.minimum(NOISE * spread, MOST_NOISE)).astype(np.float32), near
+    deviations = 3.0  # standard deviations of a pixel in front of the background
+    most_noise = 0.3  # m that a pixel's noise may widen the margin
+    return (tolerance + np.minimum(deviations * spread, most_noise)).astype(np.float32), near
 
 
 def _seen(
@@ -209,9 +208,10 @@ def _figures(seen: Sequence[HeadTrack]) -> list[list[HeadTrack]]:
     """Group head candidates by place."""
     figures: list[list[HeadTrack]] = []
     middles: list[np.ndarray] = []
+    same_place = 0.2  # m between the heads of one figure
     for s in seen:
         away = [float(np.sqrt(((s.place - middle) ** 2).sum())) for middle in middles]
-        if away and min(away) < SAME_PLACE:
+        if away and min(away) < same_place:
             k = int(np.argmin(away))
             figures[k].append(s)
             middles[k] = np.mean([other.place for other in figures[k]], axis=0)

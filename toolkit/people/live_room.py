@@ -26,10 +26,8 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
-SEARCH_PERIOD, LEARNING_PERIOD = 8, 4
-"""Frames of which one has heads and limbs searched while the room is not known, and frames of which another one has a
-part of learning: 20 to 40 ms each.
-"""
+LEARNING_PERIOD = 4
+"""Frames of which one has a part of learning, 20 to 40 ms, while the background is unknown."""
 LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 """Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
 
@@ -113,7 +111,8 @@ class RoomLearningFinder(WrappedFinder):
             self._sample(depth_mm, timestamp)
         if self._learning is not None and self._frames % LEARNING_PERIOD == LEARNING_PERIOD // 2:
             self._learn(self._learning)
-        searches = not self._anyone or self._frames % SEARCH_PERIOD == 0
+        search_period = 8  # frames, of which one has heads and limbs searched (20 to 40 ms)
+        searches = not self._anyone or self._frames % search_period == 0
         self._frames += 1
         found = self._finder.find(depth_mm, timestamp, predicted, only=only, searches=searches)
         self._anyone = bool(found)

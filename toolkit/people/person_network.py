@@ -17,19 +17,14 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.exact_network import ExactNetwork
 
 ASSET = Path(__file__).parent / "assets" / "people.onnx"
-FOCAL = 142.0
-"""Pixels: focal length of the training images. Depths of other cameras are scaled to it."""
 SHAPE = (1, 4, 128, 160)
-"""Shape of the input of a Kinect; height and width are multiples of `MULTIPLE`."""
-MULTIPLE = 16
+"""Shape of the input of a Kinect; height and width are multiples of 16."""
 NEAREST, FARTHEST = 300, 20_000
 """Millimetres: nearer and farther depths count as these."""
-AROUND, RELIEF = 15, 400.0
-"""Pixels of a side of the surroundings; millimetres of depth against their mean that count as 1."""
 INPUT_EXPONENT, INPUT_RANGE = -6, 256
 """The input is in steps of 1/64; its largest whole number."""
-LARGEST, STEP = 6.9, 1 / 64
-"""Bound of the log-odds, a probability of 0.999, and their resolution."""
+STEP = 1 / 64
+"""Resolution of the log-odds."""
 
 _UNIT = 2.0**-INPUT_EXPONENT
 _DEPTHS = [max(millimetres, NEAREST) / 1000.0 for millimetres in range(FARTHEST + 1)]
@@ -53,15 +48,18 @@ class PersonNetwork:
 
     def _computed(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
         height, width = depth.shape
-        rows, columns = (-(-size // MULTIPLE) * MULTIPLE for size in depth.shape)
+        multiple = 16  # divides height and width of the input
+        rows, columns = (-(-size // multiple) * multiple for size in depth.shape)
         whole = np.zeros((rows, columns), dtype=np.int64)
         top, left = (rows - height) // 2, (columns - width) // 2
         inner = np.s_[top : top + height, left : left + width]
-        scaled = np.rint(depth * (1000.0 * FOCAL / camera.fx))
+        training_focal = 142.0  # pixels; depths of other cameras are scaled to it
+        scaled = np.rint(depth * (1000.0 * training_focal / camera.fx))
         whole[inner] = np.where(depth > 0, np.clip(scaled, 1, FARTHEST), 0)
         (found,) = self._net.run(features(whole)[None])
         full = np.repeat(np.repeat(found[0, 0], 2, axis=0), 2, axis=1)[inner]
-        odds = np.clip(full, -LARGEST, LARGEST)
+        largest = 6.9  # log-odds: a probability of 0.999
+        odds = np.clip(full, -largest, largest)
         return np.where(depth > 0, np.rint(odds / STEP) * STEP, 0.0).astype(np.float32)
 
 
@@ -73,11 +71,13 @@ def features(millimetres: np.ndarray) -> np.ndarray:
     import cv2
 
     measured = (millimetres > 0).astype(np.float64)
+    side = 15  # pixels of the surroundings
     sums, counts = (
-        cv2.boxFilter(image, -1, (AROUND, AROUND), normalize=False, borderType=cv2.BORDER_CONSTANT)
+        cv2.boxFilter(image, -1, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
         for image in (millimetres.astype(np.float64), measured)
     )
-    relief = np.clip((millimetres - sums / np.maximum(counts, 1.0)) / RELIEF, -2.0, 2.0)
+    relief_unit = 400.0  # millimetres of depth against the mean around that count as 1
+    relief = np.clip((millimetres - sums / np.maximum(counts, 1.0)) / relief_unit, -2.0, 2.0)
     parts = (measured * _UNIT, _INVERSES[millimetres], _LOGARITHMS[millimetres], np.rint(_UNIT * relief) * measured)
     return np.stack([part.astype(np.float32) for part in parts])
 

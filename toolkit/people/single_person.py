@@ -20,8 +20,6 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 
-ID = 1
-
 
 class SinglePersonSegmenter:
     """Finder of the one person that the settings select; each frame is a sighting, empty where the person is absent.
@@ -72,7 +70,7 @@ class SinglePersonSegmenter:
         """Find the person, see `PeopleFinder.find`; raises as `clean`."""
         depth, whole_mm = self._cut(depth_mm)
         holes = None if self._segmenter.cut_out else hole_sizes(whole_mm)
-        return (Sighting(ID, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
+        return (Sighting(1, depth, unobserved_pixels(whole_mm, depth, holes), self.camera),)
 
     def redetect(self) -> None:
         """Return None, see `PeopleFinder.redetect`."""

@@ -13,8 +13,6 @@ GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as 
 
 LEVEL = np.array([1.0, 0.0, 1.0])
 """Mask of the horizontal components of a displacement in the level frame."""
-NEVER = -1e9
-"""Time before every timestamp, seconds."""
 UNKNOWN = np.full(3, np.nan)
 """Place of an unknown point."""
 
@@ -53,7 +51,7 @@ class KnownPerson:
     borne_out: bool = False
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
     gone: bool = False
-    looked: float = NEVER
+    looked: float = -1e9  # before every timestamp
     evidence: Evidence = Evidence()
 
     def expected(self, timestamp: float) -> np.ndarray:

@@ -13,12 +13,8 @@ from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
 from toolkit.people.view import CoarseCamera, View
 
-LEAST_BODY = 0.12  # m^2 of a person whose head is not seen
 LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
 LARGEST_ISLAND = 0.15  # m^2: an arm with its hand, or a leg
-ISLAND_GAP = 0.5  # m from such a piece to the person (Baak 2013, 5.4.2)
-LIMB = 3.2  # mean log odds of a limb in an unknown room; at 2.0 of the earlier forest 24 of 27 pieces were limbs
-SAMPLES = 200  # maximum number of pixels of either surface from which their gap is measured
 
 
 def attach_islands(
@@ -40,7 +36,7 @@ def attach_islands(
     cut_out : the recording holds segmented people, so that a small component may be a child
     """
     pieces, count, areas = surfaces(view, lens, labels)
-    least_body = LEAST_CUT_OUT if cut_out else LEAST_BODY
+    least_body = LEAST_CUT_OUT if cut_out else 0.12  # m^2 of a person without a detected head
     own_points = _people(view, labels)
     attached = labels.copy()
     for piece in range(1, count + 1):
@@ -78,11 +74,12 @@ def attach_limbs(
     pieces, count, areas = surfaces(view, lens, labels)
     own_points = _people(view, np.where(labels <= people, labels, 0))
     attached = labels.copy()
+    limb = 3.2  # mean log odds of a limb in an unknown room
     for piece in range(1, count + 1):
         if LEAST_ISLAND <= areas[piece] <= LARGEST_ISLAND:
             mask = pieces == piece
             owner = _owner(own_points, view.points[mask])
-            if owner and judge.log_odds(view.depth, lens.camera)[mask].mean(dtype=np.float64) > LIMB:
+            if owner and judge.log_odds(view.depth, lens.camera)[mask].mean(dtype=np.float64) > limb:
                 attached[mask] = owner
     return attached
 
@@ -93,14 +90,16 @@ def _people(view: View, labels: np.ndarray) -> dict[int, np.ndarray]:
 
 
 def _sampled(points: np.ndarray) -> np.ndarray:
-    return points[:: max(1, len(points) // SAMPLES)].astype(np.float64)
+    samples = 200  # points of either surface from which their gap is measured
+    return points[:: max(1, len(points) // samples)].astype(np.float64)
 
 
 def _owner(people: Mapping[int, np.ndarray], points: np.ndarray) -> int:
     """Return the person nearest to a component (N, 3), 0 if none is near."""
     gaps = {k: float(smallest_gap(own, _sampled(points))) for k, own in people.items()}
     nearest = min(gaps, key=lambda k: gaps[k], default=0)
-    return nearest if nearest and gaps[nearest] <= ISLAND_GAP else 0
+    largest_gap = 0.5  # m from a component to its person (Baak 2013, 5.4.2)
+    return nearest if nearest and gaps[nearest] <= largest_gap else 0
 
 
 def _aside(points: np.ndarray, place: np.ndarray) -> float:

@@ -15,9 +15,6 @@ from toolkit.recordings.readers.base import FileFacts, chosen_camera, recording_
 from toolkit.recordings.readers.cloud import GRID_POINTS, CloudFrames, RawCloud, camera_of_grid, usable_cloud
 from toolkit.sensing.recording import FrameSource, Recording, memory_path
 
-WIDEST = 2.5
-"""Width over height of an image, or height over width, up to which a number of points may be one (16:9 is 1.8)."""
-
 
 def is_open3d(frames: Any) -> bool:
     """Return True for an object of Open3D, or a list or tuple that begins with one; Open3D is not imported."""
@@ -106,7 +103,7 @@ def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> 
 def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int] | None:
     """Return height and width of the image whose pixels the points (N, 3) are, row by row; None if they are none.
 
-    `size` (width, height) is tried alone if it is given, else every image of N pixels up to `WIDEST`.
+    `size` (width, height) is tried alone if it is given, else every image of N pixels with sides up to 2.5 : 1.
     """
     count = len(points)
     if count < GRID_POINTS:
@@ -114,7 +111,8 @@ def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int
     if size is not None:
         sizes = [(size[1], size[0])] if size[0] * size[1] == count else []
     else:
-        heights = np.arange(int(np.sqrt(count / WIDEST)), int(np.sqrt(count * WIDEST)) + 1)
+        widest = 2.5  # ratio of the sides of an image of N pixels (16:9 is 1.8)
+        heights = np.arange(int(np.sqrt(count / widest)), int(np.sqrt(count * widest)) + 1)
         sizes = [(int(h), count // int(h)) for h in heights if h > 1 and count % h == 0 and count // h > 1]
     return next((grid for grid in sizes if camera_of_grid(points, grid) is not None), None)
 

@@ -11,8 +11,6 @@ from toolkit.sensing.camera import Camera
 
 LARGEST_MM = 65535
 """Largest depth of the canonical form."""
-INVALID_FROM = 65000
-"""Raw 16-bit values from here on mean no measurement (Azure Kinect files; others saturate at 65535)."""
 FARTHEST_MEDIAN_MM = 20_000.0
 """Twice the length of a room."""
 DEPTH_UNITS = {
@@ -47,7 +45,7 @@ class DepthConverter:
     def convert(self, raw: np.ndarray, camera: Camera, what: str, *, check: bool = True) -> np.ndarray:
         """Return one raw image (H, W) of `camera` as uint16 millimetres along z.
 
-        NaN, infinite and negative values, 16-bit values from `INVALID_FROM` on, and depths beyond 65.5 m, become 0: no
+        NaN, infinite and negative values, 16-bit values from 65000 on, and depths beyond 65.5 m, become 0: no
         measurement.
 
         Raises
@@ -63,8 +61,10 @@ class DepthConverter:
             raise RecordingError(f"{what} has type {raw.dtype}; depth must be numbers, uint16 millimetres best")
         if raw.dtype.itemsize == 1:
             raise RecordingError(f"{what} has 8 bits a pixel; depth needs 16 bits")
-        if raw.dtype == np.uint16 and raw.size and raw.max() >= INVALID_FROM:
-            raw = np.where(raw < INVALID_FROM, raw, np.uint16(0))
+        # 16-bit values from here on mean no measurement (Azure Kinect files; others saturate at 65535)
+        invalid_from = 65000
+        if raw.dtype == np.uint16 and raw.size and raw.max() >= invalid_from:
+            raw = np.where(raw < invalid_from, raw, np.uint16(0))
         if check and not self._checked:
             self._check(raw, what)
         depth = raw

@@ -40,10 +40,8 @@ from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 
 AIM_HEIGHT = 0.52
 """Height at which a camera without a given tilt aims, as a fraction of the subject's stature."""
-FRAME_RATES = (0.1, 1000.0)
-"""Range of frame rates of depth cameras."""
 RANGES: dict[str, tuple[float, float, str]] = {
-    "frame_rate": (*FRAME_RATES, "frames a second"),
+    "frame_rate": (0.1, 1000.0, "frames a second of depth cameras"),
     "distance": (0.1, 60.0, "metres, as far as depth is stored"),
     "height": (-20.0, 60.0, "metres above the floor"),
     "tilt": (-90.0, 90.0, "degrees"),
@@ -51,8 +49,6 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "seconds": (1e-3, 86_400.0, "seconds, a day at most"),
 }
 """Inclusive ranges of the numbers of `CaptureSettings`, with their unit."""
-EMPTY_STATURE, EMPTY_NECK, EMPTY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
-"""Reference person of an empty room: stature and neck height in metres, and the corners of their space."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +155,8 @@ class Simulation:
     def _surroundings(self) -> Scenery:
         """The room without people, camera frame."""
         used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers]
-        return surroundings(self.shot.room, used or [EMPTY_REACH], self.furniture, self.view)
+        empty_reach = np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])  # corners of the space of a person, metres
+        return surroundings(self.shot.room, used or [empty_reach], self.furniture, self.view)
 
     @cached_property
     def _room(self) -> Surface:
@@ -281,7 +278,7 @@ def _view(
     people: Sequence[SimulatedPerson], performers: Sequence[PosedSubject], shot: CaptureSettings, camera: Camera
 ) -> PlacedCamera:
     """Return the position of the camera: its height and tilt."""
-    stature, neck = EMPTY_STATURE, EMPTY_NECK
+    stature, neck = 1.7, 1.4  # metres, of a reference person in an empty room
     if performers:
         body = performers[0].body
         stature, neck = body.height, neck_height(body, seated=people[0].seated)

@@ -35,8 +35,6 @@ MOST_POINTS = 14_400
 """Maximum cost of a person's frame: with 18,000 points beside each new frame, five frames are tracked again while four
 arrive.
 """
-ABSENT_POINTS = 120
-"""Cost of a frame without a sighting: 20 to 60 microseconds."""
 
 
 class LivePose(NamedTuple):
@@ -215,5 +213,5 @@ class LivePeople(MultiPersonTracker):
 def _cost_of(stored: StoredSighting | None, found: bool) -> int:
     """Return the cost of a person's frame in points; in a first one the pose is searched in the whole database."""
     if stored is None:
-        return ABSENT_POINTS
+        return 120  # 20 to 60 microseconds
     return min(int(np.count_nonzero(stored.depth)), MOST_POINTS) if found else PART_POINTS

@@ -16,9 +16,6 @@ from toolkit.fitting.placed import PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried
 from toolkit.kernels import linear
 
-LEAST_OBSERVED = 0.15
-"""Share of the chosen vertices at and below a joint that has to be observed before its angles are known."""
-
 
 @dataclass(frozen=True, eq=False)
 class Guess:
@@ -90,7 +87,8 @@ def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
     `observed` : float64 (C,), 1 for chosen vertices that lie where something was observed, else 0
     """
     below = BELOW[:, placed.body.part[placed.placer.chosen]].astype(np.float64)
-    hidden = linear.times(below, observed) < LEAST_OBSERVED * below.sum(axis=1)
+    least_observed = 0.15  # fraction of the chosen vertices at and below a joint for which its angles are observed
+    hidden = linear.times(below, observed) < least_observed * below.sum(axis=1)
     hidden[0] = False
     return hidden
 

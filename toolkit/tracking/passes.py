@@ -29,10 +29,6 @@ from toolkit.tracking.state import PersonState, State
 from toolkit.tracking.trajectory_choice import Direction, Step, TrajectoryStore, apart, better_parts, result_of
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
-AGREED, AGREED_SECONDS = 0.04, 0.5
-"""Metres, mean over the joints, and seconds: trajectories so near to each other for so long have met."""
-DIFFERENT = 0.10
-"""Metres, mean over the joints, from which on a detection is another pose than the trajectory's."""
 JUMP = 0.05
 """Metres, mean over the joints, by which a step has to exceed those beside it to be a jump."""
 REPAIRED_SHARE = 0.5
@@ -205,7 +201,8 @@ class BidirectionalTracker:
         if frame not in leg.stretch.keyframes or followed.followed.state.previous is None:
             return followed
         detected = self._detected(frame)
-        if apart(detected.step.result, followed.step.result) < DIFFERENT:
+        different = 0.10  # metres, mean over the joints, from which on a detection is another pose
+        if apart(detected.step.result, followed.step.result) < different:
             return followed
         old, new = (
             detector.cost(frame, found.step.result.pose, detected.followed, prior=True)
@@ -282,6 +279,8 @@ class BidirectionalTracker:
         state = self._detector.state_at(jump.frame, self._trajectory[jump.frame].result.pose)
         steps: dict[int, Step] = {}
         differed = float(self._timestamps[jump.frame])
+        agreed = 0.04  # metres, mean over the joints: the trajectories have met
+        agreed_seconds = 0.5  # seconds for which they have to agree
         for frame in frames:
             found = self._detector.follow(frame, state, jump.direction)
             known = self._trajectory[frame].result
@@ -290,9 +289,9 @@ class BidirectionalTracker:
                 replace(found.step, result=self._doubted(found.step.result, known)),
             )
             moment = float(self._timestamps[frame])
-            if apart(found.step.result, known) > AGREED:
+            if apart(found.step.result, known) > agreed:
                 differed = moment
-            elif abs(moment - differed) > AGREED_SECONDS:
+            elif abs(moment - differed) > agreed_seconds:
                 break
             yield False
         if steps:

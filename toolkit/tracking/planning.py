@@ -29,9 +29,8 @@ from toolkit.tracks import TRACKED
 
 SURVEYED = 0.25
 """Seconds between the surveyed frames, in which the joint network counts the visible joints."""
-MOMENTS, MOMENT_GAP = 4, 1.0
-"""Frames with most visible joints, on which sizes are tried; seconds between them, half of all the time where that is
-less: one frame may mislead."""
+MOMENT_GAP = 1.0
+"""Seconds between the frames with most visible joints on which sizes are tried; at most half of the time in view."""
 CHECKED = 5.0
 """Seconds of each stretch; its frame with most visible joints is a keyframe."""
 
@@ -179,7 +178,8 @@ class Planner:
         walked = directions_walked(self._first_pass, self._timestamps, self._follower.level_rotation)
         faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
         self._heading = heading(walked, faced)
-        moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
+        moments_tried = 4  # frames with most visible joints, on which sizes are tried: one frame may mislead
+        moments = survey.best(moments_tried, int(usable[0]), int(usable[-1]), self._timestamps)
         relearned = self._relearn and not survey.whole[np.isin(survey.frames, moments)].any()
         body = self._body
         if relearned:

@@ -33,9 +33,6 @@ from toolkit.tracking.tracker_protocol import TrackerSettings, Wanted
 from toolkit.tracking.tracking_settings import FollowerSettings
 from toolkit.tracking.trajectory_choice import TrajectoryStore
 
-LARGE_IMAGE = 200
-"""Image width above which the body is drawn at half resolution, pixels."""
-
 
 class SearchingSettings(TrackerSettings, FollowerSettings, Protocol):
     """Settings of such a tracker besides those of its searches; see `HybridSettings`."""
@@ -205,7 +202,8 @@ class SearchingTracker(ABC):
         floor: float | None = None,
     ) -> Follower:
         settings = self._common
-        small = camera.subsampled(2) if camera.width > LARGE_IMAGE else camera
+        large_width = 200  # pixels; larger images are drawn at half resolution
+        small = camera.subsampled(2) if camera.width > large_width else camera
         placer = Placer(self._first_body, small, level_rotation)
         objective = Objective(placer, settings.fitting, self.priors, self.regressions)
         refiner = Refiner(placer, settings.fitting, self.priors)

@@ -20,10 +20,6 @@ if TYPE_CHECKING:
     from toolkit.evaluation.scores import EvaluationTable
     from toolkit.tracks.runs import People
 
-SUBJECT, SUBJECT_SEED = "slim_male", 7
-"""Body of the simulated subject, and the seed of its deviation from the bodies that a tracker can fit."""
-SECONDS = 5.0
-"""Duration of each motion."""
 REAL = "two-people"
 """Data set of the real demo."""
 
@@ -44,7 +40,7 @@ class RealDemoResult(NamedTuple):
     files: list[Path]
 
 
-def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, show: Progress = silent) -> DemoResult:
+def run_demo(output: str | Path, *, seed: int = 0, seconds: float = 5.0, show: Progress = silent) -> DemoResult:
     """Simulate a recording of motions outside the database, track it, score it and draw it.
 
     Parameters
@@ -74,7 +70,7 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     folder = Path(output)
     run = folder / "run"
     (run / "track.partial").unlink(missing_ok=True)
-    subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
+    subject = subject_body("slim_male", seed=7)
     motions = 3  # motions of the recording; the database contains none of them
     clips = procedural_clips(SUBJECT_MOTIONS[:motions], body=subject, variations=1, seed=seed)
     frames = int(seconds * clips[0].frame_rate)

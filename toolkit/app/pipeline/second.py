@@ -37,8 +37,6 @@ STATE_FILE = "state.npz"
 SHARED_FRAMES = 2000
 """Frames in which people are in sight, summed over them, from which on worker processes share them: 20 to 40 s of
 processor time; a process takes 3.5 s to start."""
-POLL_SECONDS = 0.2
-"""Interval between two checks of the worker processes, seconds."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")
 """Environment variables that keep a worker process to one thread."""
 
@@ -170,7 +168,7 @@ class SecondPass:
                     report()
                     if stop.is_set():
                         (self._folder / STOP_FILE).touch()
-                    for future in wait(running, POLL_SECONDS, FIRST_COMPLETED).done:
+                    for future in wait(running, timeout=0.2, return_when=FIRST_COMPLETED).done:
                         task = running.pop(future)
                         try:
                             plan, done = future.result()

@@ -12,8 +12,6 @@ from numba import njit
 
 LEAF = 256
 """Maximum number of rows in a leaf."""
-SLACK = np.float32(1.0 - 1e-5)
-"""Factor on the squared distance to a box, above the rounding error of a float32 sum of 15 squares (about 1e-6)."""
 
 
 def leaf_order(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -84,6 +82,8 @@ def nearest(
     leaves, dimensions = low.shape
     bound = np.empty(leaves, np.float32)
     squares = np.empty(LEAF, np.float32)
+    # Factor on the squared distance to a box, above the rounding error of a float32 sum of 15 squares (about 1e-6).
+    slack = np.float32(1.0 - 1e-5)
     for m in range(queries.shape[0]):
         distances[m] = np.inf
         indices[m] = columns.shape[1]
@@ -98,7 +98,7 @@ def nearest(
             for other in range(1, leaves):
                 if bound[other] < bound[leaf]:
                     leaf = other
-            if bound[leaf] * SLACK > distances[m, -1] or bound[leaf] == np.inf:
+            if bound[leaf] * slack > distances[m, -1] or bound[leaf] == np.inf:
                 break
             bound[leaf] = np.inf
             begin = starts[leaf]
@@ -117,10 +117,6 @@ def nearest(
                     _insert(squares[i], row, distances[m], indices[m])
 
 
-BLOCK = 1024
-"""Number of rows per block (4 KB of squares)."""
-
-
 @njit(cache=True)
 def weighted_nearest(
     query: np.ndarray, weights: np.ndarray, columns: np.ndarray, distances: np.ndarray, indices: np.ndarray
@@ -131,10 +127,11 @@ def weighted_nearest(
     block and column after column, so that each pass runs with vector instructions over memory that stays in the cache.
     """
     distances[:] = np.inf
-    squares = np.empty(BLOCK, dtype=np.float32)
+    block = 1024  # rows per block (4 KB of squares)
+    squares = np.empty(block, dtype=np.float32)
     total = columns.shape[1]
-    for begin in range(0, total, BLOCK):
-        size = min(BLOCK, total - begin)
+    for begin in range(0, total, block):
+        size = min(block, total - begin)
         squares[:size] = 0.0
         for d in range(columns.shape[0]):
             w, value = weights[d], query[d]

@@ -8,9 +8,6 @@ from numba import njit
 from toolkit.kernels.image.raster import project, rasterise
 from toolkit.kernels.kinematics import forward_kinematics, world_axes
 
-FARTHER = 4.0 * (1.0 + 1e-9)
-"""Ratio of squared distances from which the triangle inequality holds despite rounding errors."""
-
 
 @njit(cache=True)
 def place(
@@ -173,6 +170,8 @@ def spread(points: np.ndarray, nearest: np.ndarray, chosen: np.ndarray) -> None:
     for i in range(points.shape[0]):
         if nearest[i] > nearest[best]:
             best = i
+    # Ratio of squared distances from which the triangle inequality holds despite rounding errors.
+    farther = 4.0 * (1.0 + 1e-9)
     for k in range(chosen.shape[0]):
         chosen[k] = best
         for j in range(k):
@@ -183,7 +182,7 @@ def spread(points: np.ndarray, nearest: np.ndarray, chosen: np.ndarray) -> None:
         last, best = best, 0
         for i in range(points.shape[0]):
             # Triangle inequality: the row is not nearer to the last one if its own is twice as far from that.
-            if owner[i] >= 0 and apart[owner[i]] > FARTHER * nearest[i]:
+            if owner[i] >= 0 and apart[owner[i]] > farther * nearest[i]:
                 if nearest[i] > nearest[best]:
                     best = i
                 continue

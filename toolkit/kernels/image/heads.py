@@ -7,12 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-LEAST_UP = 0.2
-"""Minimum length of the vertical in the plane facing the camera; below it a head is seen from above and hides the
-rest."""
-BESIDE = 0.1
-"""Distance from the middle of a head beyond which a position counts as right or left of it, metres."""
-
 
 @njit(cache=True)
 def head_scores(
@@ -88,17 +82,16 @@ def _placed(depth: np.ndarray, u: int, v: int, intrinsics: np.ndarray, up: np.nd
     along = (a * up[0] + b * up[1] + up[2]) / (a * a + b * b + 1.0)
     x, y = up[0] - along * a, up[1] - along * b
     length = np.sqrt(x * x + y * y)
-    if length < LEAST_UP:
+    shortest = 0.2  # length of the vertical in the image plane; if shorter, the head is seen from above
+    if length < shortest:
         return _Place(False, u, v, z, 0.0, 0.0, 0.0, 0.0)
-    # """Return the depth of the surface at a position behind the candidate, metres; NaN without a measurement."""
     x, y = x / length * fx / z, y / length * fy / z
     return _Place(True, u, v, z, -y / fy * fx, x / fx * fy, x, y)
 
 
 @njit(cache=True)
 def _behind(depth: np.ndarray, place: _Place, across: float, upwards: float) -> float:
-    """Return the roundness relative to a sphere, 0 to 1; negative if less than two thirds of the positions are on a
-    head."""
+    """Return the depth of the surface at a position behind the candidate, metres; NaN without a measurement."""
     u = int(np.rint(place.u + across * place.right_u + upwards * place.up_u))
     v = int(np.rint(place.v + across * place.right_v + upwards * place.up_v))
     if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0] or depth[v, u] == 0.0:
@@ -127,6 +120,7 @@ def _roundness(depth: np.ndarray, place: _Place, inside: np.ndarray, deep: float
 def _space(depth: np.ndarray, place: _Place, around: np.ndarray, behind: float, unmeasured: float) -> float:
     """Return the fraction of the places around that are free; negative if a third is not, or one side is occupied."""
     free, contradicted, left, right = 0.0, 0, 0.0, 0.0
+    beside = 0.1  # metres from the middle of a head beyond which a position counts as right or left of it
     for k in range(around.shape[0]):
         d = _behind(depth, place, around[k, 0], around[k, 1])
         gain = 0.0
@@ -137,9 +131,9 @@ def _space(depth: np.ndarray, place: _Place, around: np.ndarray, behind: float, 
         else:
             contradicted += 1
         free += gain
-        if around[k, 0] > BESIDE:
+        if around[k, 0] > beside:
             right = max(right, gain)
-        elif around[k, 0] < -BESIDE:
+        elif around[k, 0] < -beside:
             left = max(left, gain)
     if 3 * contradicted > around.shape[0] or min(left, right) < 0.5:
         return -1.0

@@ -16,11 +16,6 @@ from numba.extending import intrinsic
 
 WIDTH = 60
 """Length of a row: 20 joints, three coordinates each."""
-LANES = 8
-SAFETY = 1e-5
-"""Relative margin of the pruning, five times the rounding error of a float32 sum of 60 squares (about 2e-6)."""
-TINY = 1e-35
-"""Absolute margin in square metres, for squares that underflow."""
 
 
 def _squared_distance(_: Any, a: Any, i: Any, b: Any, j: Any) -> Any:
@@ -28,7 +23,8 @@ def _squared_distance(_: Any, a: Any, i: Any, b: Any, j: Any) -> Any:
 
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         scalar = ir.FloatType()
-        vector = ir.VectorType(scalar, LANES)
+        lanes = 8  # float32 numbers that one instruction adds
+        vector = ir.VectorType(scalar, lanes)
 
         def row(array: int, index: int) -> Any:
             view = context.make_array(signature.args[array])(context, builder, args[array])
@@ -43,11 +39,11 @@ def _squared_distance(_: Any, a: Any, i: Any, b: Any, j: Any) -> Any:
             difference = builder.fsub(x, y)
             return builder.fmul(difference, difference)
 
-        blocks = WIDTH - WIDTH % LANES
+        blocks = WIDTH - WIDTH % lanes
         running = square(0, vector)
-        for column in range(LANES, blocks, LANES):
+        for column in range(lanes, blocks, lanes):
             running = builder.fadd(running, square(column, vector))
-        sums = [builder.extract_element(running, ir.Constant(ir.IntType(32), lane)) for lane in range(LANES)]
+        sums = [builder.extract_element(running, ir.Constant(ir.IntType(32), lane)) for lane in range(lanes)]
         while len(sums) > 1:
             sums = [builder.fadd(left, right) for left, right in zip(sums[::2], sums[1::2], strict=True)]
         total = sums[0]
@@ -164,6 +160,8 @@ def farthest_first(points: np.ndarray, stop: np.float32, limit: int) -> np.ndarr
         if distance > stop:
             _hang(point, distance, 0, lists)
     active, best = _compact(1, owners, lists)
+    safety = 1e-5  # relative margin of the pruning, five times the rounding error of a float32 sum of 60 squares
+    tiny = 1e-35  # absolute margin in square metres, for squares that underflow
     while active > 0 and selected < limit:
         chosen = lists[4][best]
         order[selected] = chosen
@@ -171,7 +169,7 @@ def farthest_first(points: np.ndarray, stop: np.float32, limit: int) -> np.ndarr
         owners[active] = points[chosen]
         _open(active, lists)
         for slot in range(active):
-            apart = squared_distance(owners, slot, owners, active) * (1.0 - SAFETY) - TINY
+            apart = squared_distance(owners, slot, owners, active) * (1.0 - safety) - tiny
             if apart < 4.0 * lists[3][slot]:
                 _share(slot, active, apart, stop, points, owners, lists)
         active, best = _compact(active + 1, owners, lists)

@@ -7,16 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-INPUT_STEPS = 256
-"""Whole numbers of the network's input per unit: 2 mm of depth."""
-INPUT_RANGE = 512
-"""Largest number of the depth channel: 1 m before and behind the reference depth."""
 OFFSET = 0.2
 """Metres: unit of the offsets that an anchor predicts."""
 MIN_LOG_SCALE, MAX_LOG_SCALE, LOG_SCALE_BIAS = -4.6, 0.3, -2.0
 """Range of the log of a scale in metres, and its value at a network output of 0."""
-TERMS = 14
-"""Of the series of the exponential function: exact to the last bits of float64 for arguments up to 0.35."""
 
 
 @njit(cache=True)
@@ -25,7 +19,8 @@ def exponential(x: float) -> float:
     power = math.floor(x * 1.4426950408889634 + 0.5)
     rest = (x - power * 0.6931471803691238) - power * 1.9082149292705877e-10
     value = 1.0
-    for n in range(TERMS, 0, -1):
+    terms = 14  # of the series: exact to the last bits of float64 for arguments up to 0.35
+    for n in range(terms, 0, -1):
         value = 1.0 + value * rest / n
     return value * 2.0**power
 
@@ -54,6 +49,8 @@ def crop(
     height, width = depth.shape
     size = out.shape[1]
     step = pixel / middle[2]
+    steps = 256  # whole numbers of the network's input per unit: 2 mm of depth
+    largest = 512  # of the depth channel: 1 m before and behind the reference depth
     for i in range(size):
         y = (i - 0.5 * (size - 1)) * step
         for j in range(size):
@@ -62,13 +59,13 @@ def crop(
             v = int(np.rint((middle[1] - x * down[0] + y * down[1]) * intrinsics[1] + intrinsics[3]))
             out[0, i, j] = out[1, i, j] = out[2, i, j] = 0.0
             if u < 0 or v < 0 or u >= width or v >= height:
-                out[2, i, j] = INPUT_STEPS
+                out[2, i, j] = steps
             elif depth[v, u] > 0.0:
-                away = np.rint(2.0 * INPUT_STEPS * (depth[v, u] - middle[2]))
-                out[0, i, j] = INPUT_STEPS
-                out[1, i, j] = min(max(away, -INPUT_RANGE), INPUT_RANGE)
+                away = np.rint(2.0 * steps * (depth[v, u] - middle[2]))
+                out[0, i, j] = steps
+                out[1, i, j] = min(max(away, -largest), largest)
             elif unobserved.shape[0] > 0 and unobserved[v, u]:
-                out[2, i, j] = INPUT_STEPS
+                out[2, i, j] = steps
 
 
 @njit(cache=True)

@@ -12,8 +12,6 @@ from numba import njit
 
 UNBOUNDED: int = 1 << 40
 """Largest admissible distance in frames of two keyframes without an upper bound."""
-STRIDE: int = 16
-"""Number of runs that are skipped in one step towards the next window."""
 
 
 @njit(cache=True)
@@ -139,9 +137,10 @@ def keyframe_list_near(
     count = 0
     looked = 0
     run = 0
+    stride = 16  # runs that are skipped in one step towards the next window
     for i in range(windows.shape[0]):
-        while run + STRIDE < run_vectors.size and run_starts[run + STRIDE] <= windows[i, 0]:
-            run += STRIDE
+        while run + stride < run_vectors.size and run_starts[run + stride] <= windows[i, 0]:
+            run += stride
         while run_starts[run + 1] <= windows[i, 0]:
             run += 1
         open_part = False

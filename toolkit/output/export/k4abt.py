@@ -16,7 +16,6 @@ from toolkit.sensing.camera import rotated_points
 from toolkit.tracks import EMPTY, TRACKED
 from toolkit.tracks.runs import Person
 
-MILLIMETRES, MICROSECONDS = 1000.0, 1e6
 NONE, LOW, MEDIUM = 0, 1, 2
 """Confidence levels of the SDK, which never uses its fourth (high)."""
 
@@ -40,7 +39,7 @@ def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
     lengths = {len(person.track) for person in people}
     if len(lengths) > 1:
         raise UsageError(f"the tracks have {sorted(lengths)} frames; a k4abt file holds people of one recording")
-    times = np.rint(people[0].track.timestamps * MICROSECONDS).astype(np.int64)
+    times = np.rint(people[0].track.timestamps * 1e6).astype(np.int64)
     times -= min(0, int(times[0]))  # the ids of the SDK are unsigned
     bodies = [_bodies(person) for person in people]
     frames = []
@@ -66,7 +65,7 @@ def _bodies(person: Person) -> list[dict[str, Any] | None]:
     upright = rotated_points(np.eye(3), person.turns)  # the rows are the axes of the camera as mounted
     R_camera_level = upright @ person.R_level_camera.T
     decimals, quaternion_decimals = 4, 8  # decimal places of millimetres and of quaternions
-    positions = np.round(placed.positions @ R_camera_level.T * MILLIMETRES, decimals)
+    positions = np.round(placed.positions @ R_camera_level.T * 1000.0, decimals)
     turns = R_camera_level @ placed.frames
     quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat()[:, [3, 0, 1, 2]]
     quaternions = np.round(quaternions, quaternion_decimals).reshape(len(there), len(k4abt.NAMES), 4)

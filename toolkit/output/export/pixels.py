@@ -22,8 +22,6 @@ from toolkit.tracks.runs import Person
 
 BACKGROUND = 255
 """Value of background pixels (K4ABT_BODY_INDEX_MAP_BACKGROUND of the Azure Kinect SDK)."""
-CONTOUR, CONTOUR_ROUNDS = 60, 2
-"""Maximum depth step between neighbouring pixels of one person, millimetres, and width of a contour, pixels."""
 HEAD = skeleton.REPORTED.index("head")
 
 
@@ -59,12 +57,13 @@ def labelled_frames(
         finder = find_person(recording, whole, person_network())
     lookup = _pixels_of(recording.camera, finder.camera)
     frames = min(len(recording), min(len(person.track) for person in people))
+    contour_width = 2  # pixels
     for i, frame in zip(range(frames), recording.stream(), strict=False):
         predicted = {person.id: _predicted(person, i - 1) for person in people if i > 0 and person.there[i - 1]}
         labels = np.full(frame.depth_mm.shape, BACKGROUND, dtype=np.uint8)
         for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
-        for _ in range(CONTOUR_ROUNDS):
+        for _ in range(contour_width):
             regain_contour(labels, frame.depth_mm)
         yield LabelledFrame(i, frame.depth_mm, labels)
 
@@ -73,11 +72,12 @@ def regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
     """Assign unlabelled pixels beside a person, at the same depth, to that person; changes `labels` (H, W)."""
     before = labels.copy()
     height, width = labels.shape
+    largest_step = 60  # between neighbouring pixels of one person, millimetres
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             here = np.s_[max(0, down) : height + min(0, down), max(0, right) : width + min(0, right)]
             there = np.s_[max(0, -down) : height + min(0, -down), max(0, -right) : width + min(0, -right)]
-            near = np.abs(depth_mm[here].astype(np.int32) - depth_mm[there]) < CONTOUR
+            near = np.abs(depth_mm[here].astype(np.int32) - depth_mm[there]) < largest_step
             taken = (labels[here] == BACKGROUND) & (depth_mm[here] > 0) & (before[there] != BACKGROUND) & near
             labels[here][taken] = before[there][taken]
 

@@ -23,9 +23,6 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import Person, load_persons, person_runs
 
-SHEET_COLUMNS, SHEET_FRAMES = 2, 12
-"""Columns of a contact sheet, and its number of pictures."""
-
 
 def settings_for(output: str | Path) -> RenderSettings:
     """Return the default paint settings by suffix: the pictures of a contact sheet are small."""
@@ -144,7 +141,8 @@ def _draw(
     if not len(chosen) or chosen.start < 0 or max(chosen) >= len(recording):
         raise UsageError(f"frames {chosen} are not some of the {len(recording)} frames of the track")
     if target.suffix == ".png":
-        wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
+        sheet_frames = 12  # pictures of a contact sheet
+        wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(sheet_frames, len(chosen))).astype(int)]
         save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
     elif target.suffix in FILM_SUFFIXES:
         pictures = _pictures(painter, recording, chosen, progress)
@@ -193,7 +191,7 @@ def render_run(
     )
 
 
-def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS) -> np.ndarray:
+def contact_sheet(pictures: list[np.ndarray], columns: int = 2) -> np.ndarray:
     """Arrange pictures, RGB uint8 (H, W, 3) of equal size, in rows of one RGB picture."""
     if not pictures:
         raise UsageError("a contact sheet needs at least one picture")

@@ -19,8 +19,6 @@ from toolkit.tracks.runs import Person
 
 CONFIDENCE_COLORS: np.ndarray = np.array([ALARM, CARRYING, (60, 220, 90)], dtype=np.float64) / 255.0
 """Colours, RGB in [0, 1], of the confidences 0, 0.5 and 1: red, yellow, green."""
-POINT_COLOR = np.array([0.45, 0.48, 0.52])
-"""Colour of measured points without a colour of their own: darker than any skeleton."""
 
 
 class Open3DFrame(NamedTuple):
@@ -60,7 +58,8 @@ def cloud_geometry(depth_mm: np.ndarray, camera: Camera, color: np.ndarray | Non
     points = np.column_stack([camera.rays()[measured] * z[:, None], z])
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     if color is None:
-        cloud.paint_uniform_color(POINT_COLOR)
+        point_color = np.array([0.45, 0.48, 0.52])  # of points without a colour: darker than any skeleton
+        cloud.paint_uniform_color(point_color)
     else:
         cloud.colors = o3d.utility.Vector3dVector(color[measured] / 255.0)
     return cloud

@@ -33,9 +33,6 @@ from toolkit.tracks.runs import Person, load_persons, person_runs
 
 logger = logging.getLogger(__name__)
 
-WINDOW_SIZE = (1280, 800)
-"""Width and height of the window, pixels."""
-
 
 def view_run(run: str | Path, recording: str | Path | None = None) -> None:
     """Open a window on a run and return when it is closed.
@@ -94,7 +91,8 @@ class RunWindow:
             )
         self._people, self._recording, self._folder = tuple(people), recording, folder
         self.playback = Playback(people[0].track.timestamps)
-        self.window = gui.Application.instance.create_window(title, *WINDOW_SIZE)
+        size = (1280, 800)  # width and height, pixels
+        self.window = gui.Application.instance.create_window(title, *size)
         self.scene = gui.SceneWidget()
         self.scene.scene = rendering.Open3DScene(self.window.renderer)
         self.scene.scene.set_background([*(np.array(PAPER) / 255.0), 1.0])

@@ -14,9 +14,6 @@ from toolkit.kernels.motion.graded import differences, distinct_hits, nearest_ex
 from toolkit.retrieval.features.grades import BLOCK_COLUMNS, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FeatureMatrix
 
-SHORTEST_CLIP = BLOCK_COLUMNS + 1
-"""Frames of the shortest example, two coarse columns."""
-
 
 class Proposals(NamedTuple):
     """Possible places of a class in some documents, H places; columns are coarse (`grades.BLOCK_COLUMNS` frames).
@@ -67,10 +64,11 @@ class ExampleSet:
         """
         if not clips:
             raise RetrievalError("there are no labelled clips to learn from; give at least one")
-        short = [features for features, _ in clips if len(features) < SHORTEST_CLIP]
+        shortest = BLOCK_COLUMNS + 1  # frames, two coarse columns
+        short = [features for features, _ in clips if len(features) < shortest]
         if short:
             raise RetrievalError(
-                f"example {short[0].name!r} has {len(short[0])} frames at 30 Hz; give at least {SHORTEST_CLIP}, or "
+                f"example {short[0].name!r} has {len(short[0])} frames at 30 Hz; give at least {shortest}, or "
                 "leave it out"
             )
         columns = [np.ascontiguousarray(coarse(features.grades).T) for features, _ in clips]

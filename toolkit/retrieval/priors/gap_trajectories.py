@@ -16,8 +16,6 @@ from toolkit.retrieval.priors.limb_entries import ENTRIES
 KEPT, RETRACKED, INTERPOLATED = "track", "tracked again", "interpolation"
 PRIOR_SPREAD = 0.15
 """Added to the standard deviation of a prior, radians."""
-SMOOTHNESS_COST = 0.02
-"""Cost of a squared step of one angle between frames, m / rad^2; chosen on the tuning split."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +63,7 @@ def gap_candidates(context: GapContext, gaps: Sequence[Gap]) -> list[GapCandidat
     return found
 
 
-def cheapest_path(costs: np.ndarray, angles: np.ndarray, smoothness_cost: float = SMOOTHNESS_COST) -> np.ndarray:
+def cheapest_path(costs: np.ndarray, angles: np.ndarray, smoothness_cost: float = 0.02) -> np.ndarray:
     """Return the candidate of each frame that minimises the sum of costs and steps (dynamic programming).
 
     Parameters

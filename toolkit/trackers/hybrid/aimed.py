@@ -18,8 +18,6 @@ from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
 
 SOURCE = "head_hands"
 """Name of the hypothesis of a pose with replaced arms."""
-AIM = aiming.Aim(0.05, 0.0, -8.0)
-"""Maximum distance of a hand from its candidate, metres; the fit corrects the rest."""
 
 
 class AimedArms:
@@ -57,7 +55,8 @@ class AimedArms:
         """Return the versions of `pose` (P,) with one arm at a candidate that leave less unexplained, best first."""
         rig = self._bodies.of(body).arms[SIDES.index(side)]
         swivels = 12  # number of swivel samples of an arm with its hand at a candidate (30 degrees apart)
-        poses, _ = aimed_all_round(pose, rig, candidates, swivels, AIM)
+        aim = aiming.Aim(0.05, 0.0, -8.0)  # within 5 cm of a candidate; the fit corrects the rest
+        poses, _ = aimed_all_round(pose, rig, candidates, swivels, aim)
         if len(poses) == 0:
             return []
         arm = Arm(side, body, np.ascontiguousarray(poses[:, entries_of(side)]))

@@ -22,8 +22,6 @@ from toolkit.trackers.lopez2011.upper import UpperBody, aimed_all_round
 
 HANGING = 1.1
 """Angle of hanging arms from the T-pose before inverse kinematics, radians."""
-LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
-"""Elevations from the T-pose in radians, and fractions of the elbow's range, of arms without a candidate."""
 
 
 @dataclass(frozen=True)
@@ -196,7 +194,9 @@ def _rested(pose: np.ndarray, side: int) -> np.ndarray:
     lift = skeleton.POSE_NAMES.index(f"{SIDES[side]}_shoulder_rz")
     bend = skeleton.POSE_NAMES.index(f"{SIDES[side]}_elbow_ry")
     low, high = skeleton.POSE_LIMITS[bend]
-    poses = np.repeat(pose[None], len(LIFTS) * len(BENDS), axis=0)
-    poses[:, lift] = np.repeat((1.0, -1.0)[side] * np.array(LIFTS), len(BENDS))
-    poses[:, bend] = np.tile((low if -low > high else high) * np.array(BENDS), len(LIFTS))
+    lifts = (-HANGING, -0.5, 0.2, 1.0)  # elevations from the T-pose of arms without a candidate, radians
+    bends = (0.0, 0.6)  # fractions of the elbow's range of arms without a candidate
+    poses = np.repeat(pose[None], len(lifts) * len(bends), axis=0)
+    poses[:, lift] = np.repeat((1.0, -1.0)[side] * np.array(lifts), len(bends))
+    poses[:, bend] = np.tile((low if -low > high else high) * np.array(bends), len(lifts))
     return poses

@@ -18,8 +18,6 @@ from toolkit.kernels.fit.swivel import ArmBones
 
 TRUNK = ("root", "lumbar", "thorax", "cervical", "left_clavicle", "right_clavicle")
 """Joints of trunk and head."""
-HAND = 0.85
-"""Position of an extremum as a fraction of the way from wrist to fingertip."""
 UNSEEN: np.ndarray = np.array(
     [i for i, name in enumerate(skeleton.REPORTED) if any(part in name for part in ("hip", "knee", "ankle", "foot"))]
 )
@@ -112,6 +110,7 @@ def arm_of(side: str, body: Body) -> ArmRig:
     elbow_entry = skeleton.POSE_NAMES.index(f"{side}_elbow_ry")
     tip = body.vertices[body.end_effectors[skeleton.END_EFFECTORS.index(f"{side}_hand")]]
     limits = skeleton.POSE_LIMITS
+    hand_fraction = 0.85  # position of an extremum on the way from wrist to fingertip
     return ArmRig(
         parents=skeleton.PARENTS,
         rest=body.joints,
@@ -129,7 +128,7 @@ def arm_of(side: str, body: Body) -> ArmRig:
             np.ascontiguousarray(limits[elbow_entry]),
         ),
         fore=body.joints[wrist] - body.joints[elbow],
-        hand=HAND * (tip - body.joints[wrist]),
+        hand=hand_fraction * (tip - body.joints[wrist]),
     )
 
 

@@ -21,8 +21,6 @@ WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
 """Weights of joints that detectors find less or more reliably (Qammaz, 2.3.2); 1 for the others."""
 JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
 FIGURES = ("balls", "mesh")
-MARGIN = 1.25
-"""Size of the small image's box relative to the silhouette, so that misplaced arms are inside it and have a cost."""
 
 
 @dataclass(frozen=True)
@@ -109,18 +107,19 @@ class SmallImage(NamedTuple):
 def small_image(
     depth: np.ndarray, unobserved: np.ndarray | None, intrinsics: np.ndarray, shape: tuple[int, int]
 ) -> SmallImage:
-    """Resample the box around a person's `depth` (H, W), metres, 0 elsewhere, widened by `MARGIN`, to `shape` pixels
+    """Resample the box around a person's `depth` (H, W), metres, 0 elsewhere, widened by a quarter, to `shape` pixels
     (h, w).
 
     Nearest-neighbour sampling avoids mixed depths; `unobserved` (H, W) pixels and pixels outside the image are NaN.
     """
     person = depth > 0.0
     axes, intrinsics = [], np.array(intrinsics, dtype=np.float64)
+    margin = 1.25  # size of the small image's box relative to the silhouette, so that misplaced arms have a cost
     for axis, count in ((0, shape[0]), (1, shape[1])):
         there = np.flatnonzero(person.any(axis=1 - axis))
         low, high = float(there[0]) - 0.5, float(there[-1]) + 0.5
-        step = MARGIN * (high - low) / count
-        start = 0.5 * (low + high) - 0.5 * MARGIN * (high - low) + 0.5 * step
+        step = margin * (high - low) / count
+        start = 0.5 * (low + high) - 0.5 * margin * (high - low) + 0.5 * step
         axes.append(np.rint(start + step * np.arange(count)).astype(np.int64))
         row = 1 - axis  # index of the focal length; u is the second axis of the image
         intrinsics[row] /= step

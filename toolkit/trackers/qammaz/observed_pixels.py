@@ -15,8 +15,6 @@ from toolkit.trackers.qammaz.discrepancy import JOINT_WEIGHTS, SeenJoints
 from toolkit.tracking.observation import Observation
 
 TRUNK = [skeleton.REPORTED.index(f"{side}_{name}") for name in ("shoulder", "hip") for side in ("left", "right")]
-NEAR = 0.05
-"""Minimum distance from the camera, metres."""
 
 
 def seen_joints(observation: Observation, *, on_skin: bool = False) -> SeenJoints | None:
@@ -47,7 +45,8 @@ def looks_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
     if not weights.any():
         return False
     weights /= weights.sum()
-    before = previous[:, :2] / np.maximum(previous[:, 2:], NEAR)
+    nearest = 0.05  # metres from the camera
+    before = previous[:, :2] / np.maximum(previous[:, 2:], nearest)
     away, other = (
         float(np.median(previous[:, 2])) * linear.dot(weights, _lengths(s.slopes - before))
         for s in (seen, exchanged(seen))

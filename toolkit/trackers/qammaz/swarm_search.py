@@ -20,9 +20,6 @@ from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
-ANGLES = np.arange(6, skeleton.POSE_SIZE)
-"""Pose entries that perturbations change."""
-
 
 @dataclass(frozen=True)
 class SwarmSearchSettings:
@@ -221,11 +218,12 @@ class SwarmSearch:
         # Number of best results of the joint-only swarm that start the next swarm, and their minimum distance in
         # radians and metres.
         copy_count, copy_spread = 7, 0.05
+        angles = np.arange(6, skeleton.POSE_SIZE)  # pose entries that perturbations change
         if s.joints_first and costs.guided:
-            alone = minimise(costs.joints_alone(), starts, limits, self._swarm, rng, perturbed=ANGLES).position
+            alone = minimise(costs.joints_alone(), starts, limits, self._swarm, rng, perturbed=angles).position
             copies = alone + copy_spread * rng.standard_normal((copy_count, len(alone)))
             starts = np.concatenate([starts, alone[None], copies])
-        return minimise(costs, starts, limits, self._swarm, rng, perturbed=ANGLES).position
+        return minimise(costs, starts, limits, self._swarm, rng, perturbed=angles).position
 
     def _finished(self, frame: _Frame, body: Body, costs: Discrepancy, position: np.ndarray) -> _Found:
         """Return a position as a refined and scored pose."""
