@@ -1,4 +1,4 @@
-"""Build a pose database: read mocap, sample it, look at every selected pose, write one file (Baak 2013, 5.3.3)."""
+"""Build a pose database: read mocap, sample it, observe every selected pose, write one file (Baak 2013, 5.3.3)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ RESIDUAL_VIEWS = (
 
 @dataclass(frozen=True)
 class Sampling:
-    """Which poses a database holds.
+    """Selection of the poses of a database.
 
     Attributes
     ----------

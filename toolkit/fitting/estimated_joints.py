@@ -73,4 +73,4 @@ def _end_of(carrier: int, site: int) -> int:
 
 
 _ENDS: np.ndarray = np.stack([BELOW[:, end] & (end >= 0) for end in (_end_of(*place) for place in CARRIERS)], axis=1)
-"""Return bool (18, 20): whether the link of a joint, or a descendant, ends at a reported joint; each joint has one."""
+"""Bool (18, 20): True if the link of a joint, or of a descendant, ends at a reported joint; each joint has one."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.fitting.placed import PlacedBody
 from toolkit.fitting.scene import Scene
-from toolkit.kernels.image.pixel_search import NEAREST
+from toolkit.kernels.image.raster import NEAREST
 from toolkit.sensing.kd_tree import KdTree
 
 

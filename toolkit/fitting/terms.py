@@ -180,7 +180,6 @@ class ContactTerm:
 
 
 def _carriers() -> list[tuple[int, int]]:
-    """Articulated joint and site (-1 for none) of each reported joint; -1, -1 for the derived ones."""
     sites = [name for name, _ in skeleton.SITES]
     carriers = []
     for name in skeleton.REPORTED:
@@ -193,7 +192,7 @@ def _carriers() -> list[tuple[int, int]]:
 
 
 CARRIERS: tuple[tuple[int, int], ...] = tuple(_carriers())
-"""Return the articulated joint and the site (-1 for none) of each reported joint; -1, -1 for a derived one."""
+"""Articulated joint and site (-1 for none) of each reported joint; -1, -1 for a derived one."""
 CARRIED: np.ndarray = np.array([carrier >= 0 for carrier, _ in CARRIERS])
 """Reported joints that the body carries, bool (20,); the others are derived from them."""
 

@@ -69,7 +69,7 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "stature": (0.3, 3.0, "metres"),
     "enters": (0.0, 86_400.0, "seconds, a day at most"),
 }
-"""Metres on the floor plan; depth beyond is not stored."""
+"""Inclusive ranges of the numbers of `SimulatedPerson`, with their unit."""
 
 
 def check_ranges(given: object, ranges: Mapping[str, tuple[float, float, str]]) -> None:

@@ -192,7 +192,7 @@ def _threads(workers: int | None) -> Any:
 
 
 _TRACKERS: dict[str, Tracker] = {}
-"""Return the tracker of this worker process, built once per recipe."""
+"""Tracker of this worker process by its recipe."""
 
 
 def _in_worker(job: _Job) -> ManifestRow:

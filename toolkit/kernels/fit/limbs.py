@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from toolkit.kernels.fit.twists import bounded_step
+from toolkit.kernels.image.raster import NEAREST
 from toolkit.kernels.kinematics import carry, forward_kinematics, world_axes
 
 
@@ -63,7 +64,7 @@ def _intrusion(ball: np.ndarray, radius: float, measured: Measured) -> float:
     """Return the intrusion of a ball into free space, metres, at most the cap; 0 in unobserved pixels."""
     r, o, intrinsics, depth = measured.rotation, measured.origin, measured.intrinsics, measured.evidence
     z = r[2, 0] * ball[0] + r[2, 1] * ball[1] + r[2, 2] * ball[2] + o[2]
-    if z <= 0.05:
+    if z <= NEAREST:
         return measured.cap
     x = r[0, 0] * ball[0] + r[0, 1] * ball[1] + r[0, 2] * ball[2] + o[0]
     y = r[1, 0] * ball[0] + r[1, 1] * ball[1] + r[1, 2] * ball[2] + o[1]

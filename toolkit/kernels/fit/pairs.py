@@ -11,6 +11,7 @@ from numba import njit
 
 from toolkit.kernels.fit.twists import add_pair
 from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
+from toolkit.kernels.image.raster import NEAREST
 from toolkit.kernels.kinematics import carry
 
 
@@ -39,7 +40,7 @@ def visible_vertices(
         v = chosen[i]
         x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         out[i] = False
-        if z <= 0.05:
+        if z <= NEAREST:
             continue
         cosine = -(normals[v, 0] * x + normals[v, 1] * y + normals[v, 2] * z) / np.sqrt(x * x + y * y + z * z)
         if cosine < facing:
@@ -57,7 +58,7 @@ def visible_vertices(
 @njit(cache=True)
 def is_observed(x: float, y: float, z: float, evidence: np.ndarray, intrinsics: np.ndarray) -> bool:
     """Return whether a point in front of the camera projects onto a pixel of `evidence` (H, W) that is not NaN."""
-    if z <= 0.05:
+    if z <= NEAREST:
         return False
     u = int(np.rint(intrinsics[0] * x / z + intrinsics[2]))
     v = int(np.rint(intrinsics[1] * y / z + intrinsics[3]))

@@ -13,10 +13,8 @@ import numpy as np
 from numba import njit
 
 from toolkit.kernels.fit.placing import draw as draw_mesh
+from toolkit.kernels.image.raster import NEAREST
 from toolkit.kernels.kinematics import carry, forward_kinematics, skin
-
-NEAREST = 0.05
-"""Minimum distance from the camera of drawn surfaces, metres."""
 
 
 class Tile(NamedTuple):

@@ -11,11 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from toolkit.kernels.image.raster import front_faces, project
+from toolkit.kernels.image.raster import NEAREST, front_faces, project
 from toolkit.kernels.kinematics import forward_kinematics, skin
-
-NEAR = 0.05
-"""Minimum distance from the camera of drawn surfaces, metres, as in `raster.project`."""
 
 
 class Figure(NamedTuple):
@@ -134,7 +131,7 @@ def _draw_balls(figure: Figure, view: View, buffers: Buffers) -> None:
         x = origins[j, 0] + rotations[j, 0, 0] * ox + rotations[j, 0, 1] * oy + rotations[j, 0, 2] * oz
         y = origins[j, 1] + rotations[j, 1, 0] * ox + rotations[j, 1, 1] * oy + rotations[j, 1, 2] * oz
         z = origins[j, 2] + rotations[j, 2, 0] * ox + rotations[j, 2, 1] * oy + rotations[j, 2, 2] * oz
-        if z <= radius + NEAR:
+        if z <= radius + NEAREST:
             continue
         depth2 = z * z - radius * radius
         # Slopes of the planes through the camera's axes that touch the ball.
@@ -227,7 +224,7 @@ def joint_cost(targets: Targets, buffers: Buffers) -> float:
         y = origins[j, 1] + rotations[j, 1, 0] * ox + rotations[j, 1, 1] * oy + rotations[j, 1, 2] * oz
         z = origins[j, 2] + rotations[j, 2, 0] * ox + rotations[j, 2, 1] * oy + rotations[j, 2, 2] * oz
         if targets.weights_2d[k] > 0.0:
-            front = max(z, NEAR)
+            front = max(z, NEAREST)
             du, dv = x / front - targets.slopes[k, 0], y / front - targets.slopes[k, 1]
             total += targets.weights_2d[k] * targets.distance * np.sqrt(du * du + dv * dv)
         if targets.weights_3d[k] > 0.0:

@@ -13,8 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-NEAREST = 0.05
-"""Metres before the camera up to which a point has no projection and no neighbours: nearer than any depth camera."""
+from toolkit.kernels.image.raster import NEAREST
 
 
 @njit(cache=True)

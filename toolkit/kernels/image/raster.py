@@ -5,17 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+NEAREST = 0.05
+"""Minimum distance from the camera of drawn surfaces and searched points, metres: nearer than any depth camera."""
+
 
 @njit(cache=True)
 def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
     """Compute pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3).
 
-    All three are 0 for points less than 5 cm in front of the camera, or behind it.
+    All three are 0 for points nearer than `NEAREST`, or behind it.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     for n in range(points.shape[0]):
         z = points[n, 2]
-        if z <= 0.05:
+        if z <= NEAREST:
             out[n, 0] = out[n, 1] = out[n, 2] = 0.0
         else:
             out[n, 0] = fx * points[n, 0] / z + cx

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from toolkit.kernels.image.raster import NEAREST
+
 
 @njit(cache=True)
 def shade_triangles(
@@ -27,11 +29,10 @@ def shade_triangles(
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     weight = np.empty(3)
-    nearest = 0.05  # metres: triangles that reach nearer to the camera are left out
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         za, zb, zc = vertices[a, 2], vertices[b, 2], vertices[c, 2]
-        if min(za, zb, zc) < nearest:
+        if min(za, zb, zc) < NEAREST:
             continue
         ua, va = vertices[a, 0] / za * fx + cx, vertices[a, 1] / za * fy + cy
         ub, vb = vertices[b, 0] / zb * fx + cx, vertices[b, 1] / zb * fy + cy

@@ -10,6 +10,7 @@ from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
 from toolkit.fitting.terms import CARRIED
 from toolkit.kernels import linear
+from toolkit.kernels.image.raster import NEAREST
 from toolkit.sensing.joints2d import BEHIND_SKIN
 from toolkit.trackers.qammaz.discrepancy import JOINT_WEIGHTS, SeenJoints
 from toolkit.tracking.observation import Observation
@@ -45,8 +46,7 @@ def looks_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
     if not weights.any():
         return False
     weights /= weights.sum()
-    nearest = 0.05  # metres from the camera
-    before = previous[:, :2] / np.maximum(previous[:, 2:], nearest)
+    before = previous[:, :2] / np.maximum(previous[:, 2:], NEAREST)
     away, other = (
         float(np.median(previous[:, 2])) * linear.dot(weights, _lengths(s.slopes - before))
         for s in (seen, exchanged(seen))
