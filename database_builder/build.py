@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.processes import process_pool
 from database_builder.reading import MocapFile, find_sources, of_clip, read_source
+from database_builder.sampling import PosePool
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase

@@ -1,16 +1,28 @@
-"""Truncated greedy sampling of poses (Baak 2013, 5.3.3): the plain farthest-first selection with fast search."""
+"""Truncated greedy sampling of poses (Baak 2013, 5.3.3), in bounded memory for any amount of mocap.
+
+Poses arrive source by source. Up to `PART` of them are kept unchanged, and the selection is plain farthest-first. More
+are thinned in parts by farthest-first too, and the selection uses the remaining poses of all parts: a composable
+core-set (Malkomes et al. 2015). A pose is then within the cover of its part of a remaining pose, which is within the
+cover of the selection of a selected one.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.body.skeleton import REPORTED
+from database_builder.reading import CanonicalPoses
+from toolkit.body import skeleton
+from toolkit.database.database import PoseOrigins
 from toolkit.io.errors import DatabaseError, UsageError
 from toolkit.kernels.learning import farthest
 
-JOINT_COUNT = len(REPORTED)
+PART = 500_000
+"""Number of poses that are thinned together (200 MB)."""
+JOINT_COUNT = len(skeleton.REPORTED)
 
 
 def pose_distance(joints: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -60,3 +72,110 @@ def farthest_first(joints: np.ndarray, threshold: float = 0.0, max_count: int | 
         raise DatabaseError("a joint to sample is not finite; check the clip that it was read from")
     stop = np.float32((JOINT_COUNT * threshold) ** 2)
     return farthest.farthest_first(points, stop, len(points) if max_count is None else max_count)
+
+
+class Rows(NamedTuple):
+    """Candidate poses: float32 (N, P), joints (N, 20, 3), metres, source index, frame (int32) and mirror flag."""
+
+    poses: np.ndarray
+    joints: np.ndarray
+    source: np.ndarray
+    frame: np.ndarray
+    mirrored: np.ndarray
+
+    @classmethod
+    def empty(cls, count: int) -> Rows:
+        """Return rows of uninitialised memory, which the system allocates when they are filled."""
+        return cls(
+            np.empty((count, skeleton.POSE_SIZE), np.float32), np.empty((count, len(skeleton.REPORTED), 3), np.float32),
+            np.empty(count, np.int32), np.empty(count, np.int32), np.empty(count, np.bool_),
+        )  # fmt: skip
+
+    @classmethod
+    def of(cls, one: CanonicalPoses, number: int) -> Rows:
+        """Return all poses of source `number`."""
+        place = np.arange(len(one.poses), dtype=np.int32)
+        source = np.full(len(place), number, np.int32)
+        return cls(one.poses, one.joints, source, place % max(one.frames, 1), place >= one.frames)
+
+    def taken(self, rows: np.ndarray | slice) -> Rows:
+        """Return some of the rows."""
+        return Rows(*(column[rows] for column in self))
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """Selected poses in the order of selection.
+
+    Attributes
+    ----------
+    rows : the poses
+    thinned : number of remaining candidates, and maximum distance of a pose from the nearest of them, metres in the
+        unit of Eq. 5.1; empty without thinning
+    """
+
+    rows: Rows
+    thinned: dict[str, float]
+
+
+class PosePool:
+    """Collector of poses with selection.
+
+    Parameters
+    ----------
+    threshold, max_poses : of the selection, see `farthest_first`
+    """
+
+    def __init__(self, threshold: float, max_poses: int | None) -> None:
+        self._threshold, self._max_poses = threshold, max_poses
+        self._left: list[Rows] = []
+        self._open, self._filled, self._cover = Rows.empty(PART), 0, 0.0
+        self.names: list[str] = []
+        self.digests: list[str] = []
+        self.poses_read = 0
+
+    def add(self, one: CanonicalPoses) -> None:
+        """Add the poses of the next source."""
+        rows = Rows.of(one, len(self.names))
+        self.names.append(one.name)
+        self.digests.append(one.digest)
+        self.poses_read += len(one.poses)
+        start = 0
+        while start < len(one.poses):
+            if self._filled == PART:
+                self._thin()
+            count = min(PART - self._filled, len(one.poses) - start)
+            for column, new in zip(self._open, rows, strict=True):
+                column[self._filled : self._filled + count] = new[start : start + count]
+            self._filled += count
+            start += count
+
+    def _thin(self) -> None:
+        """Thin the open part to poses near all others, in their original order."""
+        part = self._open.taken(slice(self._filled))
+        # One of this many poses of a part remains, unless more are requested in total; 20 MB for a million poses.
+        left = 20
+        most = max(PART // left, self._max_poses or 0)
+        chosen = farthest_first(part.joints, 0.5 * self._threshold, most)
+        if len(chosen) > 1:
+            last = pose_distance(part.joints[chosen[:-1]], part.joints[chosen[-1]]).min()
+            self._cover = max(self._cover, float(last), 0.5 * self._threshold)
+        self._left.append(part.taken(np.sort(chosen)))
+        self._filled = 0
+
+    def origins(self, selected: Selection) -> PoseOrigins:
+        """Return the origins of the selected poses."""
+        rows = selected.rows
+        return PoseOrigins(self.names, self.digests, rows.source, rows.frame, rows.mirrored)
+
+    def select(self) -> Selection:
+        """Select poses; the pool is empty afterwards."""
+        if not self._left:
+            left = self._open.taken(slice(self._filled))
+        else:
+            self._thin()
+            columns = list(zip(*self._left, strict=True))
+            self._left, self._open = [], Rows.empty(0)
+            left = Rows(*(np.concatenate(columns.pop(0)) for _ in Rows._fields))
+        thinned = {"poses": len(left.poses), "cover": self._cover} if self._cover else {}
+        return Selection(left.taken(farthest_first(left.joints, self._threshold, self._max_poses)), thinned)

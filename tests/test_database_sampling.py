@@ -5,10 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from database_builder import pool
-from database_builder.pool import PosePool
+from database_builder import sampling
 from database_builder.reading import CanonicalPoses
-from database_builder.sampling import farthest_first, pose_distance
+from database_builder.sampling import PosePool, farthest_first, pose_distance
 from tests.database_helpers import neutral, random_poses
 from toolkit.io.errors import DatabaseError, UsageError
 
@@ -110,7 +109,7 @@ def test_what_fits_is_selected_plainly() -> None:
 
 @pytest.mark.parametrize("part", [50, 64, 600])
 def test_each_row_has_its_origin(part: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pool, "PART", part)
+    monkeypatch.setattr(sampling, "PART", part)
     made = filled(0.05, None)
     rows, given = made.select().rows, sources()
     assert made.poses_read == 2 * sum(SIZES) and made.names == [one.name for one in given]
@@ -122,7 +121,7 @@ def test_each_row_has_its_origin(part: int, monkeypatch: pytest.MonkeyPatch) -> 
 def test_thinned_parts_cover_all_poses_as_far_as_is_said(
     threshold: float, most: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pool, "PART", 90)
+    monkeypatch.setattr(sampling, "PART", 90)
     selected = filled(threshold, most).select()
     joints, chosen = np.concatenate([one.joints for one in sources()]), selected.rows.joints
     nearest = np.array([pose_distance(chosen, one).min() for one in joints])
@@ -132,6 +131,6 @@ def test_thinned_parts_cover_all_poses_as_far_as_is_said(
 
 
 def test_a_part_keeps_as_many_poses_as_are_wanted_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pool, "PART", 100)
+    monkeypatch.setattr(sampling, "PART", 100)
     assert filled(0.0, 60).select().thinned["poses"] == 6 * 60
     assert filled(0.0, None).select().thinned["poses"] == 6 * 5

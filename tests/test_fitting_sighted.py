@@ -8,7 +8,7 @@ import pytest
 from tests.placed_bodies import normal, pose
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.image_joints import CAP, PULL, WITHIN, SightedJoints
+from toolkit.fitting.joint_evidence import CAP, PULL, RAY_TOLERANCE, SightedJoints
 from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.joints2d import MIN_JOINT_CONFIDENCE, Joints2D
@@ -56,7 +56,7 @@ def plain_cost(points: np.ndarray, sighted: Joints2D) -> float:
             ray = np.array([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, 1.0])
             cosine = ray @ points[joint] / np.linalg.norm(ray) / np.linalg.norm(points[joint])
             away = np.linalg.norm(points[joint]) * math.sin(math.acos(min(cosine, 1.0)))
-            total += weight * min(max(away - WITHIN, 0.0), CAP)
+            total += weight * min(max(away - RAY_TOLERANCE, 0.0), CAP)
             weights += weight
         costs.append(total / weights if weights else 0.0)
     return min(costs)

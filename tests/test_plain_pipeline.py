@@ -10,8 +10,8 @@ from tests.support.plain_fitting import PlainObjective, PlainPlacer, plain_refin
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.estimated_joints import EstimatedJoints
 from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.joint_evidence import EstimatedJoints
 from toolkit.fitting.open3d_scene import Open3DScene
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import JointTerm

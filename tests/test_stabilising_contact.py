@@ -7,14 +7,13 @@ import pytest
 
 from tests.inertial_scenes import write_run
 from tests.test_stabilising_priors import BODY
-from toolkit.app.stabilise.floor_contact import floor_term
+from toolkit.app.stabilise.floor_contact import contact_columns, contact_frames, floor_term
 from toolkit.body import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.priors.allocation import Allocation
-from toolkit.retrieval.priors.foot_contact import contact_columns, contact_frames
 from toolkit.retrieval.priors.limb_entries import ENTRIES
 from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
 from toolkit.tracks import RunInfo

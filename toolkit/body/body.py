@@ -127,7 +127,7 @@ class Body:
         )
 
     def place(self, pose: np.ndarray) -> PlacedJoints:
-        """Forward kinematics of one pose (P,)."""
+        """Compute the forward kinematics of one pose (P,)."""
         pose = np.array(skeleton.check_pose(pose))  # one memory layout, so that numba compiles one kernel
         count = len(skeleton.JOINTS)
         placed = PlacedJoints(np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)))
@@ -138,7 +138,7 @@ class Body:
         return placed
 
     def vertex_positions(self, pose: np.ndarray) -> np.ndarray:
-        """Skinned mesh (`M_chi`) of one pose: float64 (V, 3), metres, in the frame of the pose's root."""
+        """Return the skinned mesh (`M_chi`) of one pose: float64 (V, 3), metres, in the frame of the pose's root."""
         placed = self.place(pose)
         out = np.empty_like(self.vertices)
         kinematics.skin(
@@ -147,11 +147,11 @@ class Body:
         return out
 
     def joint_positions(self, poses: np.ndarray) -> np.ndarray:
-        """The 20 reported joints (`P_chi`) of one or many poses (..., P): float64 (..., 20, 3), metres."""
+        """Return the 20 reported joints (`P_chi`) of poses (..., P): float64 (..., 20, 3), metres."""
         return self.key_points(poses)[0]
 
     def end_effector_positions(self, poses: np.ndarray) -> np.ndarray:
-        """The five end-effector vertices (`E_chi^5`) of one or many poses (..., P): float64 (..., 5, 3), metres."""
+        """Return the five end-effector vertices (`E_chi^5`) of poses (..., P): float64 (..., 5, 3), metres."""
         return self.key_points(poses)[1]
 
     @cached_property
@@ -169,7 +169,7 @@ class Body:
         )
 
     def key_points(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Both of `joint_positions` and `end_effector_positions`."""
+        """Return the results of `joint_positions` and `end_effector_positions`."""
         poses = skeleton.check_pose(poses)
         flat = np.ascontiguousarray(poses.reshape(-1, skeleton.POSE_SIZE))
         joints = np.empty((len(flat), len(skeleton.JOINTS), 3))
@@ -185,7 +185,7 @@ class Body:
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Outward unit normals (V, 3) of a mesh, area-weighted over the faces at a vertex."""
+    """Return the outward unit normals (V, 3) of a mesh, area-weighted over the faces at a vertex."""
     first, second, third = (vertices[faces[:, corner]].T for corner in range(3))
     a, b = second - first, third - first
     areas = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

@@ -187,7 +187,7 @@ def _clothes(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_
 
 @cache
 def load_body(name: str = "neutral") -> Body:
-    """A named tracker body: neutral, slim_male, heavy_female, child, ... (`body_names`).
+    """Load a named tracker body: neutral, slim_male, heavy_female, child, ... (`body_names`).
 
     Raises
     ------
@@ -240,7 +240,7 @@ def subject_body(shape: str | Sequence[float] | np.ndarray, *, seed: int | None 
 
 
 def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
-    """Vertices at the fingertips, toe tips and crown, int64 (5,), ordered as `skeleton.END_EFFECTORS`.
+    """Return the vertices at the fingertips, toe tips and crown, int64 (5,), ordered as `skeleton.END_EFFECTORS`.
 
     `vertices` (V, 3) and `sites` (5, 3) are those of a T-pose, metres.
     """
@@ -259,7 +259,7 @@ def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
 
 
 def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random points below the neck."""
+    """Draw offsets (V, 3) along the normals: Gaussian bumps, 4 to 12 cm wide, at random points below the neck."""
     corners = skin[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = vertex_normals(skin, faces)
@@ -272,7 +272,7 @@ def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> np.
 
 
 def _split(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices, joints (the root exactly at the origin) and sites of one row of a shape space."""
+    """Return vertices, joints (the root exactly at the origin) and sites of one row of a shape space."""
     vertices, joints, sites = np.split(points, [-len(skeleton.JOINTS) - len(skeleton.SITES), -len(skeleton.SITES)])
     joints[0] = 0.0
     return vertices, joints, sites

@@ -130,7 +130,7 @@ END_EFFECTORS: tuple[str, ...] = ("left_hand", "right_hand", "left_foot", "right
 
 
 def trunk_of(hips: np.ndarray, shoulders: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pelvis, spine and neck, each (..., 3), from both hips and both shoulders, (..., 2, 3)."""
+    """Return pelvis, spine and neck, each (..., 3), from both hips and both shoulders, (..., 2, 3)."""
     pelvis, neck = hips.mean(axis=-2), shoulders.mean(axis=-2)
     return pelvis, pelvis + 0.4 * (neck - pelvis), neck
 

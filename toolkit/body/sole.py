@@ -38,7 +38,7 @@ class Sole(NamedTuple):
 
 
 def soles(body: Body, poses: np.ndarray) -> np.ndarray:
-    """Heel and ball of the left and the right foot in poses (T, P): float64 (T, 2, 2, 3), metres."""
+    """Return heel and ball of the left and the right foot in poses (T, P): float64 (T, 2, 2, 3), metres."""
     both = [Sole.of(body, leg) for leg in FEET]
     out = np.empty((len(poses), 2, 2, 3))
     for t, pose in enumerate(poses):

@@ -207,7 +207,7 @@ def _import_without_scipy() -> None:
 
 
 def install() -> None:
-    """Have Numba compile for the portable processor and use this cache for functions of this package.
+    """Make Numba compile for the portable processor and use this cache for functions of this package.
 
     Functions of other packages keep Numba's own cache. A processor that the user names (`NUMBA_CPU_NAME`) is kept.
     """

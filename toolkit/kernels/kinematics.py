@@ -26,7 +26,7 @@ def _series(x: float, y: float, z: float, first: float, second: float, out: np.n
 
 @njit(cache=True)
 def rotation_from_vector(x: float, y: float, z: float, out: np.ndarray) -> None:
-    """Rodrigues' formula: write `exp([x, y, z])` into `out` (3, 3)."""
+    """Write `exp([x, y, z])` into `out` (3, 3) by Rodrigues' formula."""
     t2 = x * x + y * y + z * z
     if t2 < 1e-12:
         a, b = 1.0 - t2 / 6.0, 0.5 - t2 / 24.0

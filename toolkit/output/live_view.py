@@ -82,7 +82,7 @@ class RerunView:
         self._shown = present
 
     def close(self) -> None:
-        """Transmit what is left, and disconnect."""
+        """Transmit the remaining data and disconnect."""
         self._stream.flush()
         self._stream.disconnect()
 

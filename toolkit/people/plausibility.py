@@ -311,7 +311,7 @@ def _people_concerns(
     *,
     known: bool,
 ) -> list[Concern]:
-    """Concerns by the people who are seen: the unit, the orientation, their size; `known`: the intrinsics are wrong."""
+    """Return concerns about the visible people: unit, orientation, size; `known`: the intrinsics are wrong."""
     if not frames or known:
         return []
     own = person_evidence(frames, recording.camera, recording.up_camera, classifier)
@@ -357,7 +357,7 @@ def _fitting_unit(
     classifier: PersonClassifier | None,
     settings: PlausibilitySettings,
 ) -> str:
-    """The unit of depth in which people have the size of people, by its name in `DEPTH_UNITS`; "" where none is better.
+    """Return the unit of depth, a name in `DEPTH_UNITS`, in which people have a person's size; "" if none fits better.
 
     Without a classifier it is the largest unit in which a person who is cut out has a person's stature.
     """

@@ -82,7 +82,7 @@ class Camera:
             )
 
     def _stretch(self) -> float:
-        """Factor by which the lens moves the farthest corner of the image away from the centre."""
+        """Return the factor by which the lens moves the farthest corner of the image away from the centre."""
         k1, k2, p1, p2, k3, *rational = self.distortion or (0.0,) * 5
         k4, k5, k6 = rational or (0.0,) * 3
         x = max(self.cx, self.width - 1 - self.cx) / self.fx

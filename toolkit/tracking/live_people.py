@@ -76,7 +76,7 @@ class _Job:
     done: bool = False
 
     def proceed(self) -> None:
-        """Do the part that is due."""
+        """Compute the part that is due."""
         try:
             self.due = next(self.work)
         except StopIteration:
@@ -133,7 +133,7 @@ class LivePeople(MultiPersonTracker):
         return self._rows
 
     def _work(self) -> None:
-        """Do as much of the work for all people as each frame allows, person by person."""
+        """Advance the work for all people, person by person, as far as each frame allows."""
         self._points += FRAME_POINTS
         for person in sorted(self._waiting):
             if self._waiting[person].learner is not None and not self._attempts[person]:

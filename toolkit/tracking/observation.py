@@ -10,9 +10,8 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
-from toolkit.fitting.estimated_joints import EstimatedJoints, links_out_of_view
-from toolkit.fitting.image_joints import SightedJoints
 from toolkit.fitting.joint_confidence import network_features
+from toolkit.fitting.joint_evidence import EstimatedJoints, SightedJoints, links_out_of_view
 from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear

@@ -201,7 +201,7 @@ class PersonSightings:
         self._stream = open_file(path, inside=True)
 
     def __getitem__(self, frame: int) -> Sighting | None:
-        """The person's sighting in a frame; None without one."""
+        """Return the person's sighting in a frame; None without one."""
         row = int(np.searchsorted(self.frames, frame))
         if self._before is not None and row < len(self._before.frames):
             return self._before[frame]
@@ -216,7 +216,7 @@ class PersonSightings:
             raise TrackError(f"frame {frame} in {self._path} is damaged ({error}); {HINT}") from error
 
     def detected_fraction(self) -> float:
-        """Fraction of these frames with image joints of the person."""
+        """Return the fraction of these frames with image joints of the person."""
         told = (sighting is not None and sighting.joints is not None for sighting in map(self.__getitem__, self.frames))
         return sum(told) / max(len(self.frames), 1)
 

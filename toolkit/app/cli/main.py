@@ -65,7 +65,7 @@ def _root(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Options of the command itself."""
+    """Handle the options of the command itself."""
 
 
 app.command()(demo.demo)
@@ -173,7 +173,7 @@ class _LossyStream(io.TextIOBase):
 
 @contextmanager
 def standard_streams() -> Iterator[None]:
-    """Have the standard streams take everything while the block runs, even where their other end is closed."""
+    """Make the standard streams accept all text while the block runs, even if their other end is closed."""
     before = sys.stdout, sys.stderr
     for number, name in ((1, "stdout"), (2, "stderr")):
         stream = getattr(sys, name)

@@ -35,13 +35,13 @@ def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 3) divided by their lengths; a zero vector stays zero."""
+    """Return vectors (..., 3) divided by their lengths; a zero vector stays zero."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)
 
 
 def transposed(rotations: np.ndarray) -> np.ndarray:
-    """Inverse of rotations (..., 3, 3)."""
+    """Return the inverses of rotations (..., 3, 3)."""
     return np.swapaxes(rotations, -1, -2)
 
 
@@ -51,21 +51,21 @@ def apply(rotations: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def matrices(vectors: np.ndarray) -> np.ndarray:
-    """Rotation vectors (T, 3), radians, as matrices (T, 3, 3)."""
+    """Convert rotation vectors (T, 3), radians, to matrices (T, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_rotvec(vectors).as_matrix()
 
 
 def vectors_of(rotations: np.ndarray) -> np.ndarray:
-    """Matrices (T, 3, 3) as rotation vectors (T, 3) no longer than pi."""
+    """Convert matrices (T, 3, 3) to rotation vectors (T, 3) no longer than pi."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_matrix(rotations).as_rotvec()
 
 
 def swing(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
-    """The smallest rotations (T, 3, 3) that turn unit vectors `start` to `stop`, both (T, 3) or (3,).
+    """Return the smallest rotations (T, 3, 3) that turn unit vectors `start` to `stop`, both (T, 3) or (3,).
 
     Opposite vectors are turned about an arbitrary perpendicular axis.
     """

@@ -12,7 +12,7 @@ IDENTITY: np.ndarray = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Hamilton product `first second`, float64 (..., 4)."""
+    """Return the Hamilton product `first second`, float64 (..., 4)."""
     first, second = np.asarray(first, np.float64), np.asarray(second, np.float64)
     aw, ax, ay, az = (first[..., k] for k in range(4))
     bw, bx, by, bz = (second[..., k] for k in range(4))
@@ -37,14 +37,14 @@ def normalised(q: np.ndarray) -> np.ndarray:
 
 
 def exponential(vectors: ArrayLike) -> np.ndarray:
-    """Quaternions (..., 4) of rotation vectors (..., 3), radians."""
+    """Return the quaternions (..., 4) of rotation vectors (..., 3), radians."""
     vectors = np.asarray(vectors, np.float64)
     half = 0.5 * np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.concatenate([np.cos(half), 0.5 * vectors * np.sinc(half / np.pi)], axis=-1)
 
 
 def logarithm(q: np.ndarray) -> np.ndarray:
-    """Rotation vectors (..., 3) no longer than pi (thesis, Eq. 7.10, with the sign of `q` made positive first)."""
+    """Return rotation vectors (..., 3) no longer than pi (thesis, Eq. 7.10, after `q` was made positive)."""
     q = np.asarray(q, np.float64)
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
@@ -53,7 +53,7 @@ def logarithm(q: np.ndarray) -> np.ndarray:
 
 
 def angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Angle between two orientations in radians, 0 to pi (`d_quat`, thesis, Eq. 7.2).
+    """Return the angle between two orientations in radians, 0 to pi (`d_quat`, thesis, Eq. 7.2).
 
     Computed from the chord, which is more accurate than the arc cosine of the equation.
     """
@@ -70,12 +70,12 @@ def rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 
 def matrices(q: np.ndarray) -> np.ndarray:
-    """Rotation matrices (..., 3, 3)."""
+    """Return the rotation matrices (..., 3, 3)."""
     return np.stack([rotate(q, axis) for axis in np.eye(3)], axis=-1)
 
 
 def from_matrices(rotations: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4) of rotation matrices (..., 3, 3), the real part not negative."""
+    """Return the quaternions (..., 4) of rotation matrices (..., 3, 3), the real part not negative."""
     from scipy.spatial.transform import Rotation
 
     rotations = np.asarray(rotations, np.float64)
@@ -104,7 +104,7 @@ def continuous(q: np.ndarray) -> np.ndarray:
 
 
 def interpolate(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Spherical interpolation from `first` to `second`, both (N, 4), by `share` (N,) in [0, 1], along the shorter
+    """Interpolate on the sphere from `first` to `second`, both (N, 4), by `share` (N,) in [0, 1], along the shorter
     arc.
     """
     turn = logarithm(multiply(conjugate(first), second))
@@ -112,11 +112,11 @@ def interpolate(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.
 
 
 def mean(q: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Weighted chordal mean (4,) of orientations (N, 4): the first eigenvector of the sum of `w q q'`."""
+    """Return the weighted chordal mean (4,) of orientations (N, 4): the first eigenvector of the sum of `w q q'`."""
     q = np.asarray(q, np.float64)
     return np.linalg.eigh(np.einsum("n,ni,nj->ij", weights, q, q))[1][:, -1]
 
 
 def angular_velocity(q: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Rate of turn (N - 1, 3) between neighbours of (N, 4), rad/s, in the turning frame (thesis, Eq. A.14)."""
+    """Return the rate of turn (N - 1, 3) between neighbours of (N, 4), rad/s, turning frame (thesis, Eq. A.14)."""
     return logarithm(multiply(conjugate(q[:-1]), q[1:])) / np.diff(times)[:, None]

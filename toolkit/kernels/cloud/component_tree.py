@@ -63,7 +63,7 @@ def summits(
     dynamics: np.ndarray,
     areas: np.ndarray,
 ) -> int:
-    """Every summit of a tree with its dynamics and its area; returns their number.
+    """Find the summits of a tree with their dynamics and areas; returns their number.
 
     `sizes` (N,) is the area of each node. Fills `nodes`, `dynamics`, `areas` (at least one place for each regional
     maximum) in the order in which the summits end; of equally high ones the lower node lives on. A summit that never
@@ -95,7 +95,7 @@ def summits(
 
 @njit(cache=True)
 def _higher(values: np.ndarray, first: int, second: int) -> int:
-    """The higher of two nodes, the lower node of equally high ones; `first` may be -1."""
+    """Return the higher of two nodes, the lower node of equally high ones; `first` may be -1."""
     if first < 0 or values[second] > values[first] or (values[second] == values[first] and second < first):
         return second
     return first

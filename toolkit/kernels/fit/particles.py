@@ -220,7 +220,7 @@ def overlap_costs(balls: np.ndarray, radii: np.ndarray, pairs: np.ndarray, soft:
 
 @njit(cache=True)
 def systematic(weights: np.ndarray, shift: float, chosen: np.ndarray) -> None:
-    """Systematic resampling: fills `chosen` (M,) with rows of `weights` (N,), which sum to 1, rising.
+    """Resample systematically: fills `chosen` (M,) with rows of `weights` (N,), which sum to 1, rising.
 
     `shift` in [0, 1) is the one random number. A row of weight w is chosen floor(M w) or ceil(M w) times.
     """

@@ -68,7 +68,7 @@ def _shade(
     key: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Colour of one pixel whose ray is (x, y, 1): fills `out` (3,)."""
+    """Compute the colour of one pixel whose ray is (x, y, 1): fills `out` (3,)."""
     n = np.zeros(3)
     color = np.zeros(3)
     for k in range(3):

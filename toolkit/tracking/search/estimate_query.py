@@ -72,7 +72,7 @@ class EstimatedJointsQuery:
 
 
 def facing_of_joints(joints: np.ndarray) -> float:
-    """Facing yaw of joints (20, 3) in a y-up frame, from the lines of the shoulders and of the hips, radians."""
+    """Return the facing yaw of joints (20, 3) in a y-up frame, from the lines of shoulders and hips, radians."""
     index = skeleton.REPORTED.index
     lateral = np.zeros(3)
     for name in ("shoulder", "hip"):
