@@ -35,7 +35,7 @@ class CanonicalPoses:
 
     Attributes
     ----------
-    name : of the source
+    name : name of the source
     digest : SHA-256 of its file, or of the poses themselves
     poses : float32 (N, P), canonical, rounded as in the database, so that all results are equal on each processor; with
         mirroring the second half are the mirror images of the first

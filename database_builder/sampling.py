@@ -123,7 +123,7 @@ class PosePool:
 
     Parameters
     ----------
-    threshold, max_poses : of the selection, see `farthest_first`
+    threshold, max_poses : those of the selection, see `farthest_first`
     """
 
     def __init__(self, threshold: float, max_poses: int | None) -> None:

@@ -163,7 +163,7 @@ def evaluate_tracks(tracks: Sequence[tuple[str, Track]], truth: np.ndarray) -> E
 
     Parameters
     ----------
-    tracks : of one recording
+    tracks : tracks of one recording
     truth : float64 (T, 20, 3), or (N, T, 20, 3) for several people in any order: metres, camera frame, NaN = unknown
 
     Raises

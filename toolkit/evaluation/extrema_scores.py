@@ -67,7 +67,7 @@ def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bo
 
     Parameters
     ----------
-    cloud : of the person
+    cloud : cloud of the person
     joints : (20, 3), true joints, level frame, metres
     """
     from scipy.sparse.csgraph import dijkstra

@@ -76,7 +76,7 @@ def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camer
     ----------
     joints_camera : (..., 20, 3), metres, true joints of one or several people; NaN counts as hidden
     depth_m : float32 (H, W), metres along z, 0 = no measurement
-    camera : of that image
+    camera : camera of that image
     """
     joints = np.asarray(joints_camera, dtype=np.float64)
     pixels = np.rint(np.nan_to_num(camera.project(joints), nan=-1.0))

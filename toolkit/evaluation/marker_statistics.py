@@ -59,7 +59,7 @@ class AngleAgreement:
     ----------
     angle : name
     frames : number of frames in which both have it
-    bias, sd, rms : of the difference
+    bias, sd, rms : mean, standard deviation and root mean square of the difference
     lower, upper : 95 % limits of agreement
     correlation : Pearson's r, NaN where the angle does not move
     range_track, range_reference : ranges of motion, 1st to 99th percentile

@@ -44,7 +44,7 @@ class Validation:
     marker_set : marker set, "" for a file of angles
     subject : subject of the marker file, "" where it names none
     lag : seconds, added to the reference's clock
-    correlation : of the speeds at that lag, NaN where the lag was given
+    correlation : correlation of the speeds at that lag, NaN where the lag was given
     alignment : rigid motion from marker axes to the level frame; None for a file of angles
     frames : frames of the track that have a reference
     tracked : share of them in which the person is tracked
@@ -105,7 +105,7 @@ def validate(
 
     Parameters
     ----------
-    people : of one run
+    people : people of one run
     reference : file that `read_markers` reads, or a recording in memory
     marker_set : name or YAML file; found by the marker names without
     lag : seconds that added to the reference's clock give the track's (from its first frame on); estimated without

@@ -28,12 +28,12 @@ class RunCheck:
 
     Attributes
     ----------
-    name : of the run
-    calibration : that was used
-    distances : per sensor
-    errors : of all sensors, by time
+    name : name of the run
+    calibration : calibration of the sensors
+    distances : distances of each sensor
+    errors : detected errors of all sensors, by time
     truth : known errors, labelled by body part; None if unknown
-    threshold : degrees, above it the track errs
+    threshold : distance above which the track is wrong, degrees
     """
 
     name: str
@@ -91,7 +91,7 @@ def check_runs(
     runs, sensors : as in `calibrate_runs`
     calibration : a file or its content; None calibrates each run by itself
     truth : CSV with the columns limb, start, end in seconds, and run where there are several
-    threshold : degrees between 0 and 180, above which a track errs
+    threshold : distance above which a track is wrong, degrees between 0 and 180
     max_offset : largest offset of the clocks, seconds
 
     Raises

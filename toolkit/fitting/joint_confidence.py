@@ -111,7 +111,7 @@ def joint_features(
 
     Parameters
     ----------
-    comparison : of the pose with the frame
+    comparison : comparison of the pose with the frame
     joints : float64 (20, 3), of that pose, level frame, metres
     spread : float64 (20,), metres, see `toolkit.tracking.occluded_limbs.Guess`
     network : float64 (20, 2), see `network_features`

@@ -89,7 +89,7 @@ class EstimatedJoints:
     ----------
     estimate : level frame
     rotation : R_level_camera, float64 (3, 3)
-    weight : of one sure joint against one correspondence
+    weight : weight of one sure joint against one correspondence
     """
 
     def __init__(self, estimate: JointEstimate, rotation: np.ndarray, weight: float) -> None:

@@ -30,7 +30,7 @@ class Comparison:
         and those without a point
     sample_gaps : float64 (M,), metres, from each sample of the frame to the drawn body, capped
     drawn : int64 (M,), nearest mesh vertex of each sample; -1 beyond the reach
-    energy : of the pose terms, 0 for the likeliest pose
+    energy : energy of the pose terms, 0 for the likeliest pose
     placed, scene : the body in that pose and the frame, None for one that was given up
     """
 
@@ -65,7 +65,7 @@ class Objective:
     placer : places bodies before that camera
     settings : thresholds of visible and of explained points
     pose_terms : whose energy is part of a comparison
-    regressions : of the confidence; default: those of the package
+    regressions : regressions of the confidence; default: those of the package
     """
 
     def __init__(

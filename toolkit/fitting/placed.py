@@ -88,7 +88,7 @@ class Placer:
     Parameters
     ----------
     body : any body of that topology; its chosen vertices are used for all
-    camera : of the small image that bodies are drawn into
+    camera : camera of the small image that bodies are drawn into
     level_rotation : R_level_camera, float64 (3, 3)
 
     Attributes

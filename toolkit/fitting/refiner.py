@@ -41,7 +41,7 @@ class Refiner:
     Parameters
     ----------
     placer : places bodies before that camera
-    settings : of terms and iterations
+    settings : settings of terms and iterations
     terms : terms of point pairs; None = those of the settings
     pose_terms : in the pose vector itself
     system, solve : assembly and solution of the normal equations

@@ -29,7 +29,7 @@ class Clock:
 
     Attributes
     ----------
-    offset : of the sensors' clock
+    offset : offset of the sensors' clock
     correlation : mean correlation of all signals, -1 to 1
     second : correlation of the best other lag
     """

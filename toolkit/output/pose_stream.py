@@ -27,7 +27,7 @@ class LiveUpdate(NamedTuple):
     timestamp : seconds, of the source
     latency_ms : from the arrival of the frame to its poses
     dropped : frames that were left out since the start
-    poses : of each person in the frame
+    poses : poses of each person in the frame
     depth_mm : uint16 (H, W), millimetres, the frame itself
     """
 

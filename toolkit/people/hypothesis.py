@@ -33,7 +33,7 @@ class PersonClassifier(Protocol):
         Parameters
         ----------
         depth : float32 (h, w), metres along z, 0 = no measurement; the whole image
-        camera : of that image
+        camera : camera of that image
         """
         ...
 

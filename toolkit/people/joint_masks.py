@@ -70,7 +70,7 @@ class GivenJoints(NoJoints):
 
     Parameters
     ----------
-    camera : of the frames, lens distortion included
+    camera : camera of the frames, lens distortion included
     """
 
     name = "given"

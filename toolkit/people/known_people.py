@@ -30,7 +30,7 @@ class KnownPeople:
 
     Parameters
     ----------
-    lens : of the coarse frames in which they are found
+    lens : coarse camera of the frames in which they are found
     most : maximum number of tracked people; later ones are left out
 
     Attributes

@@ -72,7 +72,7 @@ class RoomLearningFinder(WrappedFinder):
 
     Parameters
     ----------
-    finder : of all people, before its first frame
+    finder : finder of all people, before its first frame
     sensing : settings of the depth filter
     first : recording with the camera of the frames
     judge : person classifier

@@ -57,7 +57,7 @@ class MultiPersonFinder:
 
     Parameters
     ----------
-    camera : of the raw frames, lens distortion included
+    camera : camera of the raw frames, lens distortion included
     up_camera : (3,), the vertical in the camera frame
     surroundings : background model; None decides with the first frame
     sensing : settings of the depth filter
@@ -66,7 +66,7 @@ class MultiPersonFinder:
 
     Attributes
     ----------
-    camera : of the sightings
+    camera : camera of the sightings
     lens : makes the coarse frames
     """
 

@@ -285,7 +285,7 @@ def _stature(depth: np.ndarray, points: np.ndarray) -> float | None:
 
     Parameters
     ----------
-    depth : of a coarse frame (h, w)
+    depth : depth of a coarse frame (h, w)
     points : float64 (h, w, 3), of its pixels, level frame, metres
     """
     import cv2

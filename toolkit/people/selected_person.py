@@ -27,7 +27,7 @@ class SelectedPersonFinder(WrappedFinder):
 
     Parameters
     ----------
-    finder : of all people, before its first frame
+    finder : finder of all people, before its first frame
     pieces : ids of the person, see `meant_person`
     """
 

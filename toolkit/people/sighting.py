@@ -23,7 +23,7 @@ class Sighting:
     depth : float32 (H, W), metres along z, cleaned: depth of the person alone, 0 elsewhere; a new array
     unobserved : bool (H, W), unobserved pixels: no measurement there, or something nearer that is not the person. None
         where every pixel is observed. Everything outside the image is unobserved as well
-    camera : of that depth, without lens distortion
+    camera : camera of that depth, without lens distortion
     joints : the person's joints in the image, in pixels of `depth`, or None without a source of joints
     """
 

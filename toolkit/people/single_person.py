@@ -26,14 +26,14 @@ class SinglePersonSegmenter:
 
     Parameters
     ----------
-    camera : of the raw frames, lens distortion included
+    camera : camera of the raw frames, lens distortion included
     background : uint16 (H, W), depth of the empty scene, millimetres, or None
     settings : segmentation and cleaning
     up_camera : (3,), the vertical in the camera frame
 
     Attributes
     ----------
-    camera : of the cleaned frames: without lens distortion, half as large if so set
+    camera : camera of the cleaned frames: without lens distortion, half as large if so set
 
     Raises
     ------

@@ -87,7 +87,7 @@ class KnownPerson:
         Parameters
         ----------
         head : (3,), where the head is seen, or None
-        middle, area : of their measured surface
+        middle, area : those of their measured surface
         """
         elapsed = max(timestamp - self.last, 0.0)
         whole_share = 0.7  # of a person's area: less, and they are half hidden

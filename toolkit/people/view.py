@@ -42,7 +42,7 @@ class CoarseCamera:
     Attributes
     ----------
     step : every `step`-th pixel is kept
-    camera : of the coarse frames
+    camera : camera of the coarse frames
     rays : float64 (h, w, 2), x/z and y/z
     up : float64 (3,), of length 1
     rotation : `R_level_camera`

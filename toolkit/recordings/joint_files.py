@@ -38,7 +38,7 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
     folder : `*_keypoints.json`, each with `people[].pose_keypoints_2d` as x, y, c: 75 numbers BODY_25, 54 COCO-18, 51
         COCO-17, 99 MediaPipe's points (c is their visibility)
     count : frames of the recording
-    camera : of the images as they lie in the file, neither flipped nor turned
+    camera : camera of the images as they lie in the file, neither flipped nor turned
     size : width and height of the images of the detector, if they differ from the depth's
 
     Returns

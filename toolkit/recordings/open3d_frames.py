@@ -39,7 +39,7 @@ def recording_of_open3d(
         are no measurement, normals are not used, and a cloud without points is a frame without a measurement
     timestamps : (T,), seconds; without them `frame_rate` counts, or 30 frames a second
     background : (H, W), depth of the empty scene, of images alone
-    name : of the recording
+    name : name of the recording
     options : of `ReaderOptions`; `intrinsics` may be an `open3d.camera.PinholeCameraIntrinsic`. Images need it. A
         cloud whose points are the pixels of an image, row by row, is recognised and gives its intrinsics itself; any
         other is projected into the camera of `intrinsics` and `size`, or without them into a virtual camera

@@ -34,7 +34,7 @@ class RecordingWriter:
     Parameters
     ----------
     path : the file to write
-    camera : of every frame
+    camera : camera of every frame
     background : uint16 (H, W), depth of the empty scene, millimetres
     up_camera : (3,), the vertical in the camera frame
     """

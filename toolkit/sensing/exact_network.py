@@ -31,7 +31,7 @@ class ExactNetwork:
     Parameters
     ----------
     path : ONNX file; beside it lies the digest of its outputs for a fixed input, see `write_digest`
-    shape : of the input, (1, C, H, W)
+    shape : shape of the input, (1, C, H, W)
     outputs : names of the outputs
 
     Raises

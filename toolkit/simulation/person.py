@@ -243,7 +243,7 @@ def _reach(body: Body, poses: np.ndarray, at: tuple[float, float], forward: np.n
 
 
 def check_apart(performers: Sequence[PosedSubject]) -> None:
-    """Raise UsageError for people inside one another.
+    """Check that no two people overlap.
 
     Raises
     ------
@@ -268,7 +268,7 @@ def check_apart(performers: Sequence[PosedSubject]) -> None:
 
 
 def check_clear(performers: Sequence[PosedSubject], boxes: Sequence[Box]) -> None:
-    """Raise UsageError for people inside the furniture of the room.
+    """Check that no person overlaps the furniture of the room.
 
     Raises
     ------

@@ -54,7 +54,7 @@ def place_camera(*, distance: float, height: float, tilt: float) -> PlacedCamera
     Parameters
     ----------
     distance : horizontally from the camera to the origin, metres (> 0)
-    height : of the camera above the floor, metres (> 0)
+    height : height of the camera above the floor, metres (> 0)
     tilt : downwards from the horizontal, radians
 
     Raises

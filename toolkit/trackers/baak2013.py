@@ -37,7 +37,7 @@ from toolkit.tracking.search.extrema_query import ExtremaQuery
 
 
 class PublishedObservation(Observation):
-    """Every extremum may be a limb (5.4.2), also one where the border of the image cuts the person."""
+    """Observation in which each extremum may be a limb (5.4.2), also one where the border of the image cuts the person."""
 
     @cached_property
     def cut(self) -> np.ndarray:
@@ -46,7 +46,7 @@ class PublishedObservation(Observation):
 
 
 class PublishedObserver(Observer):
-    """Makes `PublishedObservation`s."""
+    """Observer that makes `PublishedObservation`s."""
 
     @property
     def kind(self) -> type[Observation]:
@@ -55,7 +55,7 @@ class PublishedObserver(Observer):
 
 
 class PublishedQuery(ExtremaQuery):
-    """Extrema are normalised about the centre of the surface itself (5.3.4)."""
+    """Query with extrema normalised about the centre of the surface (5.3.4)."""
 
     def centre(self, observation: Observation, size: float) -> np.ndarray:
         """See `ExtremaQuery.centre`."""
@@ -63,13 +63,13 @@ class PublishedQuery(ExtremaQuery):
 
 
 class PublishedFollower(Follower):
-    """No person is expected where they were last seen."""
+    """Follower that expects no person at the last place."""
 
     held = 0.0
 
 
 class Baak2013Tracker(HybridTracker):
-    """Baak 2013, 5.4: two hypotheses, fused late; the winner is the pose, also of limbs that nothing shows."""
+    """Tracker of Baak 2013, 5.4: of two hypotheses the one with the lower cost is the pose."""
 
     kind = PublishedFollower
     occluded_limbs = None

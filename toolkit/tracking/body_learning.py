@@ -29,13 +29,13 @@ class FollowedBody:
     preview_follower : makes one that detects a person within a frame, of less accurate poses
     stages : names of the follower's stages
     settings : frames per second that take part, and weight of the shape prior
-    fitting : of the terms that tie the body's surface to the frame
+    fitting : settings of the terms that tie the body's surface to the frame
 
     Attributes
     ----------
     follower, settings : as above
-    state : of the follower before the next sighting
-    result : of the last sighting that was taken in; None before the first one
+    state : state of the follower before the next sighting
+    result : result of the last sighting that was taken in; None before the first one
     """
 
     def __init__(

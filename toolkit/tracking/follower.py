@@ -59,7 +59,7 @@ class FollowedFrame:
     ----------
     row : row of the track
     state : before the next frame
-    observation : of the sighting, None without one
+    observation : observation of the sighting, None without one
     scored : all hypotheses of the frame
     winner : the selected one, None if there was none
     cost : metres, selection cost of the winner; infinite without one
@@ -96,7 +96,7 @@ class Follower(FollowedPerson):
     Attributes
     ----------
     state : before the next `step`; replaced, never changed
-    observation : of the last `step`, None without a sighting
+    observation : observation of the last `step`, None without a sighting
     """
 
     held = HELD

@@ -38,7 +38,7 @@ class FrameDetector:
 
     Parameters
     ----------
-    follower : of the person
+    follower : follower of the person
     body : the person's own
     seen : the person's sightings
     timestamps : float64 (T,), seconds, of all frames of the recording

@@ -50,7 +50,7 @@ class InertialGuide(NoGuide):
     Parameters
     ----------
     sensors : named after the parts of the body, each with an orientation
-    calibration : of these sensors
+    calibration : calibration of these sensors
     recording : name of the recording, which selects one of several clocks
     settings : weights
 

@@ -55,8 +55,8 @@ class LiveFrame(NamedTuple):
 
     Attributes
     ----------
-    poses : of each person in that frame, by rising number
-    rows : of their tracks, with the learnt bodies: of this frame and of earlier ones, each once and in order
+    poses : poses of each person in that frame, by rising number
+    rows : rows of their tracks, with the learnt bodies: of this frame and of earlier ones, each once and in order
     """
 
     poses: list[LivePose]

@@ -46,7 +46,7 @@ class Waiting:
     ----------
     frames : sighting or None, timestamp, and milliseconds of the detection
     seen_since : timestamp of the first frame with enough points, None before
-    learner : of the sightings since then
+    learner : learner of the sightings since then
     """
 
     frames: deque[tuple[StoredSighting | None, float, float]] = field(default_factory=deque)

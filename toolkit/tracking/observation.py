@@ -40,7 +40,7 @@ class Observer:
 
     Attributes
     ----------
-    landmarks : of the graph and the facing
+    landmarks : settings of the graph and of the facing
     extrema : number of geodesic extrema
     samples : measured points of the scene, see `Scene`
     network : estimates the joints of a person from one frame; None for no estimate

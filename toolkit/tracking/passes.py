@@ -51,7 +51,7 @@ class Leg:
     ----------
     stretch : they belong to
     start : first frame that is followed
-    direction : of time
+    direction : direction of time
     """
 
     stretch: Stretch

@@ -96,8 +96,8 @@ class SightingFile:
 
     Parameters
     ----------
-    folder : of the two files, made if it is missing
-    camera : of every sighting
+    folder : folder of the two files, made if it is missing
+    camera : camera of every sighting
     frames : number of stored frames to keep; later ones are written again
 
     Raises

@@ -122,7 +122,7 @@ class StatureBelief:
 
     Attributes
     ----------
-    bodies : of different statures
+    bodies : bodies of different statures
     costs : float64 (B,), metres, sum over the frames
     frames : number of these frames
     stood : metres above the floor at which the top of the head was, see `height_stood`

@@ -34,7 +34,7 @@ class TrackerSettings(Protocol):
     Attributes
     ----------
     tracker : name under which the tracker is registered
-    seed : of everything random
+    seed : seed of all random numbers
     sensing : settings of segmentation and depth filter
     smallest_person : measured points below which a frame counts as empty
     """

@@ -42,9 +42,9 @@ class RunInfo:
     database : path of the pose database, empty for a tracker that uses none
     level_rotation : R_level_camera, 9 numbers row by row: p_level = R p_camera
     sensing : settings with which the depth was segmented and cleaned, by name
-    version : of the toolkit
+    version : version of the toolkit
     tracker : name of the tracker
-    seed : of everything random
+    seed : seed of all random numbers
     up_source : source of the vertical, see `Vertical`
     floor : metres of the camera above the floor, one number; empty where none is seen
     sensors_sha256 : of the file of inertial sensors that guided the tracker, empty

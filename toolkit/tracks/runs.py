@@ -31,7 +31,7 @@ class PersonSummary:
     id : number in order of appearance, from 1
     folder : name of the person's run folder within the run, such as `person_01`
     first_frame, last_frame : the first and the last frame with the person in view
-    stature : of the fitted body, metres
+    stature : stature of the fitted body, metres
     tracked, lost, hidden : shares, in [0, 1], of the frames in between
     evidence : evidence for a person, None where it was not needed
     """

@@ -46,8 +46,8 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = 5.0, show: P
     Parameters
     ----------
     output : folder of all files; replaces an earlier demo
-    seed : of the motions, the sensor noise and the subject's shape
-    seconds : of each of the motions
+    seed : seed of the motions, the sensor noise and the subject's shape
+    seconds : duration of each motion
     show : called with each step
 
     Raises

@@ -94,7 +94,7 @@ add_examples(app)
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run the command; an error is one sentence.
+    """Run the command; print an error as one sentence.
 
     Exit codes: 0 success, 1 failure, 2 wrong use, 3 success without a tracked person. A closed terminal or pipe does
     not stop the work and does not change the exit code.

@@ -24,7 +24,7 @@ STANDARD_OUTPUT = "-"
 
 
 @dataclass(frozen=True)
-class _Told:
+class _EventKey:
     """Key of an event line that is read again on resume: end time in seconds since the first frame."""
 
     time: float
@@ -82,8 +82,8 @@ class EventStream:
         hint = "choose another file for the events"
         lines = read_text(path, UsageError, hint).splitlines() if np.isfinite(time) and path.exists() else []
         reader = TypedReader(UsageError, hint, loose=True, source=str(path))
-        told = [reader.read(parse_json(line, str(path), UsageError, hint), _Told, "").time for line in lines]
-        save_text(path, "".join(f"{line}\n" for line, when in zip(lines, told, strict=True) if when <= time))
+        times = [reader.read(parse_json(line, str(path), UsageError, hint), _EventKey, "").time for line in lines]
+        save_text(path, "".join(f"{line}\n" for line, when in zip(lines, times, strict=True) if when <= time))
 
     def _append(self, events: Sequence[Event]) -> None:
         if self._output == STANDARD_OUTPUT:

@@ -38,7 +38,7 @@ def check_inputs(folder: Path, recording: Recording, recipe: TrackerRecipe) -> N
         check_output(folder / name, recipe.files())
 
 
-def check_whose(folder: Path) -> None:
+def check_run_file(folder: Path) -> None:
     """Raise TrackError if the folder holds files of a run but no `run.json`."""
     if os.path.lexists(folder / RUN_FILE):
         return

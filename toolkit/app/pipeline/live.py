@@ -31,7 +31,7 @@ from toolkit.tracking.tracker_protocol import Tracker, judge_of
 
 
 def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePeople:
-    """Return what tracks the people of the frames that follow the first one, with all kernels loaded.
+    """Return the tracker of the people in the frames after the first one, with all kernels loaded.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePe
 
 
 def _warm_up(tracker: Tracker, camera: Camera, up_camera: np.ndarray) -> None:
-    """Track a drawn body, and forget it."""
+    """Load the kernels by tracking a drawn body."""
     straight = Camera(camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
     body, pose = load_body("neutral"), np.zeros(skeleton.POSE_SIZE)
     rotation = level_rotation(up_camera)
@@ -107,7 +107,7 @@ class _Newest:
             return None if self._stop.is_set() else found
 
     def join(self) -> None:
-        """Wait for the end of the thread and raise what ended it."""
+        """Wait for the end of the thread and raise its exception."""
         self._thread.join()
         if self.error is not None:
             raise self.error
@@ -140,7 +140,7 @@ class LiveSummary:
     ----------
     frames : tracked frames
     dropped : frames that came while an earlier one was tracked, and were left out
-    latencies_ms : of each tracked frame, from its arrival to its poses
+    latencies_ms : latency of each tracked frame, from its arrival to its poses
     people : numbers of the people who were tracked
     """
 
@@ -173,7 +173,7 @@ def track_live(
 
     Parameters
     ----------
-    source : of the frames
+    source : source of the frames
     tracker : makes a follower for each person
     people : maximum number of tracked people, None = all
     writer : takes each frame that comes, also the dropped ones; the caller closes it

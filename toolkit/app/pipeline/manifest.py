@@ -48,7 +48,7 @@ class Manifest:
 
     Attributes
     ----------
-    path : of the file, which is written with its first row
+    path : path of the file, which is written with its first row
     rows : so far, by recording
 
     Raises

@@ -34,9 +34,9 @@ class PersonTask:
 
     Attributes
     ----------
-    folder : of the second pass, with the sightings of all people
+    folder : folder of the second pass, with the sightings of all people
     person : number of the person
-    camera, level_rotation : of the sightings
+    camera, level_rotation : those of the sightings
     timestamps : float64 (T,), seconds, of all frames
     floor : y of the floor, metres, level frame, None where it is not known
     body : the person's body from the first pass

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from toolkit.app.pipeline.earlier import sightings_before
-from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_whose, info_of, tracks_of_same_run
+from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_run_file, info_of, tracks_of_same_run
 from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source, name_of
 from toolkit.app.pipeline.run_summary import RunSummary, summarised, track_warnings
 from toolkit.app.pipeline.run_writer import RunSink
@@ -172,7 +172,7 @@ def _track(
 ) -> RunSummary:
     """Track as `track_recording`, in a folder that this process has locked."""
     recording, tracker, several = job.recording, job.tracker, job.people != 1
-    check_whose(folder)
+    check_run_file(folder)
     if resume:
         tracks = tracks_of_same_run(folder, info, tracker, several=several)
         if tracks is not None and all(len(track) == len(recording) for track in tracks):

@@ -24,7 +24,7 @@ class RunSummary:
 
     Attributes
     ----------
-    name : of the recording
+    name : name of the recording
     run : its run folder
     frames, recorded_frames : rows of the track and frames of the recording
     stage_ms, frame_ms : median milliseconds of each stage, and of a frame, of all people together, where there

@@ -48,17 +48,17 @@ class SecondPass:
     ----------
     run : the run folder, in which the sightings of the first pass lie
     tracker : that of the first pass
-    camera, level_rotation : of the sightings
+    camera, level_rotation : those of the sightings
     timestamps : float64 (T,), seconds, of all frames
     floor : y of the floor, metres, level frame, None where it is not known
     sink : holds the rows of the first pass
     workers : number of processes that share the people
-    recipe : of the tracker in each process; None = this process only
+    recipe : recipe of the tracker in each process; None = this process only
 
     Attributes
     ----------
-    bodies : of all people, by id: after `begin` or `restore` those of the first pass, then their own
-    evidence : of all people and of furniture, by id, from the first pass
+    bodies : bodies of all people, by id: after `begin` or `restore` those of the first pass, then their own
+    evidence : evidence of all people and of furniture, by id, from the first pass
     """
 
     def __init__(

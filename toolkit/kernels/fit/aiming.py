@@ -14,7 +14,7 @@ from toolkit.kernels.kinematics import forward_kinematics, rotation_from_vector
 class ArmRig(NamedTuple):
     """One arm in the kinematic chain of a body.
 
-    parents, rest, dof_joint, dof_axis : of the whole chain, as in `kinematics.forward_kinematics`
+    parents, rest, dof_joint, dof_axis : those of the whole chain, as in `kinematics.forward_kinematics`
     clavicle, shoulder, elbow, wrist : joints
     shoulder_entry, elbow_entry : pose entries of the shoulder's rotation vector and of the elbow's angle
     bones : the arm as inverse kinematics needs it

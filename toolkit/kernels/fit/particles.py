@@ -40,7 +40,7 @@ class Tile(NamedTuple):
 class Rig(NamedTuple):
     """Drawn part of a body, and its ball model.
 
-    parents, rest, dof_joint, dof_axis : of the kinematic chain, as in `kinematics.forward_kinematics`
+    parents, rest, dof_joint, dof_axis : those of the kinematic chain, as in `kinematics.forward_kinematics`
     vertices, skin_joints, skin_weights, faces : drawn part of the mesh, int64 faces
     ball_joint, ball_offset, radii : balls (B,) of the upper body, see `fitting.balls`
     from_level : float64 (3, 3), R_camera_level

@@ -38,7 +38,7 @@ class ScaledSegment:
 
     Attributes
     ----------
-    body : of the model, without its side
+    body : body of the model, without its side
     turns : joint of the skeleton that turns the segment
     start : reported joint at its proximal end
     length : two reported joints, and two bodies of the model at whose origins they lie, which give the scale; none for

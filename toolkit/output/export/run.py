@@ -48,7 +48,7 @@ class ExportJob:
     run : the run folder, None for people in memory
     recording : new place of the recording
     model : model of OpenSim that is scaled, None for none
-    unit : of a BVH file, "cm" or "m"
+    unit : unit of a BVH file, "cm" or "m"
     """
 
     people: Sequence[Person]
@@ -92,7 +92,7 @@ class Format(NamedTuple):
 
     Attributes
     ----------
-    suffix : of its files
+    suffix : suffix of its files
     write : called with the file and the exported people
     together : True if a file holds several people
     rigged : True if a rig names its joints
@@ -197,7 +197,7 @@ def export_run(
     recording : new place of the recording, for formats with measured data
     as_tracked : keep the jitter of motionless bodies and sliding feet in files on the floor, see `motion.resting`
     model : `.osim` file that the format opensim scales to the person
-    unit : of a BVH file, "cm" (default) or "m"
+    unit : unit of a BVH file, "cm" (default) or "m"
 
     Returns
     -------

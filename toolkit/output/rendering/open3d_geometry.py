@@ -48,7 +48,7 @@ def cloud_geometry(depth_mm: np.ndarray, camera: Camera, color: np.ndarray | Non
     Parameters
     ----------
     depth_mm : uint16 (H, W), millimetres, 0 = no measurement
-    camera : of the image, lens distortion included
+    camera : camera of the image, lens distortion included
     color : uint8 (H, W, 3), or None for points of one colour
     """
     import open3d as o3d

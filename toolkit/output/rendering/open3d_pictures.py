@@ -158,7 +158,7 @@ class PicturePainter:
 
 
 def _cast(scene: Any, origins: np.ndarray, directions: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what rays (..., 3) meet, see `open3d.t.geometry.RaycastingScene.cast_rays`."""
+    """Return the surfaces that rays (..., 3) hit, see `open3d.t.geometry.RaycastingScene.cast_rays`."""
     from open3d.core import Tensor
 
     rays = np.concatenate([origins, directions], axis=-1, dtype=np.float32)

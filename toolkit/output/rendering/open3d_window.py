@@ -75,7 +75,7 @@ class RunWindow:
     ----------
     people : all of a run, at least one
     recording : with as many frames as their tracks; None shows no measured points
-    title : of the window
+    title : title of the window
     folder : destination of screenshots
     """
 

@@ -41,7 +41,7 @@ class RenderSettings:
     Attributes
     ----------
     panels : some of "depth", "body", "side" and "plan", from left to right
-    height : of a panel, pixels
+    height : height of a panel, pixels
     aspect : width of the panels "depth" and "body" relative to their height; the others have 3/4
     extrema : number of drawn geodesic extrema; 0 for none
     engine : "toolkit", or "open3d": bodies on white paper with soft shadows, some ten times slower

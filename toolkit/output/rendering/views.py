@@ -24,7 +24,7 @@ class Window:
 
     Attributes
     ----------
-    camera : of the enlarged picture
+    camera : camera of the enlarged picture
     u, v : upper left corner in the recording's image, pixels (may lie outside)
     scale : pixels of the picture per pixel of the image
     """
@@ -76,7 +76,7 @@ class OutsideView:
 
     Attributes
     ----------
-    camera : of the picture
+    camera : camera of the picture
     centre : float64 (3,), its position, metres, level frame
     rotation : float64 (3, 3), takes its frame to the level frame
     """

@@ -19,7 +19,7 @@ STORED_UNIT = 0.004
 
 @dataclass(frozen=True, eq=False)
 class SceneClouds:
-    """Return points in image coordinates, int16: column and row in pixels, and depth in units of `STORED_UNIT`.
+    """Points of a page in image coordinates, int16: column and row in pixels, and depth in units of `STORED_UNIT`.
 
     Neighbours then differ mainly in depth, and the page needs half the bytes of 3-D points.
 
@@ -40,7 +40,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
 
     Parameters
     ----------
-    recording : that was tracked
+    recording : tracked recording
     joints : float (T, J, 3), joints of all people in each frame, camera frame, metres; NaN in frames without the person
     frames : numbers of the shown frames, in order
     """

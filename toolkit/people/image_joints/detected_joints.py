@@ -30,7 +30,7 @@ class DetectedJoints:
     Parameters
     ----------
     model : finds the points in a crop
-    camera : of the frames, lens distortion included
+    camera : camera of the frames, lens distortion included
     in_color : in the colour images; otherwise in the shaded depth
     """
 

@@ -106,7 +106,7 @@ class PoseModel:
 
     Parameters
     ----------
-    content : of the model's file
+    content : content of the model's file
     threads : that it uses
     """
 

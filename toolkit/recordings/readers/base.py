@@ -56,7 +56,7 @@ class FileFrames(FrameSource):
 
     Parameters
     ----------
-    files : of depth
+    files : depth images
     read : reads one of them
     color : images of the same view, one for each frame, or none
     """
@@ -86,7 +86,7 @@ class FileFacts:
 
     Attributes
     ----------
-    unit, mirrored : of the raw depth, as in `ReaderOptions`
+    unit, mirrored : those of the raw depth, as in `ReaderOptions`
     timestamps : (T,), seconds; None = evenly, at the option's rate or 30 Hz
     background : raw depth of the empty scene
     up : the vertical in the camera frame
@@ -108,35 +108,35 @@ def recording_of_source(
     source: FrameSource,
     camera: Camera,
     options: ReaderOptions,
-    says: FileFacts | None = None,
+    facts: FileFacts | None = None,
     *,
     name: str | None = None,
 ) -> Recording:
-    """Return the recording of a file with metadata `says`, where `options` have precedence.
+    """Return the recording of a file with metadata `facts`, where `options` have precedence.
 
     `source` and `camera` are its raw frames and their camera; `name` is that of the path if None.
     """
-    says = says or FileFacts()
-    background = says.background if options.background is None else read_depth_png(Path(options.background))
+    facts = facts or FileFacts()
+    background = facts.background if options.background is None else read_depth_png(Path(options.background))
     return Recording(
         name=path.stem if name is None else name,
         path=path,
         camera=camera,
-        timestamps=frame_times(len(source), options) if says.timestamps is None else says.timestamps,
+        timestamps=frame_times(len(source), options) if facts.timestamps is None else facts.timestamps,
         source=source,
         converter=DepthConverter(
-            says.unit if options.depth_unit is None else options.depth_unit,
+            facts.unit if options.depth_unit is None else options.depth_unit,
             options.radial,
-            says.mirrored if options.mirrored is None else options.mirrored,
+            facts.mirrored if options.mirrored is None else options.mirrored,
         ),
         background=background,
-        joints=says.joints,
-        reference_joints=says.reference_joints,
-        image_joints=says.image_joints,
-        stored_up=says.up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
+        joints=facts.joints,
+        reference_joints=facts.reference_joints,
+        image_joints=facts.image_joints,
+        stored_up=facts.up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
         find_vertical=find_vertical,
         options=options.given(),
-        times_assumed=says.timestamps is None and options.frame_rate is None,
+        times_assumed=facts.timestamps is None and options.frame_rate is None,
     )
 
 

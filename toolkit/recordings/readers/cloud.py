@@ -102,7 +102,7 @@ def usable_cloud(
     colors : uint8, or floating point in [0, 1], (N, 3), or None
     grid : height and width of the pixel grid, or None
     axes : as in `ReaderOptions`
-    name : of the cloud, for errors
+    name : name of the cloud, for errors
 
     Raises
     ------
@@ -210,11 +210,11 @@ class CloudFrames(FrameSource):
 
     Parameters
     ----------
-    names : of the clouds, for errors
+    names : names of the clouds, for errors
     load : returns the cloud of a frame; None for a cloud without points, whose frame holds no measurement
     first : the first cloud that has points
     options : `intrinsics` and `size` of the camera
-    path : of the recording, for errors
+    path : path of the recording, for errors
 
     Raises
     ------

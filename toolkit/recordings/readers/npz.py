@@ -27,7 +27,7 @@ class MemberReader:
 
     Attributes
     ----------
-    shape, dtype : of the whole array
+    shape, dtype : those of the whole array
     """
 
     def __init__(self, path: Path, name: str) -> None:

@@ -40,8 +40,8 @@ class ExampleSet:
 
     Attributes
     ----------
-    labels : of each clip
-    names : of each clip
+    labels : labels of each clip
+    names : names of each clip
     columns : int8 (S, 40), coarse graded features of all clips, one after the other
     starts : int64 (E + 1,), first column of each clip; the last entry is S
     weights : float64 (E, 40), weight of each feature of a clip

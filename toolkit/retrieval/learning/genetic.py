@@ -273,7 +273,7 @@ class Breeder:
 
 
 def sampled_universally(fitness: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Sample universally (Baker 1987) (Baker 1987): `count` indices, each expected in proportion to its fitness."""
+    """Sample universally (Baker 1987): `count` indices, each expected in proportion to its fitness."""
     total = np.cumsum(fitness)
     if total[-1] <= 0.0:
         return rng.integers(len(fitness), size=count)
@@ -329,10 +329,10 @@ def evolve(
 
 
 def tightened(documents: TrainingSet, individual: Individual) -> Individual:
-    """Return the same keyframes at greatest distances as small as finding as many relevant documents allows.
+    """Return the individual with the smallest greatest distances that keep its recall.
 
-    Of equally fit individuals evolution prefers the freer ones. What is free beyond need makes hits begin long before
-    the motion; it loses nothing on cut clips, but in long documents.
+    Of equally fit individuals evolution prefers those with larger distances. In long documents unnecessarily large
+    distances make hits begin long before the motion; in cut clips they have no effect.
     """
     recall = documents.quality(individual, 1.0).recall
     for k, least in enumerate(individual.minimum):

@@ -27,7 +27,7 @@ class HybridSettings:
     Attributes
     ----------
     tracker : the name under which this tracker is registered
-    seed : of everything random
+    seed : seed of all random numbers
     passes : 2 adds forward and backward tracking from keyframes for each person; 1 finishes each frame when it arrives,
         as for a stream
     hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by joints

@@ -44,16 +44,16 @@ class InitialSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class InitialPoseEstimator:
-    """A first pose (P,), level frame, its particles (N, P), and its log-probability (Eq. 7)."""
+class InitialPose:
+    """First pose (P,), level frame, its particles (N, P), and its log-probability (Eq. 7)."""
 
     pose: np.ndarray
     particles: np.ndarray
     score: float
 
 
-class InitialPose(NamedTuple):
-    """A pose (P,) with the target of its crown and optionally of left and right hand: (1, 3) or (3, 3), level frame."""
+class StartPose(NamedTuple):
+    """Pose (P,) before inverse kinematics, and the targets of its crown and of no or both hands: (1 or 3, 3)."""
 
     pose: np.ndarray
     wanted: np.ndarray
@@ -82,7 +82,7 @@ def initial_pose(
     frame: ParticleFrame,
     settings: InitialSettings,
     rng: np.random.Generator,
-) -> InitialPoseEstimator | None:
+) -> InitialPose | None:
     """Return the first pose: the model moved to the head, arms by inverse kinematics, filtered on the frame, and its
     probability (Eq. 7).
 
@@ -121,9 +121,9 @@ def _heads(effectors: Effectors) -> np.ndarray:
 
 
 def _filtered(
-    upper: UpperBody, filtering: UpperFilter, start: InitialPose, frame: ParticleFrame, settings: InitialSettings,
+    upper: UpperBody, filtering: UpperFilter, start: StartPose, frame: ParticleFrame, settings: InitialSettings,
     rng: np.random.Generator,
-) -> InitialPoseEstimator:  # fmt: skip
+) -> InitialPose:  # fmt: skip
     """Return the filtered pose of a start on the same frame."""
     pose, wanted = start
     labelled = frame._replace(candidates=wanted[1:]) if len(wanted) > 1 else frame
@@ -136,26 +136,26 @@ def _filtered(
     crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
     found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]
     missed = linear.lengths(found - wanted) / SPREAD
-    return InitialPoseEstimator(pose, particles, -0.5 * float((missed**2).mean()) - mean_cost(upper, pose, frame))
+    return InitialPose(pose, particles, -0.5 * float((missed**2).mean()) - mean_cost(upper, pose, frame))
 
 
-def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleFrame) -> InitialPose:
+def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleFrame) -> StartPose:
     """Return a pose with crown and hands at the points of the fork."""
     wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
     pose = standing_pose(upper, wanted[0])
     for side in range(2):
         pose = _best_arm(upper, pose, side, wanted[[1 + side]], frame, resting=False)
-    return InitialPose(pose, wanted)
+    return StartPose(pose, wanted)
 
 
 def unlabelled_start(
     upper: UpperBody, points: np.ndarray, head: np.ndarray, pose: np.ndarray, frame: ParticleFrame
-) -> InitialPose:
+) -> StartPose:
     """Return a `pose` (P,) with the crown at `head` (3,) and arms that rest or reach for candidates on their sides."""
     others = sides_of(points[(points != head).any(axis=1)], pose)
     for side in range(2):
         pose = _best_arm(upper, pose, side, others[side], frame, resting=True)
-    return InitialPose(pose, head[None])
+    return StartPose(pose, head[None])
 
 
 def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -89,7 +89,7 @@ class UpperProposals:
         target = candidates[_drawn(weights, rng)]
         if look and s.looks > 0:
             informed = np.flatnonzero(wanted)[::2]
-            arms, reached, costs = self._looked(upper, start[0], side, frame)
+            arms, reached, costs = self._at_candidates(upper, start[0], side, frame)
             if len(arms):
                 cells = _drawn(np.tile(likelihood(costs) * weights[0, reached], (len(informed), 1)), rng)
                 aimed[np.ix_(informed, swing)] = arms[np.ix_(cells, swing)]
@@ -103,7 +103,7 @@ class UpperProposals:
         poses[taken] = aimed[taken]
         return taken
 
-    def _looked(
+    def _at_candidates(
         self, upper: UpperBody, pose: np.ndarray, side: int, frame: ParticleFrame
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Place one arm of a pose (P,) at each candidate, with all swivels that the joint limits allow.

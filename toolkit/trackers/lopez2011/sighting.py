@@ -63,7 +63,7 @@ class UpperViewer:
 
     Parameters
     ----------
-    camera : of the sightings
+    camera : camera of the sightings
     level_rotation : R_level_camera, float64 (3, 3)
     settings : resolutions
     limits : bounds of the used points

@@ -53,7 +53,7 @@ class ParticleTrackerSettings:
     Attributes
     ----------
     tracker : the name under which this tracker is registered
-    seed : of everything random
+    seed : seed of all random numbers
     refined : refine the filtered and the previous pose by local optimisation and keep the better one; not in the paper
     reach : maximum distance below the crown, metres; laps and chairs below it would attract trunk and arms. People
         truncated at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit

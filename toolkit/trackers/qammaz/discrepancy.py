@@ -176,7 +176,7 @@ class Discrepancy:
 
     Parameters
     ----------
-    body : of all positions
+    body : body of all positions
     image : the frame
     seen : the joints seen in it, or None
     level_rotation : R_level_camera, float64 (3, 3)

@@ -36,7 +36,7 @@ class SwarmTrackerSettings:
     Attributes
     ----------
     tracker : the name under which this tracker is registered
-    seed : of everything random
+    seed : seed of all random numbers
     hypotheses : competing hypotheses: "swarm" and optionally "local" (the refined previous pose), which is as good for
         slow motion at a tenth of the time
     extrema : number of geodesic extrema per frame, correspondences of the local optimisation
