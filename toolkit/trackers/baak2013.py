@@ -37,7 +37,7 @@ from toolkit.tracking.search.extrema_query import ExtremaQuery
 
 
 class PublishedObservation(Observation):
-    """Observation in which each extremum may be a limb (5.4.2), also one where the border of the image cuts the person."""
+    """Observation in which each extremum may be a limb (5.4.2), also one at the image border."""
 
     @cached_property
     def cut(self) -> np.ndarray:
