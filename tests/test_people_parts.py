@@ -12,7 +12,6 @@ from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.io.errors import SegmentationError
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.people.hypothesis import (  # fmt: skip
-    LOW,
     LOWEST,
     SEATED,
     EvidenceSample,
@@ -144,7 +143,7 @@ def test_a_head_below_sitting_height_counts_against_a_person():
     assert low == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0])
     assert lowness(np.array([0.0, -5.0, -2.0]), None) == 0.0
     seated, chair = (EvidenceSample(True, 0.0, judged=2.0, low=low) for low in (0.0, 1.0))
-    assert log_odds([chair] * 20) == pytest.approx(log_odds([seated] * 20) - LOW)
+    assert log_odds([chair] * 20) == pytest.approx(log_odds([seated] * 20) - 2.0)
     assert log_odds([chair] * 20) < 0 < log_odds([seated] * 20)
     assert alone_log_odds(True, 1.2, 1.0) < 0 < alone_log_odds(True, 1.2)
 
