@@ -3,30 +3,24 @@
 import argparse
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import save_figures, show
+from benchmarks._record import benchmark
+from benchmarks._rows import SPLIT
 from tests.support.labelled import SEQUENCES, class_clips, perform
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
-from toolkit.retrieval.annotation.online import HOLD, Event, OnlineAnnotator
-from toolkit.retrieval.annotation.preselection import preselect_in
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import relational_features
-from toolkit.retrieval.keyframes.query_file import load_queries
 from toolkit.retrieval.workflow.learn import learn_templates
 
 
-def told_events(parser: argparse.ArgumentParser) -> None:
-    """Learn, annotate online, compare, print, write JSON."""
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--threshold", type=float, default=0.06)
-    parser.add_argument("--queries", type=Path, help="keyframes of `depthmocap learn`, for both")
-    options = parser.parse_args()
-    queries = load_queries(options.queries) if options.queries else ()
+@benchmark(SPLIT, threshold=0.06)
+def live_events(options: argparse.Namespace) -> tuple[str, Any]:
+    """Annotate the sequences during tracking and as a whole, and compare."""
     learned = learn_templates(class_clips(options.split))
     classes = [replace(c, threshold=options.threshold) for c in learned]
     whole = live = Scores(0, 0, 0, 0)
@@ -36,9 +30,8 @@ def told_events(parser: argparse.ArgumentParser) -> None:
         done = perform(sequence, options.split, filler=True)
         clip = done.clip
         features = relational_features(from_poses(clip.poses, done.body, clip.frame_rate, clip.name))
-        intervals = preselect_in([features], queries, tuple(c.label for c in classes))[0] if queries else None
-        whole += segment_scores(done.segments, Annotator(classes).annotate(features, intervals).segments)
-        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate, queries)
+        whole += segment_scores(done.segments, Annotator(classes).annotate(features).segments)
+        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate)
         start, events = time.process_time(), list[Event]()
         for pose, moment in zip(clip.poses, clip.timestamps, strict=True):
             events += annotator.push(pose, float(moment))
@@ -51,15 +44,11 @@ def told_events(parser: argparse.ArgumentParser) -> None:
     figures: dict[str, Any] = {
         "F segments, whole": whole.f,
         "F segments, live": live.f,
-        "precision and recall, live": [live.precision, live.recall],
         "delay s, median": float(np.median(known)) if len(known) else None,
         "delay s, 90 %": float(np.quantile(known, 0.9)) if len(known) else None,
         "ms of processor per frame": 1000 * spent / frames,
-        "frames": frames,
     }
-    show(figures)
-    name = "_".join(["events", *["tune"] * (options.split == "tune"), *["keyframes"] * bool(queries)])
-    print("written:", save_figures(name, figures, {"threshold": options.threshold, "hold": HOLD}))
+    return "events" + "_tune" * (options.split == "tune"), figures
 
 
 def _delay(event: Event, truth: tuple[Segment, ...]) -> float:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sklearn.metrics import roc_auc_score
 
 from benchmarks._record import drawn
 from toolkit.body.rotations import quaternions as quat
@@ -89,12 +90,7 @@ def signals_of(
 def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
     """Return the probability that a wrong frame has a larger value than a correct one (ties count half), or None."""
     values, wrong = values[np.isfinite(values)], wrong[np.isfinite(values)]
-    if not wrong.any() or wrong.all():
-        return None
-    from scipy.stats import rankdata
-
-    ranks = rankdata(values)[wrong]
-    return float((ranks.sum() - len(ranks) * (len(ranks) + 1) / 2) / (len(ranks) * (~wrong).sum()))
+    return float(roc_auc_score(wrong, values)) if wrong.any() and not wrong.all() else None
 
 
 def plot_signals(

@@ -62,10 +62,6 @@ HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", *(f"49_{n:02d}" for n in ra
 """CMU motions with a motion of the 11 classes: a jog, jumps and hops, a bend to the floor, a kick, acrobatics."""
 PUNCHES = ("02_05",)
 """CMU motions with another class of Table 5.1, filler where that is no class."""
-HOW = (
-    "documents put together from cut HDM05 clips (half of them mirrored, speed 0.8 to 1.25) and excerpts of CMU "
-    "motions, joined by eased straight lines; mirror images of one-sided classes and CMU motions bear no label"
-)
 
 
 @dataclass(frozen=True, eq=False)

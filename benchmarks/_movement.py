@@ -1,6 +1,5 @@
 """Simulated people who walk, squat, rise and stand, with true poses and tracks, for the benchmarks of feet and gait."""
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -8,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 from filelock import FileLock
 
-from benchmarks._record import parser_of
 from tests.support.suite import WORK, motion_of
 from tests.support.walking import Rising, Walk, rising, walking
 from toolkit.app.pipeline import TrackerRecipe
@@ -119,9 +117,5 @@ def _poses(take: Take, body: Body) -> np.ndarray:
     return poses
 
 
-def movement_options(description: str | None) -> argparse.ArgumentParser:
-    """Return the parser of benchmarks with these recordings: database and work folder."""
-    parser = parser_of(description)
-    parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE, help="another than the package's own")
-    parser.add_argument("--work", type=Path, default=WORK / "movement")
-    return parser
+OPTIONS = {"database": DEFAULT_DATABASE, "work": WORK / "movement"}
+"""Options of benchmarks with these recordings: database and work folder."""

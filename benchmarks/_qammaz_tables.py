@@ -1,7 +1,7 @@
 """The tables and figures of Qammaz, 3.3, on our four sequences: parts of `depthmocap bench swarm`."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,10 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks._papers import published
-from benchmarks._record import save_figures
-from benchmarks._rows import make_tracker, swarm_settings
-from benchmarks._swarm_runs import Tracked, follow, print_row, swarm_figures
-from benchmarks._takes import SOURCES, scanned, sequence
+from benchmarks._record import Benchmark, benchmark, show
+from benchmarks._rows import DATABASE, make_tracker, swarm_settings
+from benchmarks._swarm_runs import Tracked, follow, swarm_figures
+from benchmarks._takes import scanned, sequence
 from benchmarks.all import PACKAGED
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.sequences import FRAMES, SEQUENCES, sequence_body
@@ -54,7 +54,7 @@ class Bench:
     """
 
     def __init__(self, options: argparse.Namespace) -> None:
-        self.frames, self.work, self.joints = options.frames, options.work, options.joints
+        self.frames, self.work = options.frames, options.work
         self.names: list[str] = options.sequences.split(",")
         self.overrides = parse_overrides(options.set)
         self.figures: dict[str, Any] = {}
@@ -66,7 +66,7 @@ class Bench:
 
     def recording(self, name: str, yaw: float = 0.0) -> Recording:
         """Return a sequence with its image joints, seen from the front or by another camera."""
-        return sequence(name, self.joints, self.work, self.frames, yaw)
+        return sequence(name, "colour", self.work, self.frames, yaw)
 
     def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> None:
         """Track sequences with the settings of a row; store and print the figures as `label`.
@@ -79,7 +79,7 @@ class Bench:
     def store(self, label: str, tracked: list[Tracked]) -> None:
         """Store and print the figures of some runs as `label`."""
         self.runs[label], self.figures[label] = tracked, swarm_figures(tracked)
-        print_row(label, self.figures[label])
+        show(self.figures[label], label)
 
     def compare(self, first: str, others: Sequence[str]) -> None:
         """Compare rows with the first one, over sequences."""
@@ -87,7 +87,6 @@ class Bench:
             mine, its = ([1000.0 * t.errors.mean() for t in self.runs[name]] for name in (first, other))
             worse = paired_bootstrap(np.array(its), np.array(mine), np.random.default_rng(0))
             self.figures[other]["worse_mm"] = asdict(worse)
-            print(f"{other} is worse than {first} by {worse.mean:.1f} mm ({worse.low:.1f} to {worse.high:.1f})")
 
     def accuracy(self, labels: Sequence[str]) -> None:
         """Store the accuracy curves A(t), in per cent, of some rows."""
@@ -220,25 +219,25 @@ def triangulated(views: Sequence[Recording]) -> np.ndarray:
     return joints
 
 
-def paper(parser: argparse.ArgumentParser) -> None:
-    """Track, print, write JSON."""
-    parser.add_argument("--sequences", default=",".join(SEQUENCES), help="with commas between them")
-    parser.add_argument("--frames", type=int, default=FRAMES, help="of each sequence, a third of each motion")
-    parser.add_argument("--joints", choices=SOURCES, default="colour")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all rows")
-    parser.add_argument("--work", type=Path, default=WORK)
-    options = parser.parse_args()
-    bench = Bench(options)
-    print(f"{'':<28}{'Delta':>8} {'A(50)':>6} {'A(80)':>6} {'A(100)':>6} {'right':>6} {'median':>7} {'p99':>7} ms")
-    TABLES[options.part](bench)
-    if paper := PAPER.get(options.part, {}):
-        print("the paper:", ", ".join(f"{label} {delta}" for label, delta in paper.items()))
-    settings = {key: getattr(options, key) for key in ("sequences", "frames", "joints", "set")}
-    name = f"qammaz_{options.part}"
-    print("written:", save_figures(name, {"ours": bench.figures, "paper_mm": paper}, settings))
+def table(measure: Callable[[Bench], None], sequences: str, frames: int) -> Benchmark:
+    """Return the benchmark of a table with its own sequences and frames of each, a third of each motion."""
+
+    @benchmark(sequences=sequences, frames=frames, set=DATABASE["set"], work=WORK)
+    def measured(options: argparse.Namespace) -> tuple[str, Any]:
+        bench = Bench(options)
+        measure(bench)
+        return f"qammaz_{options.part}", {"ours": bench.figures, "paper_mm": PAPER.get(options.part, {})}
+
+    return measured
 
 
+ALL = ",".join(SEQUENCES)
 TABLES = {
-    "sequences": sequences, "table2": table2, "table3": table3, "budget": budget, "models": models, "cameras": cameras,
-}  # fmt: skip
-"""Part -> its function."""
+    "sequences": table(sequences, ALL, FRAMES),
+    "table2": table(table2, "MS_1,FS_1", FRAMES),
+    "table3": table(table3, "MS_1", 60),
+    "budget": table(budget, "MS_1", 30),
+    "models": table(models, ALL, FRAMES),
+    "cameras": table(cameras, ALL, 60),
+}
+"""Part -> benchmark."""

@@ -1,12 +1,14 @@
-"""Common parts of the benchmarks: parts of a script, results with machine and commit, steady times."""
+"""Common parts of the benchmarks: options, printed figures, results with machine and commit, steady times."""
 
 import argparse
 import os
 import platform
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
@@ -21,35 +23,112 @@ CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")
 """Paths whose changes invalidate results."""
 
 
+NARROWING = ("clips", "every", "frames", "groups", "names", "sequences", "set", "starts", "stride", "takes", "views")
+"""Options that select a part of a benchmark, or change it: with another value the result ends in `_part`."""
+SINGLE = ("confusion", "frames", "recordings", "sequences", "starts", "takes")
+"""Keys of figures by recording or frame, which are stored and not printed."""
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Measurement with its options.
+
+    Attributes
+    ----------
+    measure : returns name and figures of the result; figures without a name are only printed. `options.suffix` is what
+        is appended to the name, see `NARROWING`
+    options : see `add_option`
+    """
+
+    measure: Callable[[argparse.Namespace], tuple[str, Any]]
+    options: Mapping[str, Any]
+
+    def run(self, parser: argparse.ArgumentParser) -> None:
+        """Parse the command line, measure, print and write the figures."""
+        for name, default in self.options.items():
+            add_option(parser, name, default)
+        options = parser.parse_args()
+        settings = {name: value for name, value in vars(options).items() if name != "part"}
+        narrowed = [name for name in NARROWING if name in settings and settings[name] != parser.get_default(name)]
+        options.suffix = "_part" if narrowed else ""
+        name, figures = self.measure(options)
+        show(figures)
+        if name:
+            print("written:", save_figures(name + options.suffix, figures, settings))
+
+
+def benchmark(*groups: Mapping[str, Any], **options: Any) -> Callable[[Callable[..., tuple[str, Any]]], Benchmark]:
+    """Return a decorator that makes a benchmark with groups of options and its own ones."""
+    return lambda measure: Benchmark(
+        measure, {name: value for each in (*groups, options) for name, value in each.items()}
+    )
+
+
+def add_option(parser: argparse.ArgumentParser, name: str, default: Any) -> None:
+    """Add an option by its default; a type makes an argument, False a flag, a tuple choices, a mapping its settings."""
+    flag = f"--{name.replace('_', '-')}"
+    if isinstance(default, type):
+        parser.add_argument(name, type=default)
+    elif isinstance(default, Mapping):
+        parser.add_argument(flag, **default)
+    elif default is False:
+        parser.add_argument(flag, action="store_true")
+    elif isinstance(default, tuple):
+        parser.add_argument(flag, choices=default, default=default[0])
+    else:
+        parser.add_argument(flag, type=type(default), default=default, help="default: %(default)s")
+
+
+def script(module: str, description: str | None, parts: Benchmark | Mapping[str, Benchmark]) -> Callable[[], None]:
+    """Return the main function of a script, and call it if the script is the program.
+
+    Parameters
+    ----------
+    module : `__name__` of the script
+    description : help of the command
+    parts : the benchmark, or those of which the first argument names one
+    """
+
+    def main() -> None:
+        parser = parser_of(description)
+        chosen = parts
+        if not isinstance(chosen, Benchmark):
+            parser.add_argument("part", choices=chosen)
+            named = " ".join(sys.argv[1:2])
+            if named not in chosen:
+                parser.parse_args(sys.argv[1:2])  # prints the help, or the list of parts
+            chosen = chosen[named]
+        chosen.run(parser)
+
+    if module == "__main__":
+        main()
+    return main
+
+
 def parser_of(description: str | None) -> argparse.ArgumentParser:
     """Return the parser of a benchmark, whose help keeps the lines of the description."""
     return argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
-def run_part(description: str | None, parts: Mapping[str, Callable[[argparse.ArgumentParser], None]]) -> None:
-    """Run the part that the first argument names; the part adds its options to the parser."""
-    parser = parser_of(description)
-    parser.add_argument("part", choices=parts)
-    named = " ".join(sys.argv[1:2])
-    if named not in parts:
-        parser.parse_args(sys.argv[1:2])  # prints the help, or the list of parts
-    parts[named](parser)
-
-
-def part_suffix(parser: argparse.ArgumentParser, options: argparse.Namespace, *names: str) -> str:
-    """Return an empty string if these options have their defaults, else `_part`, for the name of a result."""
-    return "" if all(getattr(options, name) == parser.get_default(name) for name in names) else "_part"
-
-
-def show(figures: Mapping[str, Any], name: str = "") -> None:
+def show(figures: Any, name: str = "") -> None:
     """Print nested figures: one line for each mapping with values, under the names of the mappings around it."""
-    values = {key: value for key, value in figures.items() if not isinstance(value, Mapping)}
-    if values:
-        cells = (f"{key} {f'{value:.4g}' if isinstance(value, float) else value}" for key, value in values.items())
+    if isinstance(figures, list):
+        figures = {str(number): row for number, row in enumerate(figures)}
+    groups = {key: value for key, value in figures.items() if _has_names(value)}
+    cells = [
+        f"{key} {f'{value:.4g}' if isinstance(value, float) else value}"
+        for key, value in figures.items()
+        if key not in groups
+    ]
+    if cells:
         print(f"{name}:" if name else "", ", ".join(cells), flush=True)
-    for key, value in figures.items():
-        if isinstance(value, Mapping):
+    for key, value in groups.items():
+        if key not in SINGLE:
             show(value, f"{name} {key}".strip())
+
+
+def _has_names(value: Any) -> bool:
+    return isinstance(value, Mapping) or (isinstance(value, list) and bool(value) and isinstance(value[0], Mapping))
 
 
 def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
@@ -140,3 +219,15 @@ def percentiles(milliseconds: list[float] | np.ndarray) -> dict[str, float]:
     """Return median, 99th and 99.9th percentile of times in milliseconds, with three decimals."""
     values = np.percentile(milliseconds, [50, 99, 99.9])
     return dict(zip(("median_ms", "p99_ms", "p999_ms"), np.round(values, 3).tolist(), strict=True))
+
+
+def milliseconds_of(
+    call: Callable[[], Any], repeats: int = 1, clock: Callable[[], float] = time.perf_counter
+) -> list[float]:
+    """Return the milliseconds of some calls."""
+    spent = []
+    for _ in range(repeats):
+        begun = clock()
+        call()
+        spent.append(1000.0 * (clock() - begun))
+    return spent

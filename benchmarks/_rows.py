@@ -111,23 +111,20 @@ def figures_of(scores: RunScores) -> dict[str, Any]:
     return {name: None if name in unknown else value for name, value in figures.items()}
 
 
-def add_split_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option that selects people: those of tuning, or those of published figures."""
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-
-
-def add_take_options(parser: argparse.ArgumentParser, frames: int = LONGEST) -> None:
-    """Add the options that select a part of the simulated suite."""
-    add_split_option(parser)
-    parser.add_argument("--takes", type=int, help="maximum number of takes of each group")
-    parser.add_argument("--frames", type=int, default=frames, help="maximum number of frames of each take")
-
-
-def add_database_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options for database, tracker settings and work folder; see `poses_of`."""
-    parser.add_argument("--database", type=Path, help="another database than the simulated suite's own")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
-    parser.add_argument("--work", type=Path, default=WORK)
+SPLIT = {"split": ("tune", "report")}
+"""Option that selects people: those of tuning, or those of published figures."""
+TAKES: dict[str, Any] = {
+    **SPLIT,
+    "takes": {"type": int, "help": "maximum number of takes of each group"},
+    "frames": LONGEST,
+}
+"""Options that select a part of the simulated suite."""
+DATABASE: dict[str, Any] = {
+    "database": {"type": Path, "help": "another database than the simulated suite's own"},
+    "set": {"action": "append", "default": [], "metavar": "NAME=VALUE", "help": "setting of all trackers"},
+    "work": WORK,
+}
+"""Options for database, tracker settings and work folder; see `poses_of`."""
 
 
 def poses_of(options: argparse.Namespace) -> Path:

@@ -1,19 +1,17 @@
 """Time per frame of the swarm tracker: a part of `depthmocap bench speed`.
 
-`swarm [--frames 60]`: a simulated Kinect recording with given joints. Measured are milliseconds per frame and stage of
+`swarm [--frames 30]`: a simulated Kinect recording with given joints. Measured are milliseconds per frame and stage of
 `configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing), and microseconds
 per hypothesis with balls and with the mesh in images of several sizes. `--network` also times the pose network.
 """
 
 import argparse
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import percentiles, save_figures, show
+from benchmarks._record import benchmark, milliseconds_of, percentiles
 from benchmarks._rows import swarm_settings
 from benchmarks._takes import joints_of, prepared
 from tests.support.solo import Solo
@@ -64,7 +62,7 @@ def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Rec
     costs = Discrepancy(body, image, None, cloud.rotation, pose, settings)
     rng = np.random.default_rng(0)
     positions = costs.position_of(pose + SPREAD * rng.standard_normal((HYPOTHESES, len(pose))))
-    return 1e6 * _shortest(lambda: costs(positions)) / HYPOTHESES
+    return 1e3 * min(milliseconds_of(lambda: costs(positions), 6)[1:]) / HYPOTHESES
 
 
 def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]:
@@ -82,22 +80,9 @@ def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]
     return {name: percentiles(table[:, k]) for k, name in enumerate(("shading", "network"))}
 
 
-def _shortest(call: Callable[[], Any], times: int = 5) -> float:
-    """Return the shortest duration of some calls in seconds, after an uncounted one."""
-    spent = []
-    for _ in range(times + 1):
-        begun = time.perf_counter()
-        call()
-        spent.append(time.perf_counter() - begun)
-    return min(spent[1:])
-
-
-def swarm(parser: argparse.ArgumentParser) -> None:
-    """Measure, print, write JSON."""
-    parser.add_argument("--frames", type=int, default=60)
-    parser.add_argument("--network", action="store_true", help="also the joints in the shaded depth")
-    parser.add_argument("--work", type=Path, default=WORK)
-    options = parser.parse_args()
+@benchmark(frames=30, network=False, work=WORK)
+def swarm(options: argparse.Namespace) -> tuple[str, Any]:
+    """Time frames, hypotheses, and the network if asked for."""
     take = next((take for take in takes("tune") if take.name == TAKE), takes("tune")[1])
     recording, body = prepared(take, "truth", options.work, options.frames), load_body("neutral")
     figures: dict[str, Any] = {"times": {row: stages(row, recording, options.frames) for row in ("swarm", "qammaz")}}
@@ -106,5 +91,4 @@ def swarm(parser: argparse.ArgumentParser) -> None:
     }
     if options.network:
         figures["network"] = network_ms(recording, options.frames)
-    show(figures)
-    print("written:", save_figures("speed_swarm", figures, {"frames": options.frames}))
+    return "speed_swarm", figures

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._takes import is_right, joints_of
+from benchmarks._takes import joints_of
 from tests.support.solo import Solo
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.tracker_protocol import Tracker
@@ -30,11 +30,6 @@ class Tracked:
         distances: np.ndarray = np.linalg.norm(self.joints - self.truth, axis=2)
         return distances
 
-    @property
-    def right(self) -> np.ndarray:
-        """Bool (T,) mask of the correct frames."""
-        return np.array([is_right(joints, truth) for joints, truth in zip(self.joints, self.truth, strict=True)])
-
 
 def follow(tracker: Tracker, recording: Recording) -> Tracked:
     """Track a recording."""
@@ -52,15 +47,7 @@ def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
     figures = {"delta_mm": 1000.0 * float(np.mean([e.mean() for e in errors]))}
     for limit in (50, 80, 100):
         figures[f"a{limit}"] = float(np.mean([(e < limit / 1000.0).mean() for e in errors]))
-    figures["right"] = float(np.mean([t.right.mean() for t in tracked]))
     times = np.concatenate([t.milliseconds[1:] for t in tracked])
     if len(times):
         figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
     return figures
-
-
-def print_row(name: str, figures: dict[str, float]) -> None:
-    """Print one line: Delta in mm, A(50), A(80), A(100) and correct frames in per cent, times in ms."""
-    shares = " ".join(f"{100 * figures[key]:6.1f}" for key in ("a50", "a80", "a100", "right"))
-    times = "".join(f" {figures[key]:7.1f}" for key in ("median_ms", "p99_ms") if key in figures)
-    print(f"{name:<28}{figures['delta_mm']:8.1f} {shares}{times}", flush=True)

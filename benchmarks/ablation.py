@@ -20,8 +20,8 @@ from unittest.mock import patch
 import numpy as np
 
 from benchmarks import _room_scores, rooms
-from benchmarks._record import parser_of, part_suffix, save_figures, show
-from benchmarks._rows import add_database_options, poses_of, settings_of, track_each
+from benchmarks._record import benchmark, script
+from benchmarks._rows import DATABASE, poses_of, settings_of, track_each
 from benchmarks.scenes import tracks_of
 from tests.support.casting import Scene
 from tests.support.scene_scores import SceneScore, scene_figures, score_scene
@@ -91,22 +91,10 @@ def simulated(
     return {group: scene_figures(scores) for group, scores in groups.items()}
 
 
-def main() -> None:
-    """Track and score row after row, and write JSON."""
-    parser = parser_of(__doc__)
-    parser.add_argument("--rows", default=",".join(ROWS), help="comma-separated, out of: " + ", ".join(ROWS))
-    parser.add_argument("--takes", type=int, default=1, help="maximum number of simulated recordings of each group")
-    parser.add_argument("--rooms", type=Path, default=rooms.ROOMS, help="folder of the real rooms")
-    add_database_options(parser)
-    options = parser.parse_args()
-    figures = {}
-    for row in options.rows.split(","):
-        figures[row] = figures_of_row(row, options)
-        show(figures[row], row)
-    described = {name: getattr(options, name) for name in ("takes", "set", "database")}
-    name = "ablation" + part_suffix(parser, options, "rows", "takes", "set")
-    print("written:", save_figures(name, figures, described))
+@benchmark(DATABASE, rows=",".join(ROWS), takes=1, rooms=rooms.ROOMS)
+def ablation(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track and score row after row."""
+    return "ablation", {row: figures_of_row(row, options) for row in options.rows.split(",")}
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, ablation)

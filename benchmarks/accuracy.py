@@ -7,29 +7,28 @@ incorrect frames shows persistent errors. Figures without the hybrid tracker are
 row, those of a part of the suite to files that end in `_part`.
 """
 
+import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import RESULTS, drawn, parser_of, part_suffix, save_figures, show
+from benchmarks._record import RESULTS, benchmark, drawn, script
 from benchmarks._rows import (
+    DATABASE,
     ROWS,
-    add_database_options,
-    add_take_options,
+    TAKES,
     figures_of,
     make_tracker,
     poses_of,
-    settings_of,
     track_each,
 )
 from benchmarks._takes import is_right
 from tests.support.casting import Scene
 from tests.support.scenes import record_scene
-from tests.support.suite import GROUPS, chosen_takes, has_mocap
+from tests.support.suite import GROUPS, chosen_takes
 from toolkit.app.config import parse_overrides
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.joint_errors import joint_errors
@@ -38,7 +37,6 @@ from toolkit.fitting.joint_confidence import WITHIN
 from toolkit.recordings.opening import open_recording
 from toolkit.tracks import Track
 
-PRINTED = ("error_mm", "visible_mm", "hidden_mm", "a100", "a100_hands_feet", "lost", "overlap")
 COLOURS = {
     "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "baak2013 mixed": "#b9a8c9",
     "local": "#7f9fc6", "hybrid": "#2b2b2b",
@@ -118,13 +116,9 @@ def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
         right.legend(frameon=False)
 
 
-def main() -> None:
-    """Track, evaluate, print, write JSON and plots."""
-    parser = parser_of(__doc__)
-    add_take_options(parser)
-    parser.add_argument("--rows", default=",".join(ROWS), help="comma-separated, out of: " + ", ".join(ROWS))
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(TAKES, DATABASE, rows=",".join(ROWS))
+def accuracy(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track and evaluate the suite by each row, and write plots."""
     chosen, overrides = chosen_takes(options.split, GROUPS, options.takes), parse_overrides(options.set)
     paths = [record_scene(take, options.work, options.frames) for take in chosen]
     truths = [open_recording(path).joints for path in paths]
@@ -134,22 +128,17 @@ def main() -> None:
         runs: dict[Path, Any] = {folder / path.stem: (path, {}) for path in paths}
         if track_each(runs, make_tracker(name, poses_of(options), overrides)):
             raise SystemExit(f"not all recordings were tracked by {name}")
-        figures["rows"][name] = row = figures_of_row(chosen, evaluate_runs(list(runs)))
+        figures["rows"][name] = figures_of_row(chosen, evaluate_runs(list(runs)))
         tracks = [Track.load(run) for run in runs]
         figures["wrong"][name] = wrong_stretches(tracks, truths)
-        show({group: {figure: mean[figure] for figure in PRINTED} for group, mean in row["means"].items()}, name)
-        show(figures["wrong"][name], f"{name}, frames that are not right")
         if name == "hybrid":
             figures["confidence"] = confidence_bins(tracks, truths)
     first = "accuracy" if "hybrid" in figures["rows"] else options.rows.split(",")[0]
-    stem = f"{first}_{options.split}{part_suffix(parser, options, 'takes', 'frames', 'set')}"
-    settings = {name: asdict(settings_of(name, overrides)) for name in figures["rows"]}
-    described = {"takes": [asdict(take) for take in chosen], "mocap": has_mocap(), "rows": settings}
-    print("written:", save_figures(stem, figures, described))
-    plot_rows(figures["rows"], RESULTS / f"{stem}.jpg")
+    stem = f"{first}_{options.split}"
+    plot_rows(figures["rows"], RESULTS / f"{stem}{options.suffix}.jpg")
     if figures["confidence"]:
-        plot_confidence(figures["confidence"], RESULTS / f"{stem}_confidence.jpg")
+        plot_confidence(figures["confidence"], RESULTS / f"{stem}{options.suffix}_confidence.jpg")
+    return stem, figures
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, accuracy)

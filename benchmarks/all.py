@@ -6,7 +6,6 @@ reported, the others continue, and the exit code is 1. `--list` prints the pendi
 Those of the swarm need the extra `joints` and `depthmocap joints --fetch`.
 """
 
-import argparse
 import json
 import os
 import shlex
@@ -17,8 +16,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks._data import check_data
-from benchmarks._record import RESULTS, commit
-from benchmarks._rows import add_database_options, poses_of
+from benchmarks._record import RESULTS, add_option, commit, parser_of
+from benchmarks._rows import DATABASE, poses_of
 from tests.support.suite import ROOT, WORK
 from toolkit.datasets.folder import data_folder
 
@@ -74,7 +73,7 @@ COMMANDS: dict[str, str] = {
     "plausibility_signals": "plausibility signals",
     "events": "annotation events --split report",
     "annotation": "annotation thesis {data} --runs 2",
-    "motion_model": "motion_model {data} --seeds 3 --curve",
+    "motion_model": "motion_model {data} --seeds 3",
     "by_example": "by_example {data}",
     "keyframe_search": "keyframes search {data}",
     "keyframe_manual": "keyframes manual {data}",
@@ -154,11 +153,10 @@ def measure(names: Sequence[str], data: Path, poses: Callable[[], Path]) -> list
 
 def main() -> None:
     """Run the pending benchmarks."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=data_folder(), help="mocap and recordings")
+    parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="+", choices=COMMANDS, metavar="RESULT", default=list(COMMANDS))
-    parser.add_argument("--list", action="store_true", help="tell what would run")
-    add_database_options(parser)
+    for name, default in ({"data": data_folder(), "list": False} | DATABASE).items():
+        add_option(parser, name, default)
     options = parser.parse_args()
     if options.list:
         list_pending(options.only)

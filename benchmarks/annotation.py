@@ -1,22 +1,20 @@
 """Annotation by the thesis's motion templates: `depthmocap bench annotation PART`, which is one of
 
-- `thesis DATA [--runs 30]`: for each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold
+- `thesis DATA [--runs 2]`: for each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold
   are learned from the cut clips of the other two, and documents of this one are annotated, without and with keyframe
   preselection (thesis 5.4, Table 5.2), and with keyframes at one threshold after the other (Fig. 5.6). The threshold is
   chosen by learning templates and keyframes from each training actor alone and annotating documents of the other with
   both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins
   and unlabelled filler. Once with the 11 classes of the excerpt of HDM05, once with 15, which cover 12 of
   Table 5.1 (`_keyframe_corpus.load_all`).
-- `events [--split report] [--queries FILE] [--threshold 0.06]`: motion events during tracking. True poses of the
-  sequences of `tests/support/labelled.py`, with other motions between the clips, on the neutral body's proportions;
-  classes of the other actors. F over segments of the events against that of annotation of the whole, both without
-  keyframes unless a file of queries is given; seconds from the end of a motion to its event; milliseconds of processor
-  time per frame.
+- `events [--split report] [--threshold 0.06]`: motion events during tracking. True poses of the sequences of
+  `tests/support/labelled.py`, with other motions between the clips, on the neutral body's proportions; classes of the
+  other actors. F over segments of the events against that of annotation of the whole; seconds from the end of a motion
+  to its event; milliseconds of processor time per frame.
 """
 
 import argparse
 import time
-import timeit
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._events import told_events
+from benchmarks._events import live_events
 from benchmarks._keyframe_corpus import (
     ACTORS,
     HOLDS_A_CLASS,
@@ -39,7 +37,7 @@ from benchmarks._keyframe_corpus import (
     load_examples,
     load_filler,
 )
-from benchmarks._record import RESULTS, run_part, save_figures, show
+from benchmarks._record import RESULTS, benchmark, milliseconds_of, script
 from toolkit.retrieval.annotation.annotation_report import plot_annotation
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotation, Annotator, DecisionSettings, Intervals
 from toolkit.retrieval.annotation.classes import learn_classes
@@ -50,17 +48,13 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
 
-CLIPS_PER_DOCUMENT = 12
+CLIPS_PER_DOCUMENT, SEED = 12, 0
 LAST_TRAINING_SUBJECT = 8
 """Last CMU subject whose motions are filler in training; the others are filler of the reported documents."""
-HOW = (
-    "documents put together from cut HDM05 clips of one actor (12 each), joined by eased straight lines of 0.25 to "
-    "1.5 s, with excerpts of CMU walks, punches and swordplay before every second clip; joins and filler bear no "
-    "label"
-)
+MINUTES, REPEATS = 74.0, 5
+"""Length of the timed document, and runs of which the shortest counts."""
 COUNTEREXAMPLES = 3
 """Number of document sets of a training actor's clips whose unlabelled parts are counterexamples."""
 ALTERNATIVES = 2
@@ -83,11 +77,10 @@ Labelled = tuple[FeatureMatrix, tuple[Segment, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """Templates, threshold and keyframes learned from two actors."""
+    """Templates and keyframes learned from two actors."""
 
     annotator: Annotator
     queries: list[KeyframeQuery]
-    threshold: float
 
 
 def make_documents(examples: Sequence[Example], filler: Sequence[Motion], seed: int) -> list[Labelled]:
@@ -110,44 +103,37 @@ def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
     return found
 
 
-def train(examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace) -> Trained:
+def train(examples: Sequence[Example], filler: Sequence[Motion], runs: int) -> Trained:
     """Return templates, threshold and keyframes from the clips of some actors and filler of the training subjects."""
     folds = []
     for actor in sorted({example.actor for example in examples}):
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        unknown = make_documents(unseen, filler, options.seed)
-        folds.append(Fold(learn_classes(classes_of(seen)), unknown, keyframes_of(seen, filler, options)))
-    threshold = learn_threshold(folds)
-    classes = learn_classes(classes_of(examples), threshold=threshold)
-    return Trained(Annotator(classes), keyframes_of(examples, filler, options), threshold)
+        unknown = make_documents(unseen, filler, SEED)
+        folds.append(Fold(learn_classes(classes_of(seen)), unknown, keyframes_of(seen, filler, runs)))
+    classes = learn_classes(classes_of(examples), threshold=learn_threshold(folds))
+    return Trained(Annotator(classes), keyframes_of(examples, filler, runs))
 
 
-def keyframes_of(
-    examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace
-) -> list[KeyframeQuery]:
+def keyframes_of(examples: Sequence[Example], filler: Sequence[Motion], runs: int) -> list[KeyframeQuery]:
     """Return keyframes learned from clips, with unlabelled parts of their documents as counterexamples."""
-    settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
     made: list[LabelledDocument] = []
     for actor in sorted({example.actor for example in examples}):
         own = [example for example in examples if example.actor == actor]
         for number in range(COUNTEREXAMPLES):
             made.extend(
                 LabelledDocument(features, actor, tuple((*s.frames(FEATURE_RATE), s.label) for s in segments))
-                for features, segments in make_documents(own, filler, options.seed + 100 + number)
+                for features, segments in make_documents(own, filler, SEED + 100 + number)
             )
-    learned = learned_from(examples, made, settings, np.random.default_rng(options.seed))
+    learned = learned_from(examples, made, LearningSettings(runs=runs), np.random.default_rng(SEED))
     return [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
 
 
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
-    """Return scores, confusion matrix and searched fraction, without and with keyframes, of one actor's documents."""
+    """Return scores and confusion matrix, without and with keyframes, of one actor's documents."""
     labels = trained.annotator.labels
     index = KeyframeIndex.build([features for features, _ in documents])
     intervals = preselect(index, trained.queries, labels)
-    frames = sum(len(features) for features, _ in documents)
-    result: dict[str, Any] = {"threshold": trained.threshold, "minutes": frames / 1800.0}
-    searched = sum(stop - start for found in intervals for pieces in found.values() for start, stop in pieces)
-    result["share_searched"] = searched / (frames * len(labels))
+    result: dict[str, Any] = {}
     for name, (narrowed, rules) in VARIANTS.items():
         annotator = Annotator(trained.annotator.classes, rules)
         totals = dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
@@ -179,24 +165,17 @@ def swept(
     return found
 
 
-def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> dict[str, float]:
-    """Return CPU seconds to annotate a document of about `minutes`, made of repeated parts, and the speed-up.
-
-    Where keyframes leave a share of the data, it can be at most 1 over that.
-    """
+def speed(trained: Trained, parts: Sequence[FeatureMatrix]) -> dict[str, float]:
+    """Return CPU seconds to annotate a document of about `MINUTES`, made of repeated parts, and the speed-up."""
     values = np.concatenate([features.values for features in parts], axis=1)
-    repeats = max(1, round(minutes * 1800.0 / values.shape[1]))
+    repeats = max(1, round(MINUTES * 1800.0 / values.shape[1]))
     features = FeatureMatrix("all", np.tile(values, (1, repeats)))
     index = KeyframeIndex.build([features])
     annotator = trained.annotator
     without = _cpu_seconds(lambda: annotator.annotate(features))
-    search = _cpu_seconds(find := lambda: preselect(index, trained.queries, annotator.labels))
-    both = _cpu_seconds(lambda: annotator.annotate(features, find()[0]))
-    left = sum(stop - start for pieces in find()[0].values() for start, stop in pieces)
+    both = _cpu_seconds(lambda: annotator.annotate(features, preselect(index, trained.queries, annotator.labels)[0]))
     return {
-        "minutes": len(features) / 1800.0, "seconds_without_keyframes": without, "seconds_with_keyframes": both,
-        "seconds_of_the_keyframe_search": search, "share_searched": left / (len(features) * len(annotator.labels)),
-        "speed_up": without / both,
+        "seconds_without_keyframes": without, "seconds_with_keyframes": both, "speed_up": without / both,
     }  # fmt: skip
 
 
@@ -209,44 +188,39 @@ def diluted(documents: Sequence[Labelled], filler: Sequence[Motion]) -> list[Fea
     return [*(features for features, _ in documents), *matrices * max(0, round(wanted))]
 
 
-def _cpu_seconds(run: Callable[[], object], repeats: int = 5) -> float:
-    """Return the smallest CPU time of some runs."""
-    return min(timeit.repeat(run, timer=time.process_time, repeat=repeats, number=1))
+def _cpu_seconds(run: Callable[[], object]) -> float:
+    return min(milliseconds_of(run, REPEATS, time.process_time)) / 1000.0
 
 
-def rotations(examples: Sequence[Example], filler: Mapping[str, Motion], options: argparse.Namespace) -> dict[str, Any]:
-    """Return the figures of all three rotations, and draw the best and the worst document."""
+def rotations(examples: Sequence[Example], filler: Mapping[str, Motion], runs: int) -> dict[str, Any]:
+    """Return the figures of all three rotations, and draw the best document."""
     training = [m for name, m in filler.items() if int(name.split("_")[0]) <= LAST_TRAINING_SUBJECT]
     reporting = [m for name, m in filler.items() if int(name.split("_")[0]) > LAST_TRAINING_SUBJECT]
     found: dict[str, dict[str, Any]] = {}
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        trained, documents = train(seen, training, options), make_documents(unseen, reporting, options.seed + 1)
+        trained, documents = train(seen, training, runs), make_documents(unseen, reporting, SEED + 1)
         found[actor] = measured(trained, documents)
         dense = [features for features, _ in documents]
         found[actor]["speed"] = {
-            "documents": speed(trained, dense, options.minutes),
-            "with more filler": speed(trained, diluted(documents, reporting), options.minutes),
+            "documents": speed(trained, dense),
+            "with more filler": speed(trained, diluted(documents, reporting)),
         }
     totals = {name: _summed([found[actor][name]["scores"] for actor in ACTORS]) for name in VARIANTS}
     swept = [_summed([found[actor]["over thresholds"][k] for actor in ACTORS]) for k in range(len(THRESHOLDS))]
     tables = {name: sum(found[actor][name]["confusion"] for actor in ACTORS) for name in list(VARIANTS)[:2]}
-    drawn = _draw_examples([one for own in found.values() for one in own["with keyframes"]["annotations"]])
+    best = _draw_best([one for own in found.values() for one in own["with keyframes"]["annotations"]])
     timings = {name: [found[actor]["speed"][name]["speed_up"] for actor in ACTORS] for name in found["bd"]["speed"]}
     return {
-        "documents": HOW,
         "all_actors": {name: _scores(total) for name, total in totals.items()},
         "over_thresholds": {"tau": THRESHOLDS, **{of: _curves([_scores(row)[of] for row in swept]) for of in MEASURES}},
         "by_actor_left_out": {
-            actor: {
-                "threshold": own["threshold"], "minutes": own["minutes"], "share_searched": own["share_searched"],
-                **{name: _scores(own[name]["scores"]) for name in VARIANTS}, "speed": own["speed"],
-            }
+            actor: {**{name: _scores(own[name]["scores"]) for name in VARIANTS}, "speed": own["speed"]}
             for actor, own in found.items()
         },
         "speed_up": {name: float(np.mean(factors)) for name, factors in timings.items()},
         "confusion": {"labels": [*trained.annotator.labels, "no class"], **tables},
-        "drawn": drawn,
+        "drawn": {"best": best},
     }  # fmt: skip
 
 
@@ -254,18 +228,18 @@ def _curves(rows: Sequence[dict[str, float]]) -> dict[str, list[float]]:
     return {key: [row[key] for row in rows] for key in rows[0]}
 
 
-def _draw_examples(annotations: Sequence[tuple[float, Annotation, Sequence[Segment]]]) -> dict[str, float]:
-    """Draw the whole documents with the lowest and the highest F over frames (Fig. 5.5), and return these."""
-    whole = sorted((one for one in annotations if len(one[2]) == CLIPS_PER_DOCUMENT), key=lambda one: one[0])
-    for name, (_, found, segments) in (("worst", whole[0]), ("best", whole[-1])):
-        plot_annotation(found, segments).savefig(RESULTS / f"annotation_{name}.jpg", dpi=80)
-    return {"worst": whole[0][0], "best": whole[-1][0]}
+def _draw_best(annotations: Sequence[tuple[float, Annotation, Sequence[Segment]]]) -> float:
+    """Draw the whole document with the highest F over frames (Fig. 5.5), and return that."""
+    whole = [one for one in annotations if len(one[2]) == CLIPS_PER_DOCUMENT]
+    score, found, segments = max(whole, key=lambda one: one[0])
+    plot_annotation(found, segments).savefig(RESULTS / "annotation_best.jpg", dpi=80)
+    return score
 
 
-def features_of(examples: Sequence[Example], minutes: float) -> dict[str, float]:
-    """Return the CPU seconds of the relational features of so many minutes at 120 Hz."""
-    seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
-    return {"minutes": minutes, "cpu_seconds": seconds * minutes * 60.0 / sum(e.motion.duration for e in examples)}
+def features_of(examples: Sequence[Example]) -> dict[str, float]:
+    """Return the CPU seconds of the relational features of `MINUTES` at 120 Hz."""
+    seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples])
+    return {"cpu_seconds": seconds * MINUTES * 60.0 / sum(e.motion.duration for e in examples)}
 
 
 def _summed(parts: Sequence[dict[str, Scores]]) -> dict[str, Scores]:
@@ -276,30 +250,16 @@ def _scores(scores: dict[str, Scores]) -> dict[str, dict[str, float]]:
     return {key: {"precision": s.precision, "recall": s.recall, "f": s.f} for key, s in scores.items()}
 
 
-def thesis(parser: argparse.ArgumentParser) -> None:
-    """Parse the command line, measure, print and store the figures."""
-    parser.add_argument("data", type=Path, help="the shared data folder")
-    parser.add_argument("--runs", type=int, default=30, help="genetic runs per class")
-    parser.add_argument("--generations", type=int, default=100)
-    parser.add_argument("--minutes", type=float, default=74.0, help="length of the document that is timed")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-
+@benchmark(data=Path, runs=2)
+def thesis(options: argparse.Namespace) -> tuple[str, Any]:
+    """Learn and annotate with 11 and with 15 classes."""
     eleven, fifteen = load_examples(options.data), load_all(options.data)
     figures = {}
     for name, examples, holding in (("hdm05", eleven, HOLDS_A_CLASS), ("fifteen", fifteen, HOLDS_A_CLASS + PUNCHES)):
         filler = {motion.name: motion for motion in load_filler(options.data, holding)}
-        figures[name] = rotations(examples, filler, options)
-        show({key: figures[name][key] for key in ("all_actors", "by_actor_left_out", "speed_up")}, name)
-    figures["hdm05"]["features"] = features_of(eleven, options.minutes)
-    settings = {name: value for name, value in vars(options).items() if name not in ("data", "part")}
-    print(save_figures("annotation", figures, settings))
+        figures[name] = rotations(examples, filler, options.runs)
+    figures["hdm05"]["features"] = features_of(eleven)
+    return "annotation", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"thesis": thesis, "events": told_events})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"thesis": thesis, "events": live_events})

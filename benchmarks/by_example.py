@@ -19,6 +19,7 @@ the same with weights from the example, the same in two steps, and with the plac
 (`depthmocap search --by-example`). All DTW has the same steps.
 """
 
+import argparse
 import os
 import resource
 import subprocess
@@ -36,7 +37,8 @@ from numba import njit
 from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_examples, load_filler
-from benchmarks._record import parser_of, pin_to_one_processor, save_figures, show
+from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor, script
+from tests.support.bootstrap import paired_bootstrap
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
@@ -52,7 +54,7 @@ from toolkit.retrieval.templates import QuantisedTemplate
 LAST_TUNING_SUBJECT = 8
 """Last CMU subject that was used during development."""
 REPORTED = "dg"
-TUNED_SUBJECTS, REPORTED_SUBJECTS = ("s1", "s3"), ("s5", "s7")
+REPORTED_SUBJECTS = ("s5", "s7")
 """Subjects of UTD-MHAD."""
 PARTS = 20
 """Parts of a document."""
@@ -86,12 +88,12 @@ class Corpus:
 
 
 def corpus_of(
-    examples: Sequence[Example], filler: Sequence[Motion], seed: int, *, decoys: bool, joins: TransitionSettings
+    examples: Sequence[Example], filler: Sequence[Motion], *, decoys: bool, joins: TransitionSettings
 ) -> Corpus:
     """Return documents that contain each clip once, with filler and optional mirror images of one-sided classes
     between.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     parts: list[tuple[Motion, str | None]] = [(e.motion, f"{e.label}/{e.motion.name}") for e in examples]
     if decoys:
         parts += [(e.motion.mirrored(), None) for e in examples if e.label not in SYMMETRIC]
@@ -179,11 +181,15 @@ def distance_of_positions(template: np.ndarray, document: np.ndarray) -> tuple[n
     return costs[(n - 1) % 3], starts[(n - 1) % 3]
 
 
-def hits_of(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:
-    """Return the best hits of a distance function per document."""
+def joined(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:
+    """Return the best hits of a distance function that was computed document by document."""
     cost = np.concatenate([costs for costs, _ in results]).astype(np.float32)
     start = np.concatenate([starts for _, starts in results]).astype(np.int32)
-    edges = np.cumsum([0, *(len(costs) for costs, _ in results)])
+    return hits_of(cost, start, np.cumsum([0, *(len(costs) for costs, _ in results)]))
+
+
+def hits_of(cost: np.ndarray, start: np.ndarray, edges: np.ndarray) -> list[Hit]:
+    """Return the best hits of costs and first frames by last frame, of documents between edges."""
     found = distinct_hits(cost, start, edges, np.inf, MOST)
     return [(float(cost[edges[d] + last]), int(d), int(first), int(last) + 1) for d, first, last in found]
 
@@ -201,19 +207,17 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
 
     def by_positions(_: FeatureMatrix, motion: Motion) -> list[Hit]:
         template = positions(motion)
-        return hits_of([distance_of_positions(template, document) for document in placed])
+        return joined([distance_of_positions(template, document) for document in placed])
 
     def by_booleans(example: FeatureMatrix, _: Motion) -> list[Hit]:
         template = QuantisedTemplate(example.values.astype(np.int8), np.ones(len(example)))
-        return hits_of([template.distance(document.words) for document in corpus.features])
+        return joined([template.distance(document.words) for document in corpus.features])
 
     def by_grades(example: FeatureMatrix, weights: np.ndarray) -> list[Hit]:
         template = np.ascontiguousarray(example.grades.T, dtype=np.float32)
         scaled = (weights / (2.0 * FULL * len(template))).astype(np.float32)
         edges = corpus.index.document_starts
-        cost, start = graded_distances(template, scaled, corpus.index.grades, edges)
-        found = distinct_hits(cost, start, edges, np.inf, MOST)
-        return [(float(cost[edges[d] + last]), int(d), int(first), int(last) + 1) for d, first, last in found]
+        return hits_of(*graded_distances(template, scaled, corpus.index.grades, edges), edges)
 
     return {
         "DTW of positions": by_positions,
@@ -234,27 +238,19 @@ def table(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, An
     rows: dict[str, Any] = {}
     examples = [(relational_features(motion), motion, label) for motion, label in queries]
     for name, method in methods_for(corpus).items():
-        begin = time.process_time()
         scores = {
             motion.name: (label, *judge(method(features, motion), corpus, label, motion.name))
             for features, motion, label in examples
         }
-        seconds = time.process_time() - begin
         values = np.array([score[1:] for score in scores.values()])
+        spread_of_map = paired_bootstrap(values[:, 0], np.zeros(len(values)), np.random.default_rng(0))
         labels = sorted({label for label, _, _ in scores.values()})
         classes = {name: float(np.mean([p for label, p, _ in scores.values() if label == name])) for name in labels}
         rows[name] = {
-            "map": float(values[:, 0].mean()), "map_interval": interval(values[:, 0]),
-            "precision_at_10": float(values[:, 1].mean()), "classes": classes, "seconds": seconds,
+            "map": float(values[:, 0].mean()), "map_interval": [spread_of_map.low, spread_of_map.high],
+            "precision_at_10": float(values[:, 1].mean()), "classes": classes,
         }  # fmt: skip
     return rows
-
-
-def interval(values: np.ndarray, draws: int = 2000) -> tuple[float, float]:
-    """Return the 95 % interval of a mean by bootstrap over examples."""
-    rng = np.random.default_rng(0)
-    means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
-    return float(np.percentile(means, 2.5)), float(np.percentile(means, 97.5))
 
 
 def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, float]:
@@ -268,17 +264,15 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
     index = KeyframeIndex.build(documents)
     examples = [shipped.SearchExample.of(relational_features(motion)) for motion, _ in queries]
     shipped.search_example(index, examples[0], 20)
-    milliseconds = []
-    for example in examples:
-        begin = time.process_time()
-        shipped.search_example(index, example, 20)
-        milliseconds.append(1000.0 * (time.process_time() - begin))
-    seconds = [example.grades.shape[1] / FEATURE_RATE for example in examples]
-    figures = {
-        "hours": index.duration / 3600.0, "mean_example_seconds": float(np.mean(seconds)),
-        "median_milliseconds": float(np.median(milliseconds)), "worst_milliseconds": float(np.max(milliseconds)),
-    }  # fmt: skip
-    return figures
+    queued = iter(examples)
+    milliseconds = milliseconds_of(
+        lambda: shipped.search_example(index, next(queued), 20), len(examples), time.process_time
+    )
+    return {
+        "mean_example_seconds": float(np.mean([example.grades.shape[1] / FEATURE_RATE for example in examples])),
+        "median_milliseconds": float(np.median(milliseconds)),
+        "worst_milliseconds": float(np.max(milliseconds)),
+    }
 
 
 def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
@@ -301,7 +295,7 @@ def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
     return min(seconds)
 
 
-def kinect_corpus(data: Path, subjects: Sequence[str]) -> tuple[Corpus, list[tuple[Motion, str]]]:
+def kinect_corpus(data: Path) -> tuple[Corpus, list[tuple[Motion, str]]]:
     """Return each UTD-MHAD clip of some subjects as a document and as an example."""
     motions: list[Motion] = []
     segments: list[tuple[int, int, int, str, str]] = []
@@ -310,7 +304,7 @@ def kinect_corpus(data: Path, subjects: Sequence[str]) -> tuple[Corpus, list[tup
         upright = joints_from_kinect(loadmat(file)["d_skel"]) * -1.0
         motion = from_joints(upright, FEATURE_RATE, file.stem)
         action, subject = file.stem.split("_")[:2]
-        if subject not in subjects:
+        if subject not in REPORTED_SUBJECTS:
             continue
         segments.append((len(motions), 0, len(motion), action, motion.name))
         motions.append(motion)
@@ -334,40 +328,27 @@ def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> No
     print("spreads of limbs", *(f"{value:.0f}" for value in spread(placed).reshape(len(SIDES), -1).mean(axis=0)))
 
 
-def main() -> None:
-    """Parse the command line, measure, print and store the figures."""
-    parser = parser_of(__doc__)
-    parser.add_argument("data", type=Path, help="the shared data folder")
-    parser.add_argument("--tune", action="store_true", help="examples by bd and bk, with the other filler, instead")
-    parser.add_argument("--constants", action="store_true", help="print the tables of features/grades.py and stop")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-
+@benchmark(data=Path, constants=False)
+def by_example(options: argparse.Namespace) -> tuple[str, Any]:
+    """Search all corpora by example; with `--constants` print the tables of `features/grades.py` and stop."""
     examples, filler = load_examples(options.data), load_filler(options.data)
     if options.constants:
         print_constants(examples, filler)
-        return
+        sys.exit()
     pin_to_one_processor()
-    early = [m for m in filler if int(m.name.split("_")[0]) <= LAST_TUNING_SUBJECT]
     late = [m for m in filler if int(m.name.split("_")[0]) > LAST_TUNING_SUBJECT]
-    if options.tune:
-        examples, late = [e for e in examples if e.actor != REPORTED], early
-    queries = [(e.motion, e.label) for e in examples if options.tune or e.actor == REPORTED]
+    queries = [(e.motion, e.label) for e in examples if e.actor == REPORTED]
     clip = next((options.data / "mocap" / "hdm05").glob("*squat*.amc"))
-    corpus = corpus_of(examples, late, options.seed, decoys=False, joins=JOINS)
-    decoys = corpus_of(examples, late, options.seed, decoys=True, joins=HARD_JOINS)
-    kinect, actions = kinect_corpus(options.data, TUNED_SUBJECTS if options.tune else REPORTED_SUBJECTS)
-    figures = {
+    corpus = corpus_of(examples, late, decoys=False, joins=JOINS)
+    decoys = corpus_of(examples, late, decoys=True, joins=HARD_JOINS)
+    kinect, actions = kinect_corpus(options.data)
+    return "by_example", {
         "people": table(corpus, queries),
         "decoys": table(decoys, queries),
         "an hour": timed(corpus, queries),
         "seconds_of_the_command": processor_seconds_of_the_command(corpus, clip),
         "utd_mhad": table(kinect, actions),
     }
-    show(figures)
-    settings = {"seed": options.seed, "tune": options.tune}
-    print(save_figures("by_example_tune" if options.tune else "by_example", figures, settings))
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, by_example)

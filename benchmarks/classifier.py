@@ -7,12 +7,14 @@ Figures of pixels, and of surfaces (all people, and each patch of 64 pixels with
 expected calibration error at even odds (people and the rest weigh alike), and the fractions over one half.
 """
 
+import argparse
 from typing import Any
 
 import numpy as np
+from sklearn.metrics import roc_auc_score
 
-from benchmarks._record import parser_of, save_figures, show
-from benchmarks._rows import add_split_option
+from benchmarks._record import benchmark, script
+from benchmarks._rows import SPLIT
 from tests.support.scenes import people_of
 from tests.support.suite import BODIES, RATE, takes
 from toolkit.body.shape import subject_body
@@ -90,15 +92,6 @@ def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.
     }  # fmt: skip
 
 
-def area_under_roc(score: np.ndarray, positive: np.ndarray) -> float:
-    """Return the probability that a positive has a higher score than a negative, ties counted half."""
-    from scipy.stats import rankdata
-
-    count = int(positive.sum())
-    ranks = rankdata(score)[positive].sum()
-    return float((ranks - count * (count + 1) / 2) / (count * (len(positive) - count)))
-
-
 def error_at_even_odds(probability: np.ndarray, truth: np.ndarray) -> float:
     """Return the expected calibration error where people and the rest weigh alike."""
     weight = np.where(truth, 0.5 / max(truth.sum(), 1), 0.5 / max((~truth).sum(), 1))
@@ -111,27 +104,20 @@ def figures_of(columns: dict[str, np.ndarray], name: str) -> dict[str, float]:
     """Return the figures of pixels or surfaces."""
     found, truth = columns[name], columns[f"{name}_truth"]
     return {
-        "count": len(found), "people": float(truth.mean()), "auc": area_under_roc(found, truth),
-        "ece": error_at_even_odds(found, truth), "people_over_half": float((found[truth] > 0.5).mean()),
-        "rest_over_half": float((found[~truth] > 0.5).mean()),
+        "auc": float(roc_auc_score(truth, found)), "ece": error_at_even_odds(found, truth),
+        "people_over_half": float((found[truth] > 0.5).mean()), "rest_over_half": float((found[~truth] > 0.5).mean()),
     }  # fmt: skip
 
 
-def main() -> None:
-    """Draw views of all kinds, score them, print and write JSON."""
-    parser = parser_of(__doc__)
-    add_split_option(parser)
-    parser.add_argument("--views", type=int, default=25, help="of each kind")
-    options = parser.parse_args()
+@benchmark(SPLIT, views=25)
+def classifier(options: argparse.Namespace) -> tuple[str, Any]:
+    """Draw views of all kinds and score them."""
     poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "empty": np.empty(0)}
     rng = np.random.default_rng([17, options.split == "report"])
     network = person_network()
     views = [scored(network, kind, own, rng) for kind, own in poses.items() for _ in range(options.views)]
     columns = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
-    figures: dict[str, Any] = {name: figures_of(columns, name) for name in ("pixel", "surface")}
-    show(figures)
-    print("written:", save_figures(f"classifier_{options.split}", figures, vars(options)))
+    return f"classifier_{options.split}", {name: figures_of(columns, name) for name in ("pixel", "surface")}
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, classifier)

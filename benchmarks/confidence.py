@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import drawn, part_suffix, run_part, save_figures, show
+from benchmarks._record import benchmark, drawn, script
 from benchmarks.real import SHIFTS
 from tests.support.calibration import BINS, calibration_error
 from tests.support.scenes import GROUPS, chosen_scenes, record_scene
@@ -57,6 +57,8 @@ REGULARISATION = 10.0
 SIGNS = tuple(1 if name in ("support", "observed", "precision") else -1 for name in FEATURES)
 """Direction in which each input changes the odds; the others raise doubt."""
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "confidence.png"
+OPTIONS: dict[str, Any] = {"takes": 1, "work": WORK}
+"""Options of both parts: simulated recordings of each group, and work folder."""
 WRISTS = [skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "right")]
 
 
@@ -256,9 +258,9 @@ def regressions(rows: Sequence[Rows]) -> dict[str, Any]:
     return content
 
 
-def fit(parser: argparse.ArgumentParser) -> None:
+@benchmark(OPTIONS, every=2)
+def fit(options: argparse.Namespace) -> tuple[str, Any]:
     """Fit the regressions and write the asset."""
-    options = parsed(parser, 2)
     rows = all_rows("fit", options)
     content = regressions(rows)
     about = {
@@ -267,19 +269,17 @@ def fit(parser: argparse.ArgumentParser) -> None:
         "frames": {source: sum(len(r.inputs) for r in rows if r.source == source) for source in sources(rows)},
     }
     save_json(model.ASSET, {"about": about, **content})
-    print("written:", model.ASSET)
+    return "", about["frames"]
 
 
-def judge(parser: argparse.ArgumentParser) -> None:
-    """Measure the calibration on other people, print and draw it."""
-    options = parsed(parser, 3)
-    figures = judged(all_rows("judge", options), options.picture)
-    name = "confidence" + part_suffix(parser, options, "every", "takes")
-    print("written:", save_figures(name, figures, {"every": options.every}))
+@benchmark(OPTIONS, every=3)
+def judge(options: argparse.Namespace) -> tuple[str, Any]:
+    """Measure the calibration on other people and draw it."""
+    return "confidence", judged(all_rows("judge", options))
 
 
-def judged(rows: Sequence[Rows], picture: Path) -> dict[str, dict[str, float]]:
-    """Return the figures of each source, print and draw them."""
+def judged(rows: Sequence[Rows]) -> dict[str, dict[str, float]]:
+    """Return the figures of each source, and draw them."""
     offsets, figures, curves = offsets_of(rows), {}, {}
     for source in sources(rows):
         own = [r for r in rows if r.source == source]
@@ -299,8 +299,7 @@ def judged(rows: Sequence[Rows], picture: Path) -> dict[str, dict[str, float]]:
             for which, measured in (("_in_time", in_time), ("_plain", plain))
             for name, value in gross_wrists(confidence, measured).items()
         }
-    show(figures)
-    draw(curves, picture)
+    draw(curves)
     return figures
 
 
@@ -321,10 +320,10 @@ def sources(rows: Sequence[Rows]) -> list[str]:
     return list(dict.fromkeys(r.source for r in rows))
 
 
-def draw(curves: dict[str, tuple[np.ndarray, np.ndarray]], path: Path) -> None:
+def draw(curves: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
     """Draw the fraction of joints that are right against the confidence, with the number of joints below."""
     middles = (np.arange(BINS) + 0.5) / BINS
-    with drawn(path, (5.2, 5.4), 2, sharex=True, height_ratios=(3, 1)) as (above, below):
+    with drawn(PICTURE, (5.2, 5.4), 2, sharex=True, height_ratios=(3, 1)) as (above, below):
         above.plot([0, 1], [0, 1], color="0.7", lw=0.8)
         for name, (confidence, right) in curves.items():
             number = np.minimum((confidence * BINS).astype(np.int64), BINS - 1)
@@ -344,19 +343,4 @@ LABELS = {
 }  # fmt: skip
 
 
-def parsed(parser: argparse.ArgumentParser, every: int) -> argparse.Namespace:
-    """Parse the options of both parts."""
-    parser.add_argument("--every", type=int, default=every, help="step between the real recordings")
-    parser.add_argument("--takes", type=int, default=1, help="simulated recordings of each group")
-    parser.add_argument("--work", type=Path, default=WORK)
-    parser.add_argument("--picture", type=Path, default=PICTURE, help="of the reliability")
-    return parser.parse_args()
-
-
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"fit": fit, "judge": judge})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"fit": fit, "judge": judge})

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks._movement import TAKES, Tracked, movement_options, tracked, tracked_run, tracked_shot
-from benchmarks._record import save_figures, show
+from benchmarks._movement import OPTIONS, TAKES, Tracked, tracked, tracked_run, tracked_shot
+from benchmarks._record import benchmark, script
 from tests.support import suite
 from tests.support.casting import Scene
 from tests.support.scenes import people_of, shot_of
@@ -168,19 +168,13 @@ def means(takes: dict[str, dict[str, Any]]) -> dict[str, dict[str, float]]:
     return found
 
 
-def main() -> None:
-    """Track, filter, compare, print and write JSON."""
-    parser = movement_options(__doc__)
-    parser.add_argument("--real", type=Path, metavar="FOLDER", help="that holds the recordings of UTD-MHAD")
-    options = parser.parse_args()
+@benchmark(OPTIONS, real={"type": Path, "metavar": "FOLDER", "help": "with the recordings of UTD-MHAD"})
+def feet(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track, filter and compare all recordings."""
     takes: dict[str, dict[str, Any]] = {}
     for kind, name, figures in measured(options):
         takes.setdefault(kind, {})[name] = figures
-        show(figures, f"{kind} {name}")
-    figures = {kind: {"means": means(own), "takes": own} for kind, own in takes.items()}
-    show({kind: own["means"] for kind, own in figures.items()})
-    print("written:", save_figures("feet", figures, vars(options)))
+    return "feet", {kind: {"means": means(own), "takes": own} for kind, own in takes.items()}
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, feet)

@@ -6,13 +6,14 @@ of the true poses is a lower bound of the error of any tracker. Joint angles and
 those of the true poses, degrees.
 """
 
+import argparse
 from typing import Any
 
 import numpy as np
 
-from benchmarks._movement import RATE, TAKES, Take, Tracked, movement_options, tracked
+from benchmarks._movement import OPTIONS, RATE, TAKES, Take, Tracked, tracked
 from benchmarks._plain_gait import planned_rises, planned_walk, walk_on_ground
-from benchmarks._record import save_figures, show
+from benchmarks._record import benchmark, script
 from tests.support.walking import Rising, Walk
 from toolkit.motion.angles import COLUMNS
 from toolkit.motion.motion_summary import Summary, summary_of
@@ -77,18 +78,16 @@ def range_errors(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
     return {name: float(np.mean(values)) for name, values in out.items()}
 
 
-def main() -> None:
-    """Track, filter, compare, print and write JSON."""
-    options = movement_options(__doc__).parse_args()
+@benchmark(OPTIONS)
+def gait(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track, filter and compare all recordings."""
     takes = {take.name: compared(take, tracked(take, options.work, options.database)) for take in TAKES}
-    figures: dict[str, Any] = {
+    return "gait", {
         "mean_absolute_errors": {way: known_errors(takes, k) for k, way in enumerate(WAYS)},
         "ranges": range_errors(takes),
         "angles_rms_deg": {c: float(np.mean([t["angles_rms_deg"][c] for t in takes.values()])) for c in COLUMNS},
+        "takes": takes,
     }
-    show(figures)
-    print("written:", save_figures("gait", figures | {"takes": takes}, vars(options)))
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, gait)

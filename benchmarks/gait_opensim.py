@@ -5,13 +5,14 @@ simulated body walks with these angles on a treadmill before a simulated depth c
 export `--format opensim` is solved by OpenSim, and the angles are compared: bias and RMS of the difference, degrees.
 """
 
+import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import depthmocap
-from benchmarks._record import parser_of, save_figures, show
+from benchmarks._record import benchmark, script
 from tests.support import suite
 from toolkit.body.body import Body
 from toolkit.body.rotations.matrices import vectors_of
@@ -74,12 +75,9 @@ def solved_angles(person: Person, model: Path, folder: Path) -> dict[str, np.nda
     return {name: np.interp(person.times, found.times, found.angles[name]) for name in ANGLES}
 
 
-def main() -> None:
-    """Simulate, track, solve, compare, print and write JSON."""
-    parser = parser_of(__doc__)
-    parser.add_argument("--database", type=Path, help="pose database; default: that of the package")
-    parser.add_argument("--work", type=Path, default=suite.WORK / "gait_opensim")
-    options = parser.parse_args()
+@benchmark(database={"type": Path}, work=suite.WORK / "gait_opensim")
+def gait_opensim(options: argparse.Namespace) -> tuple[str, Any]:
+    """Simulate, track, solve and compare the walk."""
     folder = data_folder() / "opensim" / "gait2392"
     model, body = folder / "gait2392_thelen2003muscle.osim", subject_body("slim_male", seed=7)
     recording = read_markers(folder / "subject01_walk1_ik.mot")
@@ -92,9 +90,7 @@ def main() -> None:
     figures: dict[str, Any] = {}
     for row in angle_agreement(solved_angles(track.person, model, options.work / "solved"), truth):
         figures[row.angle] = {"bias": row.bias, "rms": row.rms, "r": row.correlation, "range": row.range_reference}
-    show(figures)
-    print("written:", save_figures("gait_opensim", figures, {"database": str(options.database or "package")}))
+    return "gait_opensim", figures
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, gait_opensim)

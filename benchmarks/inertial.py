@@ -1,4 +1,4 @@
-"""Tracks and inertial sensors: `depthmocap bench inertial simulated [--split report] [--tracks 8]`.
+"""Tracks and inertial sensors: `depthmocap bench inertial simulated [--split report]`.
 
 Simulated sensors on real motions, in three parts. Calibration: true poses of the split's clips of HDM05, two sensors of
 3 degrees of noise each, with and without one stretch of 30 % wrong frames, by the spread of the vertical in the limb.
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -33,8 +33,8 @@ from benchmarks._inertial_figures import (
     swept_figures,
     told_apart,
 )
-from benchmarks._record import RESULTS, part_suffix, run_part, save_figures, show
-from benchmarks._rows import add_database_options, poses_of
+from benchmarks._record import RESULTS, benchmark, script
+from benchmarks._rows import DATABASE, SPLIT, poses_of
 from tests.support.scenes import people_of, shot_of
 from tests.support.suite import MOCAP, RATE, takes
 from tests.support.worn_sensors import SensorNoise, simulate_sensors
@@ -71,6 +71,8 @@ def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
     return out
 
 
+CLIPS, TRACKS = 40, 8
+"""Clips of the calibration, and tracked takes of the other parts."""
 ACTORS = {"tune": "bk", "report": "dg"}
 NOISE = SensorNoise(tilt=1.0, white=0.3, heading_walk=1.0, soft_tissue=2.5, gyro=0.01, acceleration=0.05, offset=1.5)
 THREE_DEGREES = SensorNoise(white=3.0)
@@ -117,7 +119,7 @@ def wrong_stretch(motion: TrackedMotion, rng: np.random.Generator) -> TrackedMot
 
 
 def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, Any]:
-    """Return errors of psi and q_L in degrees, median and 90 %, by method, wrong frames and spread."""
+    """Return errors of psi and q_L in degrees, median and 90 %, by method and wrong frames, of spreads over 15."""
     rows: dict[str, list[list[float]]] = {}
     for seed, poses in enumerate(clips):
         simulated = simulate_sensors(body, poses, RATE, PAIR, THREE_DEGREES, seed)
@@ -126,16 +128,16 @@ def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, An
         for (kind, motion), method in product(motions.items(), ("robust", "thesis")):
             take = CalibrationSequence(motion, simulated.sensors, Clock(0.0))
             found = calibrate([take], CalibrationSettings(method=method, refine_clock=False, refuse=False))
-            spread = max(s.spread for s in found.sensors.values())
-            name = "15 and more" if spread >= 15.0 else "5 to 15" if spread >= 5.0 else "below 5"
+            if max(s.spread for s in found.sensors.values()) < 15.0:
+                continue
             for limb in PAIR:
                 psi = quat.angle(np.array(found.takes["clip"].worlds[limb]), simulated.world)
                 grip = quat.angle(found.mounting(limb), simulated.mounting[limb])
-                rows.setdefault(f"{method}, {kind}, spread {name}", []).append(np.degrees([psi, grip]).tolist())
+                rows.setdefault(f"{method}, {kind}, spread 15 and more", []).append(np.degrees([psi, grip]).tolist())
     table = {}
     for key, errors in rows.items():
         middle, most = np.median(errors, axis=0), np.quantile(errors, 0.9, axis=0)
-        table[key] = {"sensors": len(errors), "psi": [middle[0], most[0]], "q_L": [middle[1], most[1]]}
+        table[key] = {"psi": [middle[0], most[0]], "q_L": [middle[1], most[1]]}
     return table
 
 
@@ -264,7 +266,7 @@ def tracked(options: argparse.Namespace) -> list[TrackedTake]:
     """Simulate and track takes of the suite, and return them with simulated sensors."""
     tracker, found = HybridTracker(PoseDatabase.load(poses_of(options))), []
     chosen = [take for take in takes(options.split) if take.actor.clip.startswith(ACTORS[options.split])]
-    for seed, take in enumerate(chosen[: options.tracks]):
+    for seed, take in enumerate(chosen[:TRACKS]):
         person: Any = people_of(take, take.frames)[0]
         run, path = options.work / "inertial" / take.name, options.work / "inertial" / f"{take.name}.npz"
         simulate_scene([person], path, replace(shot_of(take, [person]), furnished=False))
@@ -275,15 +277,11 @@ def tracked(options: argparse.Namespace) -> list[TrackedTake]:
     return found
 
 
-def simulated(parser: argparse.ArgumentParser) -> None:
-    """Simulate, calibrate, compare, print, write JSON."""
-    parser.add_argument("--split", choices=tuple(ACTORS), default="tune", help="report is not for tuning")
-    parser.add_argument("--clips", type=int, default=40, help="clips of the calibration part")
-    parser.add_argument("--tracks", type=int, default=8, help="tracked takes of the other parts")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(SPLIT, DATABASE)
+def simulated(options: argparse.Namespace) -> tuple[str, Any]:
+    """Simulate, calibrate and compare."""
     body = subject_body("neutral")
-    clips = clips_of(options.split, body, options.clips)
+    clips = clips_of(options.split, body, CLIPS)
     motions = []
     for seed, poses in enumerate(clips):
         motion = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name=f"clip {seed}")
@@ -300,15 +298,7 @@ def simulated(parser: argparse.ArgumentParser) -> None:
     }
     plot_offsets(*offsets, RESULTS / "inertial_offsets.jpg")
     plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.jpg")
-    show(figures)
-    name = f"inertial{'' if options.split == 'report' else '_tune'}{part_suffix(parser, options, 'clips', 'tracks')}"
-    print("written:", save_figures(name, figures, asdict(NOISE)))
+    return f"inertial{'' if options.split == 'report' else '_tune'}", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"simulated": simulated})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"simulated": simulated})

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import run_part, save_figures, show
-from benchmarks._rows import add_database_options, poses_of
+from benchmarks._record import benchmark, script
+from benchmarks._rows import DATABASE, poses_of
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe, track_recording
 from toolkit.app.pipeline.joint_choice import JointChoice
@@ -48,11 +48,9 @@ def _off(seen: Joints2D, pixels: np.ndarray, focal: tuple[float, float], z: np.n
     return 1000.0 * np.hypot(*((seen.pixels - pixels)[sure] / focal).T) * z[sure]
 
 
-def followed(parser: argparse.ArgumentParser) -> None:
-    """Track, compare, print, write JSON."""
-    parser.add_argument("--rows", default="swarm", help="comma-separated settings files, or `not told`")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(DATABASE, rows="swarm,hybrid,not told")
+def followed(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track the clip by each row (settings files, or `not told`), and compare with the detected joints."""
     stored = options.work / "joints" / "realsense.npz"
     stored.unlink(missing_ok=True)
     recording = store_joints(open_recording(CLIP), stored, JointChoice("colour"), people=None)
@@ -67,19 +65,8 @@ def followed(parser: argparse.ArgumentParser) -> None:
         for person in load_people(run).people:
             track = Track.load(run / person.folder)
             off = apart_mm(track, recording)
-            figures[f"{row}, {person.folder}"] = {
-                "tracked_frames": int((track.state == TRACKED).sum()),
-                "stature_m": person.stature,
-                "apart_median_mm": float(np.median(off)) if len(off) else None,
-            }
-        show(figures)
-    print("written:", save_figures("realsense", figures, {"rows": options.rows, "set": options.set}))
+            figures[f"{row}, {person.folder}"] = {"apart_median_mm": float(np.median(off)) if len(off) else None}
+    return "realsense", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"followed": followed})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"followed": followed})

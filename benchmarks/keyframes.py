@@ -21,6 +21,7 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,6 @@ import numpy as np
 from benchmarks._keyframe_corpus import (
     ACTORS,
     HOLDS_A_CLASS,
-    HOW,
     PUNCHES,
     Example,
     LabelledDocument,
@@ -41,13 +41,13 @@ from benchmarks._keyframe_corpus import (
     load_filler,
     make_documents,
 )
-from benchmarks._record import part_suffix, pin_to_one_processor, run_part, save_figures, show
+from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor, script
 from tests.support.suite import ROOT
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
-from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, Quality, TrainingSet, evolve
+from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, TrainingSet, evolve
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, query_of, training_clips
 from toolkit.retrieval.search.find import HitRanges, find, pieces
 from toolkit.retrieval.templates import MotionTemplate
@@ -57,7 +57,7 @@ COUNTEREXAMPLES = 30_000
 FRAMES = 378_000
 """Frames of the corpus at 30 Hz, 3.5 hours as in the thesis (3.6.1)."""
 MANUAL = ROOT / "examples" / "keyframes.json"
-ALTERNATIVES = ((1, False), (2, False), (1, True), (2, True), (3, True), (5, True))
+ALTERNATIVES = {"1 per class": (1, False), "5 per class, tight": (5, True)}
 """Queries per class that are combined (a hit of any counts), and whether their distances are tightened."""
 REPEATS = 20
 """Searches per query; the median counts."""
@@ -67,13 +67,8 @@ UNSPECIFIC = 8
 
 def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
     """Return the median time of a search and the number of segments in its inverted lists."""
-    milliseconds = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        ranges = find(index, query)
-        milliseconds.append(1000 * (time.perf_counter() - begin))
-    median = float(np.median(milliseconds))
-    return {"milliseconds": median, "segments": ranges.processed, "keyframes": len(query.keyframes)}
+    milliseconds = float(np.median(milliseconds_of(lambda: find(index, query), REPEATS)))
+    return {"milliseconds": milliseconds, "segments": find(index, query).processed}
 
 
 class Truth:
@@ -135,9 +130,8 @@ def judged(index: KeyframeIndex, truth: Truth, queries: Sequence[KeyframeQuery])
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Return means over classes and actors, the largest time, and remaining data as a multiple of the relevant data."""
+    """Return means over classes and actors, and remaining data as a multiple of the relevant data."""
     means = means_of(rows)
-    means["worst_milliseconds"] = float(np.max([row["milliseconds"] for row in rows]))
     means["left_hits_over_relevant"] = means["left_hits"] / means["relevant"]
     means["left_motions_over_relevant"] = means["left_motions"] / means["relevant"]
     return means
@@ -150,21 +144,12 @@ def means_of(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-def through_file(documents: Sequence[LabelledDocument]) -> tuple[KeyframeIndex, dict[str, Any]]:
+def through_file(documents: Sequence[LabelledDocument]) -> KeyframeIndex:
     """Return the index as the command uses it: written, opened again, mapped."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motions.index"
-        begin = time.perf_counter()
         KeyframeIndex.build([document.features for document in documents]).save(path)
-        middle = time.perf_counter()
-        index = KeyframeIndex.open(path)
-        end = time.perf_counter()
-        runs = {name: len(lists.run_vectors) for name, lists in index.sets.items()}
-        size = path.stat().st_size
-    return index, {
-        "documents": len(index), "frames": index.frames, "minutes": index.duration / 60, "bytes": size, "runs": runs,
-        "build_seconds": middle - begin, "open_milliseconds": 1000 * (end - middle),
-    }  # fmt: skip
+        return KeyframeIndex.open(path)
 
 
 def line_through_origin(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
@@ -180,26 +165,25 @@ def rotate(
 ) -> None:  # fmt: skip
     """Search the documents of one actor with queries of the others, and add the figures."""
     for label, result in learned.items():
-        for count, tight in ALTERNATIVES:
-            row = judged(index, Truth(documents, label, actor), result.alternatives(count, tight))
-            together.setdefault(f"{count} per class{', tight' if tight else ''}", []).append(row)
+        for name, (number, tight) in ALTERNATIVES.items():
+            row = judged(index, Truth(documents, label, actor), result.alternatives(number, tight))
+            together.setdefault(name, []).append(row)
         timings.extend(timed(index, query) for query in result.alternatives(1))
         breeder = Breeder(result.template, rng)
         random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
         timings.extend(timed(index, query) for query in random)
 
 
-def search(parser: argparse.ArgumentParser) -> None:
-    """Parse the command line, measure, print and store the figures."""
-    parser.add_argument("--frames", type=int, default=FRAMES, help="frames of the corpus at 30 Hz")
-    options = _options(parser)
-    rng = np.random.default_rng(options.seed)
+@benchmark(data=Path, runs=24, frames=FRAMES)
+def search(options: argparse.Namespace) -> tuple[str, Any]:
+    """Search with queries of actors not trained on."""
+    rng = np.random.default_rng(0)
     examples, filler = load_examples(options.data), load_filler(options.data)
     documents: list[LabelledDocument] = []
     for actor in ACTORS:
         own = [example for example in examples if example.actor == actor]
         documents.extend(make_documents(own, filler[1::2], options.frames // len(ACTORS), rng))
-    index, size = through_file(documents)
+    index = through_file(documents)
     together: dict[str, list[dict[str, Any]]] = {}
     timings: list[dict[str, Any]] = []
     pin_to_one_processor()
@@ -209,21 +193,17 @@ def search(parser: argparse.ArgumentParser) -> None:
         learned = learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
         rotate(together, timings, index, documents, learned, actor, rng)
     slope, correlation = line_through_origin(timings)
-    figures = {
-        "index": size,
+    return "keyframe_search", {
         "together": {name: summary(rows) for name, rows in together.items()},
         "nanoseconds_per_segment": 1e6 * slope,
         "correlation_of_time_and_segments": correlation,
     }
-    show(figures)
-    name = f"keyframe_search{part_suffix(parser, options, 'frames', 'runs')}"
-    print(save_figures(name, figures, _settings(options)))
 
 
-def manual(parser: argparse.ArgumentParser) -> None:
-    """Parse the command line, measure, print and store the figures."""
-    options = _options(parser)
-    rng = np.random.default_rng(options.seed)
+@benchmark(data=Path, runs=24)
+def manual(options: argparse.Namespace) -> tuple[str, Any]:
+    """Search with hand-written queries, and with those learned from the same clips."""
+    rng = np.random.default_rng(0)
     examples, filler = load_all(options.data), load_filler(options.data, HOLDS_A_CLASS + PUNCHES)
     seen, *others = ([e for e in examples if e.actor == actor] for actor in ACTORS)
     documents = [d for own in others for d in make_documents(own, filler[1::2], FRAMES // len(others), rng)]
@@ -240,25 +220,13 @@ def manual(parser: argparse.ArgumentParser) -> None:
             row = {"precision": truth.precision(motions), "recall": recall, "left": left}
             classes.setdefault(query.label, {})[kind] = timed(index, query) | row
     means = {kind: means_of([classes[label][kind] for label in classes]) for kind in queries}
-    figures = {"frames": index.frames, "together": means, "classes": classes}
-    show(figures)
-    print(save_figures(f"keyframe_manual{part_suffix(parser, options, 'runs')}", figures, _settings(options)))
-
-
-def _options(parser: argparse.ArgumentParser) -> argparse.Namespace:
-    parser.add_argument("data", type=Path, help="the shared data folder")
-    parser.add_argument("--runs", type=int, default=24, help="genetic runs per class")
-    parser.add_argument("--seed", type=int, default=0)
-    return parser.parse_args()
-
-
-def _settings(options: argparse.Namespace) -> dict[str, Any]:
-    return {name: value for name, value in vars(options).items() if name not in ("data", "part")} | {"corpus": HOW}
+    return "keyframe_manual", {"together": means, "classes": classes}
 
 
 THESIS_FRAMES, THESIS_EXAMPLES = 42_586, 9
 """Training set of the thesis: frames at 30 Hz, clips per class."""
-GENERATION_STEP = 5
+GENERATION_STEP, CURVE_RUNS = 5, 2
+"""Generations from one point of a curve to the next, and genetic runs of each class and rotation."""
 PARTS_OF_QUALITY = ("precision", "recall", "fitness")
 
 
@@ -267,50 +235,43 @@ def set_of(examples: Sequence[Example], label: str) -> TrainingSet:
     return TrainingSet([e.features for e in examples], [e.label == label for e in examples])
 
 
-def fitness_on(actor: str, examples: Sequence[Example], settings: LearningSettings, seed: int) -> float:
+def fitness_on(actor: str, examples: Sequence[Example], settings: LearningSettings) -> float:
     """Return the mean fitness over classes on clips of an actor who is left out of the learning."""
     seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
     classes, checks = training_clips(by_label(seen), settings)
-    learned = learn(classes, settings, np.random.default_rng(seed), checks=checks)
+    learned = learn(classes, settings, np.random.default_rng(0), checks=checks)
     return float(np.mean([set_of(unseen, name).quality(found.individual).fitness for name, found in learned.items()]))
 
 
-def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -> dict[str, Any]:
+def curves(examples: Sequence[Example], learning: LearningSettings) -> dict[str, Any]:
     """Return mean precision, recall and fitness of the populations over the generations (Fig. 4.3)."""
     settings = learning.genetic
     steps = list(range(0, settings.generations, GENERATION_STEP))
-    sums = {part: np.zeros((len(steps), len(PARTS_OF_QUALITY))) for part in ("training", "verification")}
-    populations = 0
+    total, populations = np.zeros((len(steps), len(PARTS_OF_QUALITY))), 0
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
         classes, _ = training_clips(by_label(seen), learning)
         documents = [document for clips in classes.values() for document in clips]
         owners = [name for name, clips in classes.items() for _ in clips]
         for label, clips in classes.items():
-            training = TrainingSet(documents, [owner == label for owner in owners])
-            sets = {"training": training, "verification": set_of(unseen, label)}
+            training, verification = TrainingSet(documents, [owner == label for owner in owners]), set_of(unseen, label)
             template = MotionTemplate.of(clips, strict=True).quantised(delta=0.0)
 
-            def observe(generation: int, population: Sequence[Individual], sets: dict[str, TrainingSet] = sets) -> None:
+            def observe(generation: int, population: Sequence[Individual], judge: TrainingSet = verification) -> None:
                 if generation % GENERATION_STEP == 0:
-                    for part, judge in sets.items():
-                        found = [judge.quality(individual) for individual in population]
-                        means = [np.mean([getattr(q, name) for q in found]) for name in PARTS_OF_QUALITY]
-                        sums[part][generation // GENERATION_STEP] += means
+                    found = [judge.quality(individual) for individual in population]
+                    means = [np.mean([getattr(q, name) for q in found]) for name in PARTS_OF_QUALITY]
+                    total[generation // GENERATION_STEP] += means
 
-            for seed in range(runs):
-                evolve(sets["training"], template, settings, np.random.default_rng(seed), observe)
+            for seed in range(CURVE_RUNS):
+                evolve(training, template, settings, np.random.default_rng(seed), observe)
                 populations += 1
-    means = {
-        part: dict(zip(PARTS_OF_QUALITY, (total / populations).T.tolist(), strict=True)) for part, total in sums.items()
-    }
-    return {"generations": steps, "runs": populations, **means}
+    means = dict(zip(PARTS_OF_QUALITY, (total / populations).T.tolist(), strict=True))
+    return {"generations": steps, "verification": means}
 
 
-def timed_run(examples: Sequence[Example], repeats: int) -> dict[str, Any]:
-    """Return the time of one genetic run on 9 clips of one class against clips of all other classes at several
-    speeds.
-    """
+def timed_run(examples: Sequence[Example]) -> dict[str, Any]:
+    """Return the time of a genetic run on 9 clips of a class against clips of all other classes at several speeds."""
     settings = GeneticSettings()
     label = "kickLFront1Reps"
     positive = [e.features for e in examples if e.label == label][:THESIS_EXAMPLES]
@@ -327,44 +288,25 @@ def timed_run(examples: Sequence[Example], repeats: int) -> dict[str, Any]:
     training = TrainingSet([*positive, *negative], [True] * len(positive) + [False] * len(negative))
     template = MotionTemplate.of(positive, strict=True).quantised(delta=0.0)
     evolve(training, template, replace(settings, generations=2), np.random.default_rng(0))
-    seconds, last = [], Quality(0.0, 0.0, 0.0)
-    for seed in range(repeats):
-        begin = time.process_time()
-        best = evolve(training, template, settings, np.random.default_rng(seed))
-        seconds.append(time.process_time() - begin)
-        last = training.quality(best)
-    return {
-        "frames": training.frames, "documents": len(training.relevant), "median_cpu_seconds": float(np.median(seconds)),
-        "worst_cpu_seconds": float(np.max(seconds)), "training_fitness": last.fitness,
-    }  # fmt: skip
+    seeds = count()
+    milliseconds = milliseconds_of(
+        lambda: evolve(training, template, settings, np.random.default_rng(next(seeds))), 10, time.process_time
+    )
+    return {"frames": training.frames, "median_cpu_seconds": float(np.median(milliseconds)) / 1000.0}
 
 
-def learn_keyframes(parser: argparse.ArgumentParser) -> None:
-    """Parse the command line, measure, print and store the figures."""
-    parser.add_argument("--curve-runs", type=int, default=2)
-    options = _options(parser)
+@benchmark(data=Path, runs=24)
+def learn_keyframes(options: argparse.Namespace) -> tuple[str, Any]:
+    """Learn keyframes from two actors and try them on the third."""
     examples = load_examples(options.data)
-    figures: dict[str, Any] = {"one_run": timed_run(examples, 10)}
+    figures: dict[str, Any] = {"one_run": timed_run(examples)}
     for name, learning in (
         ("clips as they are", LearningSettings(runs=options.runs, proportions=(), speeds=())),
         ("also under other proportions and speeds", LearningSettings(runs=options.runs)),
     ):
-        means = {actor: fitness_on(actor, examples, learning, options.seed) for actor in ACTORS}
-        figures[name] = {
-            "fitness_by_actor_left_out": means,
-            "fitness": float(np.mean(list(means.values()))),
-            "curves": curves(examples, learning, options.curve_runs),
-        }
-    show(figures)
-    training = "HDM05 clips, mirrored and at speeds 0.8 to 1.25, up to the thesis's size"
-    settings = _settings(options) | {"training_set_of_the_timed_run": training}
-    print(save_figures("keyframe_learning", figures, settings))
+        fitness = float(np.mean([fitness_on(actor, examples, learning) for actor in ACTORS]))
+        figures[name] = {"fitness": fitness, "curves": curves(examples, learning)}
+    return "keyframe_learning", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"search": search, "manual": manual, "learning": learn_keyframes})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"search": search, "manual": manual, "learning": learn_keyframes})

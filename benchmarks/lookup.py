@@ -14,7 +14,7 @@
 import argparse
 import time
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures, show
+from benchmarks._record import benchmark, percentiles, pin_to_one_processor, script
 from tests.support.subjects import LEVEL, camera_for, draw, moving_clouds, moving_poses
 from toolkit.app.config import load_settings
 from toolkit.body.shape import load_body
@@ -87,14 +87,11 @@ def extrema_of(pixels: int, frames: int) -> dict[str, Any]:
     return {"pixels": pixels, **times, "equal_to_scipy": float(np.mean(equal))}
 
 
-def extrema(parser: argparse.ArgumentParser) -> None:
-    """Measure, print, write JSON."""
-    parser.add_argument("--frames", type=int, default=60)
-    options = parser.parse_args()
+@benchmark(frames=60)
+def extrema(options: argparse.Namespace) -> tuple[str, Any]:
+    """Time the extrema of frames of several sizes."""
     pin_to_one_processor()
-    rows = [extrema_of(pixels, options.frames) for pixels in PIXELS]
-    show({str(row["pixels"]): row for row in rows})
-    print("written:", save_figures("extrema", rows, asdict(LandmarkSettings()) | {"frames": options.frames}))
+    return "extrema", [extrema_of(pixels, options.frames) for pixels in PIXELS]
 
 
 FRAMES, LABELINGS, NEIGHBOURS, POSES = 200, 12, 10, 25_000
@@ -119,10 +116,9 @@ def queried(database: PoseDatabase, queries: np.ndarray) -> tuple[np.ndarray, np
     return np.array(spent), np.array([distances for distances, _ in found])
 
 
-def queries_of_providers(parser: argparse.ArgumentParser) -> None:
-    """Measure all searches, print and write JSON."""
-    parser.add_argument("database", type=Path)
-    options = parser.parse_args()
+@benchmark(database=Path)
+def queries_of_providers(options: argparse.Namespace) -> tuple[str, Any]:
+    """Time all searches of the database."""
     database = PoseDatabase.load(options.database).limited(POSES)
     figures = []
     for kind, queries in query_frames(database, np.random.default_rng(0)).items():
@@ -133,8 +129,7 @@ def queries_of_providers(parser: argparse.ArgumentParser) -> None:
             times = {"median_ms": float(np.median(spent)), "worst_ms": float(np.max(spent))}
             apart = {"largest_difference_m": float(np.abs(distances - expected).max())}
             figures.append({"frames": kind, "search": name, "labelings": count, **times, **apart})
-    show({str(k): row for k, row in enumerate(figures)})
-    print("written:", save_figures("lookup", figures, {**vars(options), "poses": len(database)}))
+    return "lookup", figures
 
 
 def search_times(kind: Any, cloud: Cloud, placed: PlacedBody) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
@@ -150,10 +145,9 @@ def search_times(kind: Any, cloud: Cloud, placed: PlacedBody) -> tuple[np.ndarra
     return np.min(rounds, axis=0), (nearest[front], *drawn)
 
 
-def correspondences(parser: argparse.ArgumentParser) -> None:
-    """Measure both searches in turn, print and write JSON."""
-    parser.add_argument("--frames", type=int, default=20)
-    options = parser.parse_args()
+@benchmark(frames=20)
+def correspondences(options: argparse.Namespace) -> tuple[str, Any]:
+    """Time both searches of correspondences in turn."""
     pin_to_one_processor()
     body, figures = load_body("neutral"), []
     for pixels in PIXELS:
@@ -172,15 +166,9 @@ def correspondences(parser: argparse.ArgumentParser) -> None:
         for name, rows in times.items():
             columns = zip(("build_ms", "chosen_5_ms", "cloud_to_body_ms"), np.median(rows, axis=0), strict=True)
             figures.append({"search": name, "pixels": pixels, **dict(columns), "equal": equal})
-    show({str(k): row for k, row in enumerate(figures)})
-    print("written:", save_figures("correspondences", figures, vars(options)))
+    return "correspondences", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    parts = {"extrema": extrema, "queries": queries_of_providers, "correspondences": correspondences}
-    run_part(__doc__, parts)
-
-
-if __name__ == "__main__":
-    main()
+main = script(
+    __name__, __doc__, {"extrema": extrema, "queries": queries_of_providers, "correspondences": correspondences}
+)

@@ -9,7 +9,7 @@ easy : blended joins, filler
 hard : joins of at most 0.1 s, filler, and the mirror images of all clips of one-sided classes, which belong to none
 
 The same documents are annotated by the model without motions of no class, by the thesis's motion templates with a
-learned threshold, and with `--curve` by models of fewer people and fewer clips. Counterexamples at other speeds, no
+learned threshold, and by models of fewer people and fewer clips. Counterexamples at other speeds, no
 grouping by person and the thresholds per class were chosen with the three rotations in view, so a new set has to
 confirm the figures.
 """
@@ -32,7 +32,7 @@ from benchmarks._keyframe_corpus import (
     load_examples,
     load_filler,
 )
-from benchmarks._record import RESULTS, drawn, parser_of, save_figures, show
+from benchmarks._record import RESULTS, benchmark, drawn, script
 from benchmarks.annotation import LAST_TRAINING_SUBJECT
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
@@ -50,8 +50,8 @@ SHARES = (0.34, 0.67, 1.0)
 """Fractions of the clips of each class and training actor, for the curve."""
 ONE, TWO = "one person, 100 % of the clips", "motion model"
 """Rows between which the curve gains its second person."""
-DOUBTS = (0.5, 0.7, 0.8, 0.85, 0.9, 0.95)
-"""Maximum doubts of a search for classes."""
+DOUBT = 0.8
+"""Maximum doubt of a search for classes."""
 DRAWS = 2000
 """Bootstrap draws over people and seeds."""
 NOTHING = Scores(0, 0, 0, 0)
@@ -94,41 +94,31 @@ def scores_on(annotate: Annotate, documents: Sequence[Document], labels: Sequenc
 
 
 def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.ndarray:
-    """Return the data that `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
+    """Return the data that `depthmocap search --classes` leaves, over all classes: int64 (5,).
 
-    For each of `DOUBTS` frames left, frames of true segments, segments of which a frame is left, of which half is, all.
+    Frames left, frames of true segments, segments of which a frame is left, segments of which half is left, segments.
     """
     index = KeyframeIndex.build(replace(d.features, name=str(k)) for k, d in enumerate(documents))
-    table = np.zeros((len(DOUBTS), 5), dtype=np.int64)
-    for report in by_class(index, model, doubt=max(DOUBTS)):
+    total = np.zeros(5, dtype=np.int64)
+    for report in by_class(index, model, doubt=DOUBT):
         true = [
             (k, *s.frames(FEATURE_RATE)) for k, d in enumerate(documents) for s in d.segments if s.label == report.label
         ]
-        for row, doubt in enumerate(DOUBTS):
-            left = [np.zeros(len(document.features), dtype=bool) for document in documents]
-            for match in report.matches:
-                if match.cost <= doubt:
-                    left[int(match.document)][round(match.start * FEATURE_RATE) : round(match.end * FEATURE_RATE)] = (
-                        True
-                    )
-            shares = np.array([left[k][a:b].mean() for k, a, b in true])
-            relevant = sum(b - a for _, a, b in true)
-            table[row] += [
-                sum(map(np.count_nonzero, left)),
-                relevant,
-                (shares > 0).sum(),
-                (shares >= 0.5).sum(),
-                len(true),
-            ]
-    return table
+        left = [np.zeros(len(document.features), dtype=bool) for document in documents]
+        for match in report.matches:
+            left[int(match.document)][round(match.start * FEATURE_RATE) : round(match.end * FEATURE_RATE)] = True
+        shares = np.array([left[k][a:b].mean() for k, a, b in true])
+        relevant = sum(b - a for _, a, b in true)
+        frames = sum(map(np.count_nonzero, left))
+        total += [frames, relevant, (shares > 0).sum(), (shares >= 0.5).sum(), len(true)]
+    return total
 
 
-def search_scores(table: np.ndarray) -> list[dict[str, float]]:
-    """Return what a search for classes leaves."""
-    return [
-        {"doubt": doubt, "touched": touched / all_, "half": half / all_, "left_over_relevant": left / relevant}
-        for doubt, (left, relevant, touched, half, all_) in zip(DOUBTS, table.tolist(), strict=True)
-    ]
+def search_scores(total: np.ndarray) -> list[dict[str, float]]:
+    """Return the fractions of the data that a search for classes leaves."""
+    frames, relevant, touched, half, segments = total.tolist()
+    shares = {"touched": touched / segments, "half": half / segments, "left_over_relevant": frames / relevant}
+    return [{"doubt": DOUBT, **shares}]
 
 
 def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
@@ -154,10 +144,7 @@ def scores_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     frames, segments = (sum((row[key] for row in rows), NOTHING) for key in ("frames", "segments"))
     spread = [interval(rows, key) for key in ("frames", "segments")]
     return {
-        "frames": frames.f, "segments": segments.f, "precision": segments.precision, "recall": segments.recall,
-        "frames_interval": spread[0], "segments_interval": spread[1],
-        "frames_by_rotation": [row["frames"].f for row in rows],
-        "segments_by_rotation": [row["segments"].f for row in rows],
+        "frames": frames.f, "segments": segments.f, "frames_interval": spread[0], "segments_interval": spread[1],
     }  # fmt: skip
 
 
@@ -187,16 +174,12 @@ class Measured(NamedTuple):
     annotated: list[float]
 
 
-def annotators_of(
-    seen: Sequence[CutClip], filler: Sequence[Motion], seed: int, options: argparse.Namespace
-) -> dict[str, Annotate]:
+def annotators_of(seen: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> dict[str, Annotate]:
     """Return all annotators but the model itself, by row."""
     found: dict[str, Annotate] = {}
     found["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
-    if seed == options.seed:
+    if seed == 0:
         found["motion templates"] = templates(seen, filler, seed).annotate
-    if not options.curve:
-        return found
     for share in SHARES:
         for other in sorted({clip.person for clip in seen}):
             chosen = thinned([clip for clip in seen if clip.person == other], share)
@@ -208,10 +191,7 @@ def annotators_of(
     return found
 
 
-def rotate(
-    measured: Measured, clips: Sequence[CutClip], filler: Sequence[Motion], actor: str, seed: int,
-    options: argparse.Namespace,
-) -> None:  # fmt: skip
+def rotate(measured: Measured, clips: Sequence[CutClip], filler: Sequence[Motion], actor: str, seed: int) -> None:
     """Learn from the others, annotate documents of one actor, and add the figures."""
     early, late = (
         [m for m in filler if (int(m.name.split("_")[0]) <= LAST_TRAINING_SUBJECT) == first] for first in (True, False)
@@ -225,7 +205,7 @@ def rotate(
     begin = time.process_time()
     model = train(seen, early, np.random.default_rng(seed))
     measured.training.append(time.process_time() - begin)
-    others = annotators_of(seen, early, seed, options)
+    others = annotators_of(seen, early, seed)
     for name, part in documents.items():
         measured.searched[name] += found_by_search(model, part)
         begin = time.process_time()
@@ -237,13 +217,12 @@ def rotate(
             measured.rows[name].setdefault(row.split(" (")[0], []).append(scores_on(annotate, part, labels))
 
 
-def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool) -> dict[str, Any]:
+def figures_of(measured: Measured, name: str, labels: Sequence[str]) -> dict[str, Any]:
     """Return all figures of one set of documents, and draw the confusion matrix."""
     results = measured.rows[name]
     figures: dict[str, Any] = {row: scores_of(found) for row, found in results.items()}
     figures["classes"] = {label: sum((r["classes"][label] for r in results[TWO]), NOTHING).f for label in labels}
-    if curve:
-        figures["second_person"] = second_person(results)
+    figures["second_person"] = second_person(results)
     figures["search"] = search_scores(measured.searched[name])
     table, names = sum(row["confusion"] for row in results[TWO]), [*labels, "no class"]
     figures["confusion"] = {"labels": names, "frames": table}
@@ -264,34 +243,23 @@ def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: 
         axes.set(xlabel="found", ylabel="true", title=f"{title}: percent of the true class")
 
 
-def main() -> None:
-    """Parse the command line, measure, print and store the figures."""
-    parser = parser_of(__doc__)
-    parser.add_argument("data", type=Path, help="the shared data folder")
-    parser.add_argument("--seeds", type=int, default=3, help="of training and of the documents reported")
-    parser.add_argument("--seed", type=int, default=0, help="the first one")
-    parser.add_argument("--curve", action="store_true", help="learn from fewer people and fewer clips as well")
-    options = parser.parse_args()
-
+@benchmark(data=Path, seeds=3)
+def motion_model(options: argparse.Namespace) -> tuple[str, Any]:
+    """Learn and annotate in three rotations with several seeds."""
     clips = [CutClip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
-    searched = {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
+    searched = {name: np.zeros(5, dtype=np.int64) for name in SETS}
     measured = Measured({name: {} for name in SETS}, searched, [], [])
     filler = load_filler(options.data, HOLDS_A_CLASS)
-    for seed in range(options.seed, options.seed + options.seeds):
+    for seed in range(options.seeds):
         for actor in ACTORS:
-            rotate(measured, clips, filler, actor, seed, options)
+            rotate(measured, clips, filler, actor, seed)
     labels = sorted({clip.label for clip in clips})
-    figures: dict[str, Any] = {"how": __doc__}
-    for name in SETS:
-        figures[name] = figures_of(measured, name, labels, options.curve)
+    figures: dict[str, Any] = {name: figures_of(measured, name, labels) for name in SETS}
     figures["seconds"] = {
         "training": float(np.median(measured.training)),
         "minutes annotated per second": float(np.median(measured.annotated)),
     }
-    show(figures)
-    settings = {name: value for name, value in vars(options).items() if name != "data"}
-    print(save_figures("motion_model", figures, settings))
+    return "motion_model", figures
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, motion_model)

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import run_part, save_figures, show
+from benchmarks._record import benchmark, script
 from tests.container_files import RosWriter
 from toolkit.datasets.folder import data_folder
 from toolkit.recordings.opening import open_recording
@@ -50,48 +50,40 @@ SIGNALLED: dict[str, str] = {
 """Long commands, by name."""
 
 
-def limits(parser: argparse.ArgumentParser) -> None:
+@benchmark(frames=20_000)
+def limits(options: argparse.Namespace) -> tuple[str, Any]:
     """Read long recordings of every format, and track with a full disk."""
-    parser.add_argument("--frames", type=int, default=20_000)
-    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        figures = {f"stream, {form}": streamed(form, folder, arguments.frames) for form in STREAMED}
+        figures = {f"stream, {form}": streamed(form, folder, options.frames) for form in STREAMED}
         figures["track, files of at most 4 kB"] = on_full_disk(box_recording(folder / "short.npz", 12), folder)
-    show(figures)
-    print("written:", save_figures("plausibility_limits", figures, vars(arguments)))
+    return "plausibility_limits", figures
 
 
-def long(parser: argparse.ArgumentParser) -> None:
+@benchmark(frames=20_000, first_runs=8)
+def long(options: argparse.Namespace) -> tuple[str, Any]:
     """Track a long recording, track with bounds checks, and run at the same time with one cold cache."""
-    parser.add_argument("--frames", type=int, default=20_000)
-    parser.add_argument("--first-runs", type=int, default=8)
-    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         short = box_recording(folder / "short.npz", 12)
         figures = {
             "bounds checks": {"hybrid": with_bounds_checks(short, folder)},
-            "first runs with one cold cache": first_runs(short, folder, arguments.first_runs),
-            "track": tracked(box_recording(folder / "long.npz", arguments.frames), folder / "run", arguments.frames),
+            "first runs with one cold cache": first_runs(short, folder, options.first_runs),
+            "track": tracked(box_recording(folder / "long.npz", options.frames), folder / "run", options.frames),
         }
-    show(figures)
-    print("written:", save_figures("plausibility_long", figures, vars(arguments)))
+    return "plausibility_long", figures
 
 
-def signals(parser: argparse.ArgumentParser) -> None:
+@benchmark(after=2.5)
+def signals(options: argparse.Namespace) -> tuple[str, Any]:
     """Send each signal to each long command after some seconds."""
-    parser.add_argument("--after", type=float, default=2.5, help="seconds")
-    parser.add_argument("--only", nargs="+", choices=SIGNALLED, default=list(SIGNALLED))
-    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         names = {kind: box_recording(folder / f"{kind}.npz", 600) for kind in ("recording", "other")}
         names |= {"run": folder / "run", "mocap": data_folder() / "mocap" / "hdm05"}
         run(f"track {names['recording']} --output {names['run']}")
-        figures = {command: signalled(command, arguments.after, folder, names) for command in arguments.only}
-    show(figures)
-    print("written:", save_figures("plausibility_signals", figures, vars(arguments)))
+        figures = {command: signalled(command, options.after, folder, names) for command in SIGNALLED}
+    return "plausibility_signals", figures
 
 
 def signalled(command: str, after: float, folder: Path, names: dict[str, Path]) -> dict[str, int]:
@@ -207,10 +199,4 @@ def box_recording(path: Path, frames: int) -> Path:
     return path
 
 
-def main() -> None:
-    """Run one part."""
-    run_part(__doc__, {"limits": limits, "long": long, "signals": signals})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"limits": limits, "long": long, "signals": signals})

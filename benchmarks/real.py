@@ -12,19 +12,16 @@
 """
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._movement import tracked_run
-from benchmarks._record import part_suffix, run_part, save_figures, show
-from benchmarks._rows import ROWS, add_database_options, figures_of, make_tracker, poses_of, settings_of, track_each
-from tests.support.suite import WORK
+from benchmarks._movement import OPTIONS, tracked_run
+from benchmarks._record import benchmark, script
+from benchmarks._rows import DATABASE, figures_of, make_tracker, poses_of, track_each
 from toolkit.app.config import parse_overrides
 from toolkit.body import skeleton
-from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import agreement, shifted, torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
@@ -48,14 +45,11 @@ def agreement_in_time(run: Path, recording: Path) -> float:
     return agreement(track.joints, shifted(reference, SHIFTS["utd_mhad"])[: len(track)])
 
 
-def tracked(parser: argparse.ArgumentParser) -> None:
-    """Track, evaluate, print, write JSON."""
-    parser.add_argument("--stride", type=int, default=1, help="step between the recordings")
-    parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join(ROWS))
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(DATABASE, stride=1, rows="hybrid")
+def tracked(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track and evaluate the recordings of UTD-MHAD by each row."""
     paths = sorted((DEPTH / "utd_mhad").glob("*_depth.mat"))[:: options.stride]
-    figures, settings, overrides = {}, {}, parse_overrides(options.set)
+    figures, overrides = {}, parse_overrides(options.set)
     for row in options.rows.split(","):
         folder = options.work / "runs" / "real" / row.replace(" ", "_")
         runs: dict[Path, Any] = {folder / path.stem: (path, {}) for path in paths}
@@ -64,10 +58,8 @@ def tracked(parser: argparse.ArgumentParser) -> None:
         table = evaluate_runs(list(done))
         in_time = float(np.mean([agreement_in_time(run, path) for run, path in done.items()]))
         mean = figures_of(table.mean()) | {"agreement_in_time": in_time}
-        show(mean, row)
         figures[row] = {"mean": mean, "recordings": {scores.recording: figures_of(scores) for scores in table}}
-        settings[row] = asdict(settings_of(row, overrides))
-    print("written:", save_figures("real" + part_suffix(parser, options, "stride", "set"), figures, settings))
+    return "real", figures
 
 
 def offsets_of(recording: Path, run: Path, database: Path) -> np.ndarray:
@@ -96,20 +88,16 @@ def by_joint(differences: np.ndarray) -> dict[str, dict[str, Any]]:
     }
 
 
-def offsets(parser: argparse.ArgumentParser) -> None:
-    """Track every few recordings of both data sets, compare joint by joint, print and write JSON."""
-    parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE)
-    parser.add_argument("--stride", type=int, default=5)
-    parser.add_argument("--work", type=Path, default=WORK / "movement")
-    options = parser.parse_args()
+@benchmark(OPTIONS, stride=5)
+def offsets(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track every few recordings of both data sets and compare joint by joint."""
     figures: dict[str, Any] = {}
     for name in SHIFTS:
         files = sorted((DEPTH / name).glob("*_depth.mat"))[:: options.stride]
         rows = [offsets_of(file, options.work / name / file.stem, options.database) for file in files]
         joints = by_joint(np.concatenate(rows))
         figures[name] = {"recordings": len(rows), "frames": sum(map(len, rows)), "joints": joints}
-    show(figures)
-    print("written:", save_figures("kinect_offsets", figures, vars(options)))
+    return "kinect_offsets", figures
 
 
 def on_surface(recording: Recording) -> dict[float, float]:
@@ -127,10 +115,9 @@ def on_surface(recording: Recording) -> dict[float, float]:
     return found
 
 
-def lag(parser: argparse.ArgumentParser) -> None:
-    """Print the fraction of wrists and hands on the surface by shift, for both data sets, and write JSON."""
-    parser.add_argument("--stride", type=int, default=4)
-    options = parser.parse_args()
+@benchmark(stride=4)
+def lag(options: argparse.Namespace) -> tuple[str, Any]:
+    """Measure the fraction of wrists and hands on the surface by shift, for both data sets."""
     figures = {}
     for name in SHIFTS:
         files = sorted((DEPTH / name).glob("*_depth.mat"))[:: options.stride]
@@ -138,14 +125,7 @@ def lag(parser: argparse.ArgumentParser) -> None:
         known = [each for each in recordings if np.isfinite(each.reference_joints).all()]
         shares = [on_surface(recording) for recording in known]
         figures[name] = {f"{shift:g}": float(np.mean([share[shift] for share in shares])) for shift in LAGS.tolist()}
-    show(figures)
-    print("written:", save_figures("kinect_lag", figures, vars(options)))
+    return "kinect_lag", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"tracked": tracked, "offsets": offsets, "lag": lag})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"tracked": tracked, "offsets": offsets, "lag": lag})

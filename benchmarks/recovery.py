@@ -6,7 +6,7 @@
   a random horizontal direction. The figure is the number of frames until the result is correct, starting from 1.
   Recordings that end before continue backwards. A start counts only if the wrong pose is not correct. No recovery
   within 90 frames counts as 90.
-- `cold [--split report] [--joints depth] [--every 12]`: every N-th frame of the suite is tracked alone, as after a
+- `cold [--split report] [--joints depth] [--every 24]`: every N-th frame of the suite is tracked alone, as after a
   loss, with the body that was learnt from the recording. Rows are the hybrid tracker with the swarm among its
   hypotheses and without it, compared by a paired bootstrap over the recordings.
 
@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import part_suffix, run_part, save_figures, show
-from benchmarks._rows import add_database_options, add_take_options, make_tracker, poses_of, settings_of
+from benchmarks._record import benchmark, script
+from benchmarks._rows import DATABASE, TAKES, make_tracker, poses_of, settings_of
 from benchmarks._takes import SOURCES, is_right, joints_of, prepared
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.misled import KINDS, misled, wrong_pose
@@ -97,12 +97,9 @@ def summary(found: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def wrong_starts(parser: argparse.ArgumentParser) -> None:
-    """Measure, print one line per kind, write JSON."""
-    add_take_options(parser)
-    parser.add_argument("--starts", type=int, default=50, help="of each kind")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(TAKES, DATABASE, starts=50)
+def wrong_starts(options: argparse.Namespace) -> tuple[str, Any]:
+    """Measure the recovery from wrong poses."""
     takes, rng = chosen_takes(options.split, count=options.takes), np.random.default_rng(0)
     poses = PoseDatabase.load(poses_of(options)).poses
     tracker, found = make_tracker("hybrid", poses_of(options), parse_overrides(options.set)), []
@@ -114,10 +111,7 @@ def wrong_starts(parser: argparse.ArgumentParser) -> None:
     kinds = {kind: summary([entry for entry in found if entry["kind"] == kind]) for kind in KINDS}
     kinds["all"] = summary(found)
     print()
-    show(kinds)
-    settings = asdict(tracker.settings) | {"poses": len(poses), "cap": CAP}
-    name = f"recovery_{options.split}{part_suffix(parser, options, 'takes', 'frames', 'starts', 'set')}"
-    print("written:", save_figures(name, {"kinds": kinds, "starts": found}, settings))
+    return f"recovery_{options.split}", {"kinds": kinds, "starts": found}
 
 
 def started(tracker: Tracker, recording: Recording, every: int) -> tuple[np.ndarray, np.ndarray]:
@@ -133,13 +127,9 @@ def started(tracker: Tracker, recording: Recording, every: int) -> tuple[np.ndar
     return np.array(right), np.array(errors)
 
 
-def cold(parser: argparse.ArgumentParser) -> None:
-    """Measure, print, write JSON."""
-    add_take_options(parser)
-    parser.add_argument("--joints", choices=SOURCES, default="depth")
-    parser.add_argument("--every", type=int, default=12, help="frames from one start to the next")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(TAKES, DATABASE, joints={"choices": SOURCES, "default": "depth"}, every=24)
+def cold(options: argparse.Namespace) -> tuple[str, Any]:
+    """Measure the first pose of every N-th frame."""
     overrides = parse_overrides(options.set)
     fewer = [name for name in settings_of("hybrid").hypotheses if name != "swarm"]
     rows: dict[str, dict[str, Any]] = {"hybrid": {}, "no swarm": {"hypotheses": fewer}}
@@ -154,18 +144,10 @@ def cold(parser: argparse.ArgumentParser) -> None:
     for row, runs in found.items():
         right, errors = (np.concatenate(parts) for parts in zip(*runs, strict=True))
         overall = {"starts": len(right), "right": float(right.mean()), "error_mm": float(errors.mean())}
-        figures[row] = {"overall": overall | {"median_mm": float(np.median(errors))}}
+        figures[row] = {"overall": overall}
     first, second = (100.0 * np.array([right.mean() for right, _ in runs]) for runs in found.values())
     figures["no swarm"]["fewer_right_points"] = asdict(paired_bootstrap(first, second, np.random.default_rng(0)))
-    show(figures)
-    name = f"cold_{options.split}_{options.joints}{part_suffix(parser, options, 'takes', 'frames', 'set')}"
-    print("written:", save_figures(name, figures, {"every": options.every, "set": options.set}))
+    return f"cold_{options.split}_{options.joints}", figures
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"wrong": wrong_starts, "cold": cold})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"wrong": wrong_starts, "cold": cold})

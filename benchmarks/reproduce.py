@@ -6,13 +6,12 @@ prints the pending benchmarks with the CPU time of their last run. `benchmarks/p
 each with its table, figure or section.
 """
 
-import argparse
 import sys
 from itertools import groupby
-from pathlib import Path
 
 from benchmarks._papers import compared, papers, plots, results_of
-from benchmarks._rows import add_database_options, poses_of
+from benchmarks._record import add_option, parser_of
+from benchmarks._rows import DATABASE, poses_of
 from benchmarks.all import list_pending, measure
 from toolkit.datasets.folder import data_folder
 
@@ -31,14 +30,11 @@ def print_tables(paper: str) -> None:
 
 def main() -> None:
     """Measure what is pending, then print the tables."""
-    parser = argparse.ArgumentParser(
-        prog="depthmocap reproduce", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = parser_of(__doc__)
+    parser.prog = "depthmocap reproduce"
     parser.add_argument("paper", choices=papers())
-    parser.add_argument("--list", action="store_true", help="print the pending benchmarks, measure nothing")
-    parser.add_argument("--stored", action="store_true", help="compare with the stored results, measure nothing")
-    parser.add_argument("--data", type=Path, default=data_folder(), help="mocap and recordings")
-    add_database_options(parser)
+    for name, default in ({"data": data_folder(), "list": False, "stored": False} | DATABASE).items():
+        add_option(parser, name, default)
     options = parser.parse_args()
     names = results_of(options.paper)
     if options.list:

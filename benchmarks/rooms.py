@@ -1,11 +1,12 @@
-"""People in real rooms, annotated by hand: `depthmocap bench rooms [--names um,filinha] [--frames] [--database POSES]`.
+"""People in real rooms, annotated by hand: `depthmocap bench rooms [--names um,filinha] [--database POSES]`.
 
 Six sequences of a structured-light camera: a classroom, five people in a row, two views of people who cross a
 laboratory. Each is tracked with `--people all` and no other option, and scored by `_room_scores.py` against
-`annotations/rooms/`. The figures hold the counts of each sequence, of all, and of each frame, with a line for each
-miss, false person and switch. `--joints colour` registers the colour to the depth by the calibration below.
+`annotations/rooms/`. The figures hold the counts of each sequence, and of all, with a line for each miss, false
+person and switch. `--joints colour` registers the colour to the depth by the calibration below.
 """
 
+import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks import _room_scores
-from benchmarks._record import parser_of, part_suffix, save_figures, show
-from benchmarks._rows import add_database_options, poses_of, track_each
+from benchmarks._record import benchmark, script
+from benchmarks._rows import DATABASE, poses_of, track_each
 from tests.support.suite import ROOT
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
@@ -42,8 +43,6 @@ COLOR_SHIFT = (-0.0263, 0.0003, -0.0008)
 """Intrinsics of the colour camera, and metres from depth to colour; both cameras have the same orientation."""
 FILLED = 41
 """Side of the window from which an unmeasured pixel takes its depth, so that the network sees no black holes."""
-ALL = "all"
-"""Name of all sequences together."""
 
 
 def annotations_of(name: str) -> dict[str, Any]:
@@ -89,44 +88,24 @@ def track_rooms(
     return {run.name: run for run in runs}, {run.name: reason for run, reason in failed.items()}
 
 
-def scored(truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the counts of a sequence, and those of each annotated frame with its events."""
-    lines: list[str] = []
-    counts = _room_scores.score(truth, tracks, lines)
-    frames = {}
-    for key, entry in truth["frames"].items():
-        own = _room_scores.score(truth | {"frames": {key: entry}}, tracks)
-        events = [line.split(": ", 1)[1] for line in lines if line.startswith(f"frame {key}: ")]
-        frames[key] = own | {"events": events}
-    return {"counts": counts, "frames": frames}
-
-
-def main() -> None:
-    """Track, score, print and write JSON."""
-    there = [path.stem for path in sorted(ANNOTATIONS.glob("*.json"))]
-    parser = parser_of(__doc__)
-    parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of the sequences")
-    parser.add_argument("--names", default=",".join(there), help="comma-separated, out of: " + ", ".join(RATES))
-    parser.add_argument("--joints", choices=("none", "colour"), default="none", help="in the image")
-    parser.add_argument("--frames", action="store_true", help="print misses, switches and false people")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(
+    DATABASE, rooms=ROOMS, names=",".join(path.stem for path in sorted(ANNOTATIONS.glob("*.json"))),
+    joints=("none", "colour"),
+)  # fmt: skip
+def measured(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track and score the sequences."""
     tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
     runs, failed = track_rooms(options.names.split(","), options.rooms, options.work, tracker, options.joints)
     figures: dict[str, Any] = {}
     total: dict[str, Any] = {}
     for name, run in runs.items():
-        figures[name] = scored(annotations_of(name), _room_scores.load_run(run) if run.is_dir() else [])
-        _room_scores.add(total, figures[name]["counts"])
-        show(figures[name]["counts"], name)
-        for key, frame in figures[name]["frames"].items() if options.frames else ():
-            print(*(f"  frame {key}: {event}\n" for event in frame["events"]), sep="", end="")
-    show(total, ALL)
-    figures[ALL] = {"counts": total, "failed": failed}
-    stem = "rooms" + "_colour" * (options.joints == "colour") + part_suffix(parser, options, "names", "set")
-    settings = {name: getattr(options, name) for name in ("set", "names", "joints")}
-    print("written:", save_figures(stem, figures, settings))
+        events: list[str] = []
+        counts = _room_scores.score(annotations_of(name), _room_scores.load_run(run) if run.is_dir() else [], events)
+        figures[name] = {"counts": counts, "events": events}
+        _room_scores.add(total, counts)
+        print(name, *events, sep="\n  ")
+    figures["all"] = {"counts": total, "failed": failed}
+    return "rooms" + "_colour" * (options.joints == "colour"), figures
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, measured)

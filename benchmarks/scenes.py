@@ -10,17 +10,17 @@ calibration error is taken over all joints of all people who were found; unobser
 seen. Results of a part of the suite go to files ending in `_part`.
 """
 
+import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import RESULTS, parser_of, part_suffix, save_figures, save_jpeg, show
-from benchmarks._rows import add_database_options, add_take_options, poses_of, track_each
+from benchmarks._record import RESULTS, benchmark, save_jpeg, script
+from benchmarks._rows import DATABASE, TAKES, poses_of, track_each
 from tests.support.scene_scores import SceneScore, scene_figures, score_scene
 from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
-from tests.support.suite import has_mocap
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.joint_choice import JointChoice
@@ -121,41 +121,32 @@ def write_sheet(runs: Mapping[Path, tuple[Path, Any]], scores: Mapping[str, Scen
         save_jpeg(path, contact_sheet(pictures, columns=4))
 
 
-def main() -> None:
-    """Track, score, print, write JSON and the contact sheet."""
-    parser = parser_of(__doc__)
-    add_take_options(parser)
-    parser.set_defaults(frames=None)
-    parser.add_argument("--rooms", action="store_true", help="the groups of furnished rooms")
-    parser.add_argument("--groups", help="comma-separated, out of: " + ", ".join((*GROUPS, *ROOM_GROUPS)))
-    parser.add_argument("--joints", choices=("none", "colour"), default="none", help="colour makes scenes in colour")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(
+    TAKES, DATABASE, frames={"type": int}, rooms=False, joints=("none", "colour"),
+    groups={"help": "comma-separated, out of: " + ", ".join((*GROUPS, *ROOM_GROUPS))},
+)  # fmt: skip
+def scenes(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track and score the scenes, and write the contact sheet."""
     all_groups = ROOM_GROUPS if options.rooms else GROUPS
     groups = tuple(options.groups.split(",")) if options.groups else all_groups
     colour = options.joints == "colour"
-    scenes = {
+    recorded = {
         record_scene(scene, options.work, options.frames, color=colour): scene
         for scene in chosen_scenes(options.split, groups, options.takes)
     }
     tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
-    runs: dict[Path, Any] = {options.work / "runs" / "scenes" / path.stem: (path, {}) for path in scenes}
+    runs: dict[Path, Any] = {options.work / "runs" / "scenes" / path.stem: (path, {}) for path in recorded}
     failed = track_each(runs, tracker, people=None, joints=JointChoice(options.joints))
     scores = {run.name: score_scene(open_recording(path), tracks_of(run)) for run, (path, _) in runs.items()}
     lines = {
         line: scene_figures(own)
         for line, named in LINES.items()
-        if (own := [scores[path.stem] for path, scene in scenes.items() if scene.group in named])
+        if (own := [scores[path.stem] for path, scene in recorded.items() if scene.group in named])
     }
-    show(lines)
-    told = f"{'_rooms' * options.rooms}_{options.split}{'_colour' * colour}"
-    stem = f"scenes{told}{part_suffix(parser, options, 'takes', 'frames', 'groups', 'set')}"
+    stem = f"scenes{'_rooms' * options.rooms}_{options.split}{'_colour' * colour}"
+    write_sheet(runs, scores, RESULTS / f"{stem}{options.suffix}.jpg")
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
-    content = {"lines": lines, "recordings": recordings, "failed": {run.name: why for run, why in failed.items()}}
-    described = {"set": options.set, "frames": options.frames, "groups": groups, "mocap": has_mocap()}
-    print("written:", save_figures(stem, content, described))
-    write_sheet(runs, scores, RESULTS / f"{stem}.jpg")
+    return stem, {"lines": lines, "recordings": recordings, "failed": {run.name: why for run, why in failed.items()}}
 
 
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, scenes)

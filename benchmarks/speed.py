@@ -4,9 +4,8 @@
   pixels. Times are those of the stages, without reading the file, in one pinned process with one thread; the first 50
   frames, in which code is compiled, are left out. The same follows at half resolution, the error beside both; then the
   whole frame against the plain pipeline (`tests/support/plain_pipeline.py`) in the same run; and the peak memory of
-  `depthmocap track` over a short and a long recording. Runs too short for a 99.9th percentile (1,000 frames) are
-  written to a file of their own, ending in `_part`.
-- `crowd DATABASE [--people 1,2,3,6]`: simulated people of about 6,000 pixels each move side by side before one wide
+  `depthmocap track` over a short and a long recording.
+- `crowd DATABASE [--frames 120]`: simulated people of about 6,000 pixels each move side by side before one wide
   camera, already cut out; the image is the same for every count. A frame is one `MultiPersonTracker.step` with a known
   body. The excess is the time over N times that of one person. The people of all counts take their frames in
   turn, so that other load of the machine affects all alike.
@@ -24,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from itertools import cycle
 from pathlib import Path
@@ -33,8 +32,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures, show
-from benchmarks._rows import settings_of
+from benchmarks._record import benchmark, percentiles, pin_to_one_processor, script
+from benchmarks._rows import DATABASE, settings_of
 from benchmarks._speed_swarm import swarm
 from benchmarks.rooms import RATES, ROOMS, annotations_of
 from tests.support import suite
@@ -155,11 +154,9 @@ def tracked(
     return peak / 1024.0, seconds
 
 
-def hybrid(parser: argparse.ArgumentParser) -> None:
-    """Measure, print, write JSON."""
-    parser.add_argument("database", type=Path)
-    parser.add_argument("--frames", type=int, default=1050, help="of each recording")
-    options = parser.parse_args()
+@benchmark(database=Path, frames=1050)
+def hybrid(options: argparse.Namespace) -> tuple[str, Any]:
+    """Time the hybrid tracker and the plain pipeline, and measure peak memory."""
     pin_to_one_processor()
     database = PoseDatabase.load(options.database).limited(POSES)
     settings = load_settings(HybridSettings, "hybrid")
@@ -172,9 +169,7 @@ def hybrid(parser: argparse.ArgumentParser) -> None:
             "plain": [compare(own, database, settings, PLAIN_FRAMES) for own in recordings],
         }
         figures["memory"] = [{"frames": n, "peak_mb": peak_of(n, folder, options.database)} for n in MEMORY_FRAMES]
-    show({f"{kind} {k}": row for kind, rows in figures.items() for k, row in enumerate(rows)})
-    name = "speed" if options.frames >= 1000 + WARM_UP else "speed_part"
-    print("written:", save_figures(name, figures, asdict(settings) | {"poses": len(database)}))
+    return "speed", figures
 
 
 def made(path: Path, pixels: int, frames: int) -> Recording:
@@ -189,7 +184,8 @@ def peak_of(frames: int, folder: Path, database: Path) -> float:
     return tracked(folder / f"memory_{frames}.npz", database, folder / f"run_{frames}")[0]
 
 
-PIXELS = 6000
+PIXELS, COUNTS = 6000, (1, 2, 3, 6)
+"""Pixels of a person, and numbers of people side by side."""
 APART = 1.25
 """Distance of two people, metres: with stretched arms they nearly touch."""
 UP = np.array([0.0, -1.0, 0.0])
@@ -221,9 +217,7 @@ def row_of_people(people: int, most: int, frames: int) -> np.ndarray:
     return depth
 
 
-def frame_times(
-    crowds: Sequence[MultiPersonTracker], recordings: Sequence[Recording], counts: Sequence[int]
-) -> np.ndarray:
+def frame_times(crowds: Sequence[MultiPersonTracker], recordings: Sequence[Recording]) -> np.ndarray:
     """Return milliseconds (C, T) of the frames in which all groups track all their people, in turn."""
     times = []
     for frames in zip(*(recording.stream() for recording in recordings), strict=True):
@@ -232,52 +226,37 @@ def frame_times(
             start = perf_counter()
             crowd.step(frame)
             taken.append(1000 * (perf_counter() - start))
-        if all(len(crowd.bodies) == n for crowd, n in zip(crowds, counts, strict=True)):
+        if all(len(crowd.bodies) == n for crowd, n in zip(crowds, COUNTS, strict=True)):
             times.append(taken)
     if len(times) <= SETTLED:
         raise SystemExit(f"all people were tracked in {len(times)} frames, {SETTLED} of them to warm up; ask for more")
     return np.array(times[SETTLED:]).T
 
 
-def by_number(
-    database: PoseDatabase, counts: Sequence[int], options: argparse.Namespace, folder: Path
-) -> dict[str, Any]:
-    """Return the median milliseconds of a frame by the number of people, and the excess over the multiple of one
-    person.
-    """
-    camera, recordings = wide_camera(max(counts)), []
-    for n in counts:
-        path = folder / f"people_{n}.npz"
-        depth, stamps = row_of_people(n, max(counts), options.frames), np.arange(options.frames) / RATE
-        save_recording(path, depth=iter(depth), camera=camera, timestamps=stamps, up_camera=UP)
-        recordings.append(open_recording(path))
-    tracker = HybridTracker(database, settings_of("hybrid", parse_overrides(options.set)), body=load_body("neutral"))
-    times = frame_times(
-        [MultiPersonTracker(tracker, find_people(recording), recording.up_camera) for recording in recordings],
-        recordings,
-        counts,
-    )
-    median = np.median(times, axis=1)
-    rows = {
-        str(n): {"median_ms": float(ms), "excess_ms": float(ms - n * median[0])}
-        for n, ms in zip(counts, median, strict=True)
-    }
-    return {"frames": times.shape[1], "people": rows}
-
-
-def crowd(parser: argparse.ArgumentParser) -> None:
-    """Time people side by side, print, write JSON."""
-    parser.add_argument("database", type=Path)
-    parser.add_argument("--people", default="1,2,3,6", help="comma-separated, 1 first")
-    parser.add_argument("--frames", type=int, default=100, help="of each recording")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting")
-    options = parser.parse_args()
+@benchmark(database=Path, frames=120, set=DATABASE["set"])
+def crowd(options: argparse.Namespace) -> tuple[str, Any]:
+    """Time people side by side: the median of a frame by their number, and the excess over the multiple of one."""
     pin_to_one_processor()
-    database = PoseDatabase.load(options.database)
+    database, camera = PoseDatabase.load(options.database), wide_camera(max(COUNTS))
+    stamps = np.arange(options.frames) / RATE
     with tempfile.TemporaryDirectory() as folder:
-        figures = by_number(database, [int(n) for n in options.people.split(",")], options, Path(folder))
-    show(figures)
-    print("written:", save_figures("speed_crowd", figures, {"set": options.set, "poses": len(database)}))
+        recordings = []
+        for n in COUNTS:
+            path = Path(folder) / f"people_{n}.npz"
+            depth = row_of_people(n, max(COUNTS), options.frames)
+            save_recording(path, depth=iter(depth), camera=camera, timestamps=stamps, up_camera=UP)
+            recordings.append(open_recording(path))
+        tracker = HybridTracker(
+            database, settings_of("hybrid", parse_overrides(options.set)), body=load_body("neutral")
+        )
+        crowds = [MultiPersonTracker(tracker, find_people(own), own.up_camera) for own in recordings]
+        times = frame_times(crowds, recordings)
+    median = np.median(times, axis=1)
+    people = {
+        str(n): {"median_ms": float(ms), "excess_ms": float(ms - n * median[0])}
+        for n, ms in zip(COUNTS, median, strict=True)
+    }
+    return "speed_crowd", {"people": people}
 
 
 SIX = ((-1.5, 0.0), (-0.9, -0.8), (-0.3, 0.2), (0.4, -0.6), (0.9, 0.3), (1.6, -0.4))
@@ -316,17 +295,15 @@ TYPED_FRAMES = 76
 """Frames of the recording of the first and second command: those of a recording of UTD-MHAD."""
 
 
-def passes(parser: argparse.ArgumentParser) -> None:
-    """Measure the command in new processes, print, write JSON."""
-    parser.add_argument("database", type=Path)
-    options = parser.parse_args()
+@benchmark(database=Path)
+def passes(options: argparse.Namespace) -> tuple[str, Any]:
+    """Measure the command in new processes."""
     with tempfile.TemporaryDirectory() as name:
         folder, track = Path(name), partial(tracked, database=options.database)
         figures = {"typed": typed(folder, track)} | {people: by_passes(people, folder, track) for people in MADE}
         if CLASSROOM.is_dir():
             figures["classroom"] = {way: classroom(folder / way, track, extra) for way, extra in PASSES.items()}
-    show(figures)
-    print("written:", save_figures("speed_passes", figures, {name: lengths for name, (_, *lengths) in MADE.items()}))
+    return "speed_passes", figures
 
 
 def by_passes(people: str, folder: Path, track: Callable[..., tuple[float, float]]) -> dict[str, Any]:
@@ -365,10 +342,4 @@ def classroom(run: Path, track: Callable[..., tuple[float, float]], extra: Seque
     return {"processor_s": round(seconds, 2), "seen": seen, "each_s": seconds / seen, "peak_mb": round(peak)}
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "passes": passes, "swarm": swarm})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"hybrid": hybrid, "crowd": crowd, "passes": passes, "swarm": swarm})

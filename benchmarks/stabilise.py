@@ -13,12 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks._record import RESULTS, drawn, part_suffix, run_part, save_figures, show
-from benchmarks._rows import add_database_options, add_split_option, poses_of
+from benchmarks._record import RESULTS, benchmark, drawn, script
+from benchmarks._rows import DATABASE, SPLIT, poses_of
 from tests.support.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
 from toolkit.app.pipeline import TrackerRecipe, track_recording
 from toolkit.app.stabilise.source_run import open_source
-from toolkit.app.stabilise.stabiliser import THRESHOLD, Stabilised, stabilise
+from toolkit.app.stabilise.stabiliser import Stabilised, stabilise
 from toolkit.evaluation.joint_errors import CORRECT_WITHIN, joint_errors, visible_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -89,26 +89,19 @@ def measured(run: Path, database: Path, performed: Performed, classes: Sequence[
     return Measured(row, labels, [1000 * joint_errors(t.joints, truth).mean(axis=1) for t in tracks.values()])
 
 
-def classes(parser: argparse.ArgumentParser) -> None:
-    """Track, stabilise, compare, print, write JSON."""
-    add_split_option(parser)
-    names = [sequence.name for sequence in SEQUENCES]
-    parser.add_argument("--sequences", nargs="*", default=names, help="names of sequences; default: all")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(SPLIT, DATABASE)
+def classes(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track and stabilise all sequences, and plot their errors."""
     database, known = poses_of(options), learn_templates(class_clips(options.split))
     done: dict[str, Measured] = {}
-    for sequence in [sequence for sequence in SEQUENCES if sequence.name in options.sequences]:
+    for sequence in SEQUENCES:
         run, performed = tracked(sequence, database, options)
         done[sequence.name] = measured(run, database, performed, known)
-        show(done[sequence.name].row, sequence.name)
     rows = {name: found.row for name, found in done.items()}
     segments, frames = (sum((found.labels[k] for found in done.values()), Scores(0, 0, 0, 0)) for k in (0, 1))
-    figures = {"sequences": rows, **summary(rows), "F segments": segments.f, "F frames": frames.f}
-    show({name: value for name, value in figures.items() if name != "sequences"}, "all")
-    name = f"stabilise_{options.split}{part_suffix(parser, options, 'sequences')}"
+    name = f"stabilise_{options.split}"
     plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.jpg")
-    print("written:", save_figures(name, figures, {"threshold": THRESHOLD}))
+    return name, {"sequences": rows, **summary(rows), "F segments": segments.f, "F frames": frames.f}
 
 
 def plot_errors(errors: Mapping[str, Sequence[np.ndarray]], path: Path) -> None:
@@ -134,10 +127,4 @@ def summary(rows: Mapping[str, Any]) -> dict[str, Any]:
     return {**means, "most harm mm": float(max(harm))}
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"classes": classes})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"classes": classes})

@@ -13,20 +13,22 @@
 import argparse
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from itertools import count, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks import _upper as upper
-from benchmarks._record import RESULTS, drawn, part_suffix, run_part, save_figures, save_jpeg, show
-from benchmarks._rows import add_database_options, add_take_options, poses_of
+from benchmarks._record import RESULTS, benchmark, drawn, milliseconds_of, save_jpeg, script
+from benchmarks._rows import DATABASE, TAKES, poses_of
 from benchmarks.scenes import frame_picture
 from tests.support.scenes import record_scene
 from tests.support.solo import Solo
-from tests.support.upper import GROUPS, MORE, upper_scenes
+from tests.support.upper import GROUPS, upper_scenes
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body import skeleton
@@ -131,7 +133,7 @@ def seated(row: str, options: argparse.Namespace) -> dict[str, list[Shown]]:
 
 
 def real_figures(found: Mapping[str, Sequence[Shown]]) -> dict[str, Any]:
-    """Return the figures that need no metres, and the mean of each recording."""
+    """Return the figures that need no metres."""
     scores = []
     for name, frames in found.items():
         joints = np.array([result.joints[upper.ROWS] for _, _, result, _ in frames], dtype=np.float64)
@@ -139,8 +141,7 @@ def real_figures(found: Mapping[str, Sequence[Shown]]) -> dict[str, Any]:
         tracked = np.array([result.state == TRACKED for _, _, result, _ in frames])
         errors = upper.pixel_errors(joints, truth, camera)
         scores.append(upper.UpperScore(name, errors, np.full(errors.shape, np.nan), tracked))
-    figures = {name: value for name, value in upper.upper_figures(scores).items() if name != "upper_mm"}
-    return figures | {"each": {score.name: score.pixels.mean(axis=1).round(1).tolist() for score in scores}}
+    return {name: value for name, value in upper.upper_figures(scores).items() if name != "upper_mm"}
 
 
 def take_figures(row: str, recordings: Sequence[Recording], options: argparse.Namespace) -> dict[str, Any]:
@@ -159,19 +160,12 @@ def take_figures(row: str, recordings: Sequence[Recording], options: argparse.Na
         taken = [WAITED if n is None else n for n in frames]
         figures |= {"recovered": float(np.mean([n is not None for n in frames]))}
         figures |= {"recovery_frames": float(np.median(taken))}
-    each = {s.name: {"px": float(s.pixels.mean()), "hands_px": float(s.pixels[:, upper.HANDS].mean())} for s in scores}
-    return figures | {"takes": each}
+    return figures
 
 
-def track(parser: argparse.ArgumentParser) -> None:
-    """Track, print, write JSON, contact sheets and the plot."""
-    add_take_options(parser, frames=90)
-    parser.add_argument("--rows", default=ROWS, help="out of: " + ROWS)
-    parser.add_argument("--groups", default=",".join(GROUPS), help="out of: " + ", ".join((*GROUPS, *MORE)))
-    parser.add_argument("--recovery", action="store_true")
-    parser.add_argument("--real", action="store_true", help="the stills and the seated man instead of the takes")
-    add_database_options(parser)
-    options = parser.parse_args()
+@benchmark(TAKES, DATABASE, frames=90, rows=ROWS, groups=",".join(GROUPS), recovery=False, real=False)
+def track(options: argparse.Namespace) -> tuple[str, Any]:
+    """Track the takes, or with `--real` the stills and the seated man; write pictures and the plot."""
     rows, figures = options.rows.split(","), dict[str, dict[str, Any]]()
     if options.real:
         for row in rows:
@@ -188,34 +182,32 @@ def track(parser: argparse.ArgumentParser) -> None:
         scenes = upper_scenes(options.split, tuple(options.groups.split(",")), options.takes)
         recordings = [open_recording(record_scene(scene, options.work, options.frames)) for scene in scenes]
         figures = {row: take_figures(row, recordings, options) for row in rows}
-    show(figures)
     own = "" if options.rows == ROWS else "_" + options.rows.replace(",", "_")
-    part = part_suffix(parser, options, "takes", "frames", "groups", "set")
-    name = ("upper_real" if options.real else f"upper_{options.split}") + own + part
-    plot_success({row: found["curve"] for row, found in figures.items() if "curve" in found}, RESULTS / f"{name}.jpg")
-    settings = {name: getattr(options, name) for name in ("rows", "frames", "set")}
-    print("written:", save_figures(name, figures, settings))
+    name = ("upper_real" if options.real else f"upper_{options.split}") + own
+    curves = {row: found["curve"] for row, found in figures.items() if "curve" in found}
+    plot_success(curves, RESULTS / f"{name}{options.suffix}.jpg")
+    return name, figures
 
 
-def speed(parser: argparse.ArgumentParser) -> None:
+def step_of(solo: Solo, recording: Recording, moments: Iterator[int]) -> None:
+    """Track the still once more."""
+    solo.step(recording.depth(0), next(moments) / 30.0)
+
+
+@benchmark(frames=4)
+def speed(options: argparse.Namespace) -> tuple[str, Any]:
     """Measure frames a second; a tile of the paper is a quarter of an image 2.5 times as wide."""
-    parser.add_argument("--frames", type=int, default=4, help="after the first, which is not counted")
-    options = parser.parse_args()
     name = next(iter(annotated("stills.json")))
     recording = open_recording(DEPTH / "skeltrack" / f"depth-data-{name}", intrinsics=STILL_CAMERA)
     figures: dict[str, float] = {}
-    for tile in (64, 128, 256):
-        for particles in (64, 256, 1024):
-            columns = {f"particles.{kind}_columns": tile * 5 // 2 for kind in ("trunk", "arm")}
-            settings = {"particles.count": particles, "sensing.subject": "nearest", **columns}
-            solo, spent = Solo(TrackerRecipe("lopez2011", settings).build(), recording), []
-            for i in range(options.frames + 1):
-                begun = time.process_time()
-                solo.step(recording.depth(0), i / 30.0)
-                spent.append(time.process_time() - begun)
-            figures[f"{tile}x{tile} {particles}x3"] = 1.0 / float(np.median(spent[1:]))
-    show(figures, "frames per second")
-    print("written:", save_figures("upper_speed", figures, {"frames": options.frames}))
+    for tile, particles in product((64, 128, 256), (64, 256, 1024)):
+        columns = {f"particles.{kind}_columns": tile * 5 // 2 for kind in ("trunk", "arm")}
+        settings = {"particles.count": particles, "sensing.subject": "nearest", **columns}
+        solo, moments = Solo(TrackerRecipe("lopez2011", settings).build(), recording), count()
+        step = partial(step_of, solo, recording, moments)
+        spent = milliseconds_of(step, options.frames + 1, time.process_time)
+        figures[f"{tile}x{tile} {particles}x3"] = 1000.0 / float(np.median(spent[1:]))
+    return "upper_speed", figures
 
 
 def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
@@ -229,10 +221,4 @@ def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
         axes.legend(fontsize=8)
 
 
-def main() -> None:
-    """Run the named part."""
-    run_part(__doc__, {"track": track, "speed": speed})
-
-
-if __name__ == "__main__":
-    main()
+main = script(__name__, __doc__, {"track": track, "speed": speed})
