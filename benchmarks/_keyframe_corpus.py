@@ -4,9 +4,8 @@ HDM05 has 188 cut clips of 11 classes by 3 actors, about 6 minutes. Larger corpo
 mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table states this.
 """
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,11 +13,12 @@ import numpy as np
 
 from toolkit.mocap.read import find_clips
 from toolkit.retrieval.annotation.annotator import Annotator, Intervals, MotionClass
-from toolkit.retrieval.annotation.documents import assemble, excerpt
-from toolkit.retrieval.annotation.measures import Segment, label_frames
+from toolkit.retrieval.annotation.documents import Document, assemble, excerpt
+from toolkit.retrieval.annotation.measures import label_frames
 from toolkit.retrieval.annotation.preselection import preselect_in
+from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.motion import Motion
-from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
 from toolkit.retrieval.workflow.motions import load_motion
@@ -64,58 +64,42 @@ PUNCHES = ("02_05",)
 """CMU motions with another class of Table 5.1, filler where that is no class."""
 
 
-@dataclass(frozen=True, eq=False)
-class Example:
-    """Cut clip with its actor and class."""
-
-    motion: Motion
-    actor: str
-    label: str
-
-    @cached_property
-    def features(self) -> FeatureMatrix:
-        """Relational features of the clip."""
-        return relational_features(self.motion)
+LAST_TRAINING_SUBJECT = 8
+"""Last CMU subject whose motions are used in training; the others are filler of the reported documents."""
 
 
-@dataclass(frozen=True, eq=False)
-class LabelledDocument:
-    """Features of a document and its true segments: (first frame, frame after the last, label) at 30 Hz."""
-
-    features: FeatureMatrix
-    actor: str
-    segments: tuple[tuple[int, int, str], ...]
-
-
-def load_examples(data: Path) -> list[Example]:
+def load_examples(data: Path) -> list[CutClip]:
     """Return all HDM05 clips, sorted by name."""
-    examples = []
-    for file in find_clips(data / "mocap" / "hdm05"):
-        _, actor, label, *_ = file.stem.split("_")
-        examples.append(Example(load_motion(file), actor, label))
-    return examples
+    words = {file: file.stem.split("_") for file in find_clips(data / "mocap" / "hdm05")}
+    return [CutClip(load_motion(file), label, person) for file, (_, person, label, *_) in words.items()]
 
 
-def load_all(data: Path) -> list[Example]:
+def load_all(data: Path) -> list[CutClip]:
     """Return the HDM05 clips, and clips of four more classes of Table 5.1; neutral, tpose and turn are missing.
 
-    The latter are HDM05 clips played backwards, and parts of CMU motions. "actor" is the rotation in which a clip is
+    The latter are HDM05 clips played backwards, and parts of CMU motions. The person is the rotation in which a clip is
     left out; of the four classes only standUpFloor has clips of three people.
     """
     examples = load_examples(data)
     found = examples + [
-        Example(_backwards(example.motion), example.actor, REVERSED[example.label])
-        for example in examples
-        if example.label in REVERSED
+        CutClip(_backwards(clip.motion), REVERSED[clip.label], clip.person)
+        for clip in examples
+        if clip.label in REVERSED
     ]
     for label, half, folds in CUT_FROM_CMU:
-        for actor, clips in folds.items():
+        for person, clips in folds.items():
             for name, middle in clips:
                 motion = load_motion(data / "mocap" / "cmu" / f"{name.split()[0]}.bvh")
                 first, last = (round((middle + offset) * motion.frame_rate) for offset in (-half, half))
-                clip = replace(motion.sliced(first, last), name=f"{name} {middle:g} s")
-                found.append(Example(clip.mirrored() if name.endswith("mirrored") else clip, actor, label))
+                cut = replace(motion.sliced(first, last), name=f"{name} {middle:g} s")
+                found.append(CutClip(cut.mirrored() if name.endswith("mirrored") else cut, label, person))
     return found
+
+
+def left_out(clips: Sequence[CutClip]) -> Iterator[tuple[str, list[CutClip], list[CutClip]]]:
+    """Yield each person with the clips of the others and the person's own."""
+    for person in sorted({clip.person for clip in clips}):
+        yield person, [c for c in clips if c.person != person], [c for c in clips if c.person == person]
 
 
 def _backwards(motion: Motion) -> Motion:
@@ -125,12 +109,19 @@ def _backwards(motion: Motion) -> Motion:
     return replace(motion, name=f"{motion.name} (backwards)", joints=joints, root_axis=back)
 
 
-def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:
+def by_label(clips: Sequence[CutClip]) -> dict[str, list[CutClip]]:
     """Return the clips of each class."""
-    classes: dict[str, list[Motion]] = {label: [] for label in sorted({e.label for e in examples})}
-    for example in examples:
-        classes[example.label].append(example.motion)
-    return classes
+    return {label: [c for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
+
+
+def motions_by_label(clips: Sequence[CutClip]) -> dict[str, list[Motion]]:
+    """Return the motions of the clips of each class."""
+    return {label: [clip.motion for clip in own] for label, own in by_label(clips).items()}
+
+
+def features_by_label(clips: Sequence[CutClip]) -> dict[str, list[FeatureMatrix]]:
+    """Return the features of the clips of each class."""
+    return {label: [clip.features for clip in own] for label, own in by_label(clips).items()}
 
 
 def load_filler(data: Path, without: Collection[str] = ()) -> list[Motion]:
@@ -139,83 +130,56 @@ def load_filler(data: Path, without: Collection[str] = ()) -> list[Motion]:
     return [motion.sliced(1, len(motion)) for motion in motions]
 
 
+def halves(filler: Sequence[Motion]) -> tuple[list[Motion], list[Motion]]:
+    """Return the filler of training and that of the reported documents, see `LAST_TRAINING_SUBJECT`."""
+    subjects = [int(motion.name.split("_")[0]) for motion in filler]
+    early = [motion for motion, subject in zip(filler, subjects, strict=True) if subject <= LAST_TRAINING_SUBJECT]
+    return early, [motion for motion in filler if motion not in early]
+
+
 def make_documents(
-    examples: Sequence[Example], filler: Sequence[Motion], frames: int, rng: np.random.Generator
-) -> list[LabelledDocument]:
-    """Return documents of one actor, together at least `frames` frames at 30 Hz."""
-    documents: list[LabelledDocument] = []
+    clips: Sequence[CutClip], filler: Sequence[Motion], frames: int, rng: np.random.Generator
+) -> list[Document]:
+    """Return documents of one person, together at least `frames` frames at 30 Hz; their names start with the person."""
+    documents: list[Document] = []
     done = 0
     while done < frames:
-        name = f"{examples[0].actor}_{len(documents):04d}"
-        made = assemble(name, [_part(examples, filler, rng) for _ in range(PARTS)])
-        features = relational_features(made.motion)
-        segments = tuple((round(s.start * FEATURE_RATE), round(s.end * FEATURE_RATE), s.label) for s in made.segments)
-        documents.append(LabelledDocument(features, examples[0].actor, segments))
-        done += len(features)
+        name = f"{clips[0].person}_{len(documents):04d}"
+        documents.append(assemble(name, [_part(clips, filler, rng) for _ in range(PARTS)]))
+        done += len(documents[-1].features)
     return documents
 
 
-def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.Generator) -> tuple[Motion, str | None]:
+def _part(clips: Sequence[CutClip], filler: Sequence[Motion], rng: np.random.Generator) -> tuple[Motion, str | None]:
     if rng.random() < FILLER_SHARE:
         return excerpt(filler, FILLER_SECONDS, rng), None
-    example = examples[int(rng.integers(len(examples)))]
-    motion = example.motion.at_speed(float(np.exp(rng.uniform(*np.log(SPEEDS)))))
+    clip = clips[int(rng.integers(len(clips)))]
+    motion = clip.motion.at_speed(float(np.exp(rng.uniform(*np.log(SPEEDS)))))
     if rng.random() < 0.5:
-        return motion, example.label
-    return motion.mirrored(), example.label if example.label in SYMMETRIC else None
-
-
-def documents_of_each(
-    examples: Sequence[Example], filler: Sequence[Motion], frames: int, rng: np.random.Generator
-) -> list[LabelledDocument]:
-    """Return documents of `frames` frames of each actor's own clips, actor by actor."""
-    return [
-        document
-        for actor in sorted({example.actor for example in examples})
-        for document in make_documents([e for e in examples if e.actor == actor], filler, frames, rng)
-    ]
+        return motion, clip.label
+    return motion.mirrored(), clip.label if clip.label in SYMMETRIC else None
 
 
 def learned_from(
-    examples: Sequence[Example],
-    documents: Sequence[LabelledDocument],
-    settings: LearningSettings,
-    rng: np.random.Generator,
+    clips: Sequence[CutClip], documents: Sequence[Document], settings: LearningSettings, rng: np.random.Generator
 ) -> dict[str, LearnedQuery]:
     """Return queries for all classes; unlabelled parts of documents of the same clips are the counterexamples."""
-    classes, checks = training_clips(by_label(examples), settings)
+    classes, checks = training_clips(motions_by_label(clips), settings)
     return learn(classes, settings, rng, others=unlabelled_pieces(documents), checks=checks)
 
 
-def unlabelled_pieces(documents: Sequence[LabelledDocument]) -> list[FeatureMatrix]:
-    """Return filler, joins and mirror images of one-sided classes, cut out of documents into pieces of at most 3
-    seconds.
-    """
+def unlabelled_pieces(documents: Sequence[Document]) -> list[FeatureMatrix]:
+    """Return the unlabelled parts of documents, cut into pieces of at most 3 seconds."""
     pieces = []
     for document in documents:
-        edges = [0, *(edge for start, stop, _ in document.segments for edge in (start, stop)), len(document.features)]
+        inner = [edge for segment in document.segments for edge in segment.frames(FEATURE_RATE)]
+        edges = [0, *inner, len(document.features)]
         for first, last in zip(edges[::2], edges[1::2], strict=True):
             for start in range(first, last, PIECE):
                 piece = document.features.sliced(start, min(start + PIECE, last))
                 if len(piece) >= SHORTEST_PIECE:
                     pieces.append(replace(piece, name=f"{document.features.name} from {start}"))
     return pieces
-
-
-def confusion(true: np.ndarray, decided: np.ndarray) -> np.ndarray:
-    """Return frames by true and decided class: int64 (P + 1, P + 1); the last row and column stand for "no class".
-
-    Parameters
-    ----------
-    true : bool (P, L); a frame with several true labels counts once for each
-    decided : int64 (L,), class of each frame before segments are extended, -1 for none
-    """
-    classes = len(true)
-    table = np.zeros((classes + 1, classes + 1), dtype=np.int64)
-    columns = np.where(decided < 0, classes, decided)
-    for row, frames in enumerate([*true, ~true.any(axis=0)]):
-        table[row] = np.bincount(columns[frames], minlength=classes + 1)
-    return table
 
 
 THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
@@ -228,12 +192,12 @@ class Fold(NamedTuple):
     Attributes
     ----------
     classes : learned from some people
-    documents : with true segments, of a person who is in no example
+    documents : of a person who is in no example
     queries : keyframes learned from the same people, if keyframes will narrow the search down
     """
 
     classes: Sequence[MotionClass]
-    documents: Sequence[tuple[FeatureMatrix, Sequence[Segment]]]
+    documents: Sequence[Document]
     queries: Sequence[KeyframeQuery] = ()
 
 
@@ -249,15 +213,14 @@ def learn_threshold(folds: Sequence[Fold]) -> float:
     found, right, true = (np.zeros(len(THRESHOLDS)) for _ in range(3))
     for classes, documents, queries in folds:
         labels = [motion_class.label for motion_class in classes]
-        matrices = [features for features, _ in documents]
         narrowed: Sequence[Intervals | None] = [None] * len(documents)
         if queries:
-            narrowed = preselect_in(matrices, queries, labels)
+            narrowed = preselect_in([document.features for document in documents], queries, labels)
         for number, threshold in enumerate(THRESHOLDS):
             annotator = Annotator([MotionClass(c.label, c.template, float(threshold)) for c in classes])
-            for (features, segments), intervals in zip(documents, narrowed, strict=True):
-                frames = annotator.annotate(features, intervals).frames
-                truth = label_frames(segments, annotator.labels, len(features), features.frame_rate)
+            for document, intervals in zip(documents, narrowed, strict=True):
+                frames = annotator.annotate(document.features, intervals).frames
+                truth = label_frames(document.segments, annotator.labels, len(document.features), FEATURE_RATE)
                 found[number] += frames.sum()
                 right[number] += (frames & truth).sum()
                 true[number] += truth.sum()

@@ -15,35 +15,23 @@
 
 import argparse
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks import _keyframe_corpus as corpus
 from benchmarks._events import live_events
-from benchmarks._keyframe_corpus import (
-    ACTORS,
-    HOLDS_A_CLASS,
-    PUNCHES,
-    Example,
-    Fold,
-    LabelledDocument,
-    confusion,
-    learn_threshold,
-    learned_from,
-    load_all,
-    load_examples,
-    load_filler,
-)
 from benchmarks._record import RESULTS, benchmark, milliseconds_of, script
 from toolkit.retrieval.annotation.annotation_report import plot_annotation
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotation, Annotator, DecisionSettings, Intervals
 from toolkit.retrieval.annotation.classes import learn_classes
-from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
-from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.documents import Document, assemble, shuffled_parts
+from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.preselection import preselect
+from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -51,8 +39,6 @@ from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearningSettings
 
 CLIPS_PER_DOCUMENT, SEED = 12, 0
-LAST_TRAINING_SUBJECT = 8
-"""Last CMU subject whose motions are filler in training; the others are filler of the reported documents."""
 MINUTES, REPEATS = 74.0, 5
 """Length of the timed document, and runs of which the shortest counts."""
 COUNTEREXAMPLES = 3
@@ -71,193 +57,150 @@ THRESHOLDS = tuple(round(0.02 * step, 2) for step in range(1, 13))
 MEASURES = ("frames", "segments")
 RELEVANT_SHARE = 0.1
 """Fraction of labelled frames in the second timed corpus."""
-Labelled = tuple[FeatureMatrix, tuple[Segment, ...]]
-"""Features of a document, and its true segments."""
+Run = tuple[dict[str, Scores], list[tuple[float, Annotation, Document]]]
+"""Scores over frames and segments; and of each document F over frames, the annotation and the document."""
 
 
-@dataclass(frozen=True, eq=False)
-class Trained:
-    """Templates and keyframes learned from two actors."""
-
-    annotator: Annotator
-    queries: list[KeyframeQuery]
-
-
-def make_documents(examples: Sequence[Example], filler: Sequence[Motion], seed: int) -> list[Labelled]:
+def make_documents(clips: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> list[Document]:
     """Return all clips of one actor in documents of `CLIPS_PER_DOCUMENT` clips with filler between."""
-    clips = [(example.motion, example.label) for example in examples]
     groups: list[list[tuple[Motion, str | None]]] = [[]]
-    for part in shuffled_parts(clips, filler, np.random.default_rng(seed)):
+    for part in shuffled_parts([(c.motion, c.label) for c in clips], filler, np.random.default_rng(seed)):
         if sum(label is not None for _, label in groups[-1]) == CLIPS_PER_DOCUMENT:
             groups.append([])
         groups[-1].append(part)
-    documents = [assemble(f"{examples[0].actor} {i}", group) for i, group in enumerate(groups, start=1)]
-    return [(relational_features(d.motion), d.segments) for d in documents]
+    return [assemble(f"{clips[0].person} {i}", group) for i, group in enumerate(groups, start=1)]
 
 
-def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
-    """Return feature matrices of each class."""
-    found: dict[str, list[FeatureMatrix]] = {}
-    for example in examples:
-        found.setdefault(example.label, []).append(relational_features(example.motion))
-    return found
-
-
-def train(examples: Sequence[Example], filler: Sequence[Motion], runs: int) -> Trained:
-    """Return templates, threshold and keyframes from the clips of some actors and filler of the training subjects."""
+def train(clips: Sequence[CutClip], filler: Sequence[Motion], runs: int) -> tuple[Annotator, list[KeyframeQuery]]:
+    """Return templates with their threshold, and keyframes, from the clips of some actors and filler."""
     folds = []
-    for actor in sorted({example.actor for example in examples}):
-        seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        unknown = make_documents(unseen, filler, SEED)
-        folds.append(Fold(learn_classes(classes_of(seen)), unknown, keyframes_of(seen, filler, runs)))
-    classes = learn_classes(classes_of(examples), threshold=learn_threshold(folds))
-    return Trained(Annotator(classes), keyframes_of(examples, filler, runs))
+    for _, seen, unseen in corpus.left_out(clips):
+        classes = learn_classes(corpus.features_by_label(seen))
+        folds.append(corpus.Fold(classes, make_documents(unseen, filler, SEED), keyframes_of(seen, filler, runs)))
+    classes = learn_classes(corpus.features_by_label(clips), threshold=corpus.learn_threshold(folds))
+    return Annotator(classes), keyframes_of(clips, filler, runs)
 
 
-def keyframes_of(examples: Sequence[Example], filler: Sequence[Motion], runs: int) -> list[KeyframeQuery]:
+def keyframes_of(clips: Sequence[CutClip], filler: Sequence[Motion], runs: int) -> list[KeyframeQuery]:
     """Return keyframes learned from clips, with unlabelled parts of their documents as counterexamples."""
-    made: list[LabelledDocument] = []
-    for actor in sorted({example.actor for example in examples}):
-        own = [example for example in examples if example.actor == actor]
-        for number in range(COUNTEREXAMPLES):
-            made.extend(
-                LabelledDocument(features, actor, tuple((*s.frames(FEATURE_RATE), s.label) for s in segments))
-                for features, segments in make_documents(own, filler, SEED + 100 + number)
-            )
-    learned = learned_from(examples, made, LearningSettings(runs=runs), np.random.default_rng(SEED))
+    made = [
+        document
+        for _, _, own in corpus.left_out(clips)
+        for number in range(COUNTEREXAMPLES)
+        for document in make_documents(own, filler, SEED + 100 + number)
+    ]
+    learned = corpus.learned_from(clips, made, LearningSettings(runs=runs), np.random.default_rng(SEED))
     return [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
 
 
-def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
-    """Return scores and confusion matrix, without and with keyframes, of one actor's documents."""
-    labels = trained.annotator.labels
-    index = KeyframeIndex.build([features for features, _ in documents])
-    intervals = preselect(index, trained.queries, labels)
-    result: dict[str, Any] = {}
+def scored(annotator: Annotator, documents: Sequence[Document], intervals: Sequence[Intervals | None]) -> Run:
+    """Annotate documents, within intervals where there are any."""
+    totals, annotations = dict.fromkeys(MEASURES, Scores(0, 0, 0, 0)), []
+    for document, own in zip(documents, intervals, strict=True):
+        found = annotator.annotate(document.features, own)
+        true = label_frames(document.segments, annotator.labels, len(document.features), FEATURE_RATE)
+        frames = frame_scores(true, found.frames)
+        totals["frames"] += frames
+        totals["segments"] += segment_scores(document.segments, found.segments)
+        annotations.append((frames.f, found, document))
+    return totals, annotations
+
+
+def measured(annotator: Annotator, queries: Sequence[KeyframeQuery], documents: Sequence[Document]) -> dict[str, Run]:
+    """Annotate one actor's documents without and with keyframes, and at each threshold (Fig. 5.6)."""
+    index = KeyframeIndex.build([document.features for document in documents])
+    intervals = preselect(index, queries, annotator.labels)
+    found = {}
     for name, (narrowed, rules) in VARIANTS.items():
-        annotator = Annotator(trained.annotator.classes, rules)
-        totals = dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
-        table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
-        annotations = []
-        for number, (features, segments) in enumerate(documents):
-            found = annotator.annotate(features, intervals[number] if narrowed else None)
-            true = label_frames(segments, labels, len(features), features.frame_rate)
-            totals["frames"] += frame_scores(true, found.frames)
-            totals["segments"] += segment_scores(segments, found.segments)
-            table += confusion(true, found.decided)
-            annotations.append((frame_scores(true, found.frames).f, found, segments))
-        result[name] = {"scores": totals, "confusion": table, "annotations": annotations}
-    result["over thresholds"] = [swept(trained, threshold, documents, intervals) for threshold in THRESHOLDS]
-    return result
-
-
-def swept(
-    trained: Trained, threshold: float, documents: Sequence[Labelled], intervals: Sequence[Intervals]
-) -> dict[str, Scores]:
-    """Return scores over frames and segments with keyframes and a common threshold (Fig. 5.6)."""
-    classes = [replace(known, threshold=threshold) for known in trained.annotator.classes]
-    annotator, found = Annotator(classes, AS_PUBLISHED), dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
-    for (features, segments), own in zip(documents, intervals, strict=True):
-        annotation = annotator.annotate(features, own)
-        true = label_frames(segments, annotator.labels, len(features), features.frame_rate)
-        found["frames"] += frame_scores(true, annotation.frames)
-        found["segments"] += segment_scores(segments, annotation.segments)
+        within = intervals if narrowed else [None] * len(documents)
+        found[name] = scored(Annotator(annotator.classes, rules), documents, within)
+    for threshold in THRESHOLDS:
+        classes = [replace(known, threshold=threshold) for known in annotator.classes]
+        found[str(threshold)] = scored(Annotator(classes, AS_PUBLISHED), documents, intervals)
     return found
 
 
-def speed(trained: Trained, parts: Sequence[FeatureMatrix]) -> dict[str, float]:
+def speed(annotator: Annotator, queries: Sequence[KeyframeQuery], parts: Sequence[FeatureMatrix]) -> dict[str, float]:
     """Return CPU seconds to annotate a document of about `MINUTES`, made of repeated parts, and the speed-up."""
     values = np.concatenate([features.values for features in parts], axis=1)
     repeats = max(1, round(MINUTES * 1800.0 / values.shape[1]))
     features = FeatureMatrix("all", np.tile(values, (1, repeats)))
     index = KeyframeIndex.build([features])
-    annotator = trained.annotator
     without = _cpu_seconds(lambda: annotator.annotate(features))
-    both = _cpu_seconds(lambda: annotator.annotate(features, preselect(index, trained.queries, annotator.labels)[0]))
-    return {
-        "seconds_without_keyframes": without, "seconds_with_keyframes": both, "speed_up": without / both,
-    }  # fmt: skip
+    both = _cpu_seconds(lambda: annotator.annotate(features, preselect(index, queries, annotator.labels)[0]))
+    return {"seconds_without_keyframes": without, "seconds_with_keyframes": both, "speed_up": without / both}
 
 
-def diluted(documents: Sequence[Labelled], filler: Sequence[Motion]) -> list[FeatureMatrix]:
+def diluted(documents: Sequence[Document], filler: Sequence[Motion]) -> list[FeatureMatrix]:
     """Return the documents with filler, so that labelled frames are `RELEVANT_SHARE` of all."""
-    labelled = sum(segment.end - segment.start for _, segments in documents for segment in segments)
-    total = sum(features.duration for features, _ in documents)
+    labelled = sum(segment.end - segment.start for document in documents for segment in document.segments)
+    total = sum(document.features.duration for document in documents)
     matrices = [relational_features(motion) for motion in filler]
     wanted = (labelled / RELEVANT_SHARE - total) / sum(matrix.duration for matrix in matrices)
-    return [*(features for features, _ in documents), *matrices * max(0, round(wanted))]
+    return [*(document.features for document in documents), *matrices * max(0, round(wanted))]
 
 
 def _cpu_seconds(run: Callable[[], object]) -> float:
     return min(milliseconds_of(run, REPEATS, time.process_time)) / 1000.0
 
 
-def rotations(examples: Sequence[Example], filler: Mapping[str, Motion], runs: int) -> dict[str, Any]:
-    """Return the figures of all three rotations, and draw the best document."""
-    training = [m for name, m in filler.items() if int(name.split("_")[0]) <= LAST_TRAINING_SUBJECT]
-    reporting = [m for name, m in filler.items() if int(name.split("_")[0]) > LAST_TRAINING_SUBJECT]
-    found: dict[str, dict[str, Any]] = {}
-    for actor in ACTORS:
-        seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
+def rotations(clips: Sequence[CutClip], filler: Sequence[Motion], runs: int) -> dict[str, Any]:
+    """Return the figures of all three rotations, and draw the best document (Fig. 5.5)."""
+    training, reporting = corpus.halves(filler)
+    found: dict[str, dict[str, Run]] = {}
+    speeds: dict[str, dict[str, dict[str, float]]] = {}
+    for actor, seen, unseen in corpus.left_out(clips):
         trained, documents = train(seen, training, runs), make_documents(unseen, reporting, SEED + 1)
-        found[actor] = measured(trained, documents)
-        dense = [features for features, _ in documents]
-        found[actor]["speed"] = {
-            "documents": speed(trained, dense),
-            "with more filler": speed(trained, diluted(documents, reporting)),
+        found[actor] = measured(*trained, documents)
+        speeds[actor] = {
+            "documents": speed(*trained, [document.features for document in documents]),
+            "with more filler": speed(*trained, diluted(documents, reporting)),
         }
-    totals = {name: _summed([found[actor][name]["scores"] for actor in ACTORS]) for name in VARIANTS}
-    swept = [_summed([found[actor]["over thresholds"][k] for actor in ACTORS]) for k in range(len(THRESHOLDS))]
-    tables = {name: sum(found[actor][name]["confusion"] for actor in ACTORS) for name in list(VARIANTS)[:2]}
-    best = _draw_best([one for own in found.values() for one in own["with keyframes"]["annotations"]])
-    timings = {name: [found[actor]["speed"][name]["speed_up"] for actor in ACTORS] for name in found["bd"]["speed"]}
+    together = {name: _scores([own[name][0] for own in found.values()]) for name in next(iter(found.values()))}
+    annotations = [one for own in found.values() for one in own["with keyframes"][1]]
+    whole = [one for one in annotations if len(one[2].segments) == CLIPS_PER_DOCUMENT]
+    best, annotation, document = max(whole, key=lambda one: one[0])
+    plot_annotation(annotation, document.segments).savefig(RESULTS / "annotation_best.jpg", dpi=80)
+    curves = {
+        of: {key: [together[str(tau)][of][key] for tau in THRESHOLDS] for key in ("precision", "recall", "f")}
+        for of in MEASURES
+    }
     return {
-        "all_actors": {name: _scores(total) for name, total in totals.items()},
-        "over_thresholds": {"tau": THRESHOLDS, **{of: _curves([_scores(row)[of] for row in swept]) for of in MEASURES}},
+        "all_actors": {name: together[name] for name in VARIANTS},
+        "over_thresholds": {"tau": THRESHOLDS, **curves},
         "by_actor_left_out": {
-            actor: {**{name: _scores(own[name]["scores"]) for name in VARIANTS}, "speed": own["speed"]}
+            actor: {**{name: _scores([own[name][0]]) for name in VARIANTS}, "speed": speeds[actor]}
             for actor, own in found.items()
         },
-        "speed_up": {name: float(np.mean(factors)) for name, factors in timings.items()},
-        "confusion": {"labels": [*trained.annotator.labels, "no class"], **tables},
+        "speed_up": {
+            name: float(np.mean([own[name]["speed_up"] for own in speeds.values()]))
+            for name in ("documents", "with more filler")
+        },
         "drawn": {"best": best},
-    }  # fmt: skip
+    }
 
 
-def _curves(rows: Sequence[dict[str, float]]) -> dict[str, list[float]]:
-    return {key: [row[key] for row in rows] for key in rows[0]}
+def _scores(parts: Sequence[dict[str, Scores]]) -> dict[str, dict[str, float]]:
+    """Return precision, recall and F of the sum of some scores."""
+    sums = {of: sum((part[of] for part in parts), Scores(0, 0, 0, 0)) for of in MEASURES}
+    return {of: {"precision": s.precision, "recall": s.recall, "f": s.f} for of, s in sums.items()}
 
 
-def _draw_best(annotations: Sequence[tuple[float, Annotation, Sequence[Segment]]]) -> float:
-    """Draw the whole document with the highest F over frames (Fig. 5.5), and return that."""
-    whole = [one for one in annotations if len(one[2]) == CLIPS_PER_DOCUMENT]
-    score, found, segments = max(whole, key=lambda one: one[0])
-    plot_annotation(found, segments).savefig(RESULTS / "annotation_best.jpg", dpi=80)
-    return score
-
-
-def features_of(examples: Sequence[Example]) -> dict[str, float]:
+def features_of(clips: Sequence[CutClip]) -> dict[str, float]:
     """Return the CPU seconds of the relational features of `MINUTES` at 120 Hz."""
-    seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples])
-    return {"cpu_seconds": seconds * MINUTES * 60.0 / sum(e.motion.duration for e in examples)}
-
-
-def _summed(parts: Sequence[dict[str, Scores]]) -> dict[str, Scores]:
-    return {key: sum((part[key] for part in parts), Scores(0, 0, 0, 0)) for key in parts[0]}
-
-
-def _scores(scores: dict[str, Scores]) -> dict[str, dict[str, float]]:
-    return {key: {"precision": s.precision, "recall": s.recall, "f": s.f} for key, s in scores.items()}
+    seconds = _cpu_seconds(lambda: [relational_features(c.motion) for c in clips])
+    return {"cpu_seconds": seconds * MINUTES * 60.0 / sum(c.motion.duration for c in clips)}
 
 
 @benchmark(data=Path, runs=2)
 def thesis(options: argparse.Namespace) -> tuple[str, Any]:
     """Learn and annotate with 11 and with 15 classes."""
-    eleven, fifteen = load_examples(options.data), load_all(options.data)
-    figures = {}
-    for name, examples, holding in (("hdm05", eleven, HOLDS_A_CLASS), ("fifteen", fifteen, HOLDS_A_CLASS + PUNCHES)):
-        filler = {motion.name: motion for motion in load_filler(options.data, holding)}
-        figures[name] = rotations(examples, filler, options.runs)
+    eleven, fifteen = corpus.load_examples(options.data), corpus.load_all(options.data)
+    holding = {"hdm05": corpus.HOLDS_A_CLASS, "fifteen": corpus.HOLDS_A_CLASS + corpus.PUNCHES}
+    figures = {
+        name: rotations(clips, corpus.load_filler(options.data, holding[name]), options.runs)
+        for name, clips in (("hdm05", eleven), ("fifteen", fifteen))
+    }
     figures["hdm05"]["features"] = features_of(eleven)
     return "annotation", figures
 

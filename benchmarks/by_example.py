@@ -36,12 +36,13 @@ import numpy as np
 from numba import njit
 from scipy.io import loadmat
 
-from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_examples, load_filler
+from benchmarks._keyframe_corpus import FILLER_SECONDS, FILLER_SHARE, SYMMETRIC, halves, load_examples, load_filler
 from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor, script
 from tests.support.bootstrap import paired_bootstrap
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
+from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
@@ -51,14 +52,11 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search import example as shipped
 from toolkit.retrieval.templates import QuantisedTemplate
 
-LAST_TUNING_SUBJECT = 8
-"""Last CMU subject that was used during development."""
 REPORTED = "dg"
 REPORTED_SUBJECTS = ("s5", "s7")
 """Subjects of UTD-MHAD."""
 PARTS = 20
 """Parts of a document."""
-FILLER_SECONDS = (2.0, 6.0)
 MOST = 300
 """Number of examined results."""
 HOUR = 108_000
@@ -88,7 +86,7 @@ class Corpus:
 
 
 def corpus_of(
-    examples: Sequence[Example], filler: Sequence[Motion], *, decoys: bool, joins: TransitionSettings
+    examples: Sequence[CutClip], filler: Sequence[Motion], *, decoys: bool, joins: TransitionSettings
 ) -> Corpus:
     """Return documents that contain each clip once, with filler and optional mirror images of one-sided classes
     between.
@@ -312,12 +310,11 @@ def kinect_corpus(data: Path) -> tuple[Corpus, list[tuple[Motion, str]]]:
     return Corpus(motions, segments), queries
 
 
-def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> None:
+def print_constants(examples: Sequence[CutClip], filler: Sequence[Motion]) -> None:
     """Print the tables of `features/grades.py`."""
     from toolkit.retrieval.features.relational import native_features
 
-    chosen = [e.motion for e in examples if e.actor != REPORTED]
-    chosen += [m for m in filler if int(m.name.split("_")[0]) <= LAST_TUNING_SUBJECT]
+    chosen = [e.motion for e in examples if e.person != REPORTED] + halves(filler)[0]
     margins = np.concatenate([native_features(motion)[1] for motion in chosen], axis=1)
     low, high = np.percentile(margins, [16, 84], axis=1)
     scales = 0.25 * (high - low + (high - low)[MIRROR])
@@ -336,8 +333,8 @@ def by_example(options: argparse.Namespace) -> tuple[str, Any]:
         print_constants(examples, filler)
         sys.exit()
     pin_to_one_processor()
-    late = [m for m in filler if int(m.name.split("_")[0]) > LAST_TUNING_SUBJECT]
-    queries = [(e.motion, e.label) for e in examples if e.actor == REPORTED]
+    late = halves(filler)[1]
+    queries = [(e.motion, e.label) for e in examples if e.person == REPORTED]
     clip = next((options.data / "mocap" / "hdm05").glob("*squat*.amc"))
     corpus = corpus_of(examples, late, decoys=False, joins=JOINS)
     decoys = corpus_of(examples, late, decoys=True, joins=HARD_JOINS)

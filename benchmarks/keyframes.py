@@ -27,23 +27,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._keyframe_corpus import (
-    ACTORS,
-    HOLDS_A_CLASS,
-    PUNCHES,
-    Example,
-    LabelledDocument,
-    by_label,
-    documents_of_each,
-    learned_from,
-    load_all,
-    load_examples,
-    load_filler,
-    make_documents,
-)
+from benchmarks import _keyframe_corpus as corpus
 from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor, script
 from tests.support.suite import ROOT
-from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.annotation.documents import Document
+from toolkit.retrieval.annotation.training import CutClip
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
@@ -78,17 +67,20 @@ class Truth:
     ----------
     documents : of the whole index
     label : of the class
-    actor : whose documents count; None counts all
+    actor : whose documents count; all by default
     """
 
-    def __init__(self, documents: Sequence[LabelledDocument], label: str, actor: str | None = None) -> None:
+    def __init__(self, documents: Sequence[Document], label: str, actor: str = "") -> None:
         self.lengths = {
             number: len(document.features)
             for number, document in enumerate(documents)
-            if actor in (None, document.actor)
+            if document.features.name.startswith(actor)
         }
         self.segments = [
-            (n, start, stop) for n in self.lengths for start, stop, name in documents[n].segments if name == label
+            (n, *segment.frames(FEATURE_RATE))
+            for n in self.lengths
+            for segment in documents[n].segments
+            if segment.label == label
         ]
 
     @property
@@ -144,7 +136,7 @@ def means_of(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-def through_file(documents: Sequence[LabelledDocument]) -> KeyframeIndex:
+def through_file(documents: Sequence[Document]) -> KeyframeIndex:
     """Return the index as the command uses it: written, opened again, mapped."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motions.index"
@@ -161,7 +153,7 @@ def line_through_origin(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
 
 def rotate(
     together: dict[str, list[dict[str, Any]]], timings: list[dict[str, Any]], index: KeyframeIndex,
-    documents: Sequence[LabelledDocument], learned: Mapping[str, LearnedQuery], actor: str, rng: np.random.Generator,
+    documents: Sequence[Document], learned: Mapping[str, LearnedQuery], actor: str, rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Search the documents of one actor with queries of the others, and add the figures."""
     for label, result in learned.items():
@@ -178,19 +170,21 @@ def rotate(
 def search(options: argparse.Namespace) -> tuple[str, Any]:
     """Search with queries of actors not trained on."""
     rng = np.random.default_rng(0)
-    examples, filler = load_examples(options.data), load_filler(options.data)
-    documents: list[LabelledDocument] = []
-    for actor in ACTORS:
-        own = [example for example in examples if example.actor == actor]
-        documents.extend(make_documents(own, filler[1::2], options.frames // len(ACTORS), rng))
+    clips, filler = corpus.load_examples(options.data), corpus.load_filler(options.data)
+    frames = options.frames // len(corpus.ACTORS)
+    made = (corpus.make_documents(own, filler[1::2], frames, rng) for _, _, own in corpus.left_out(clips))
+    documents = [document for each in made for document in each]
     index = through_file(documents)
     together: dict[str, list[dict[str, Any]]] = {}
     timings: list[dict[str, Any]] = []
     pin_to_one_processor()
-    for actor in ACTORS:
-        seen = [example for example in examples if example.actor != actor]
-        counterexamples = documents_of_each(seen, filler[0::2], COUNTEREXAMPLES // 2, rng)
-        learned = learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
+    for actor, seen, _ in corpus.left_out(clips):
+        counterexamples = [
+            document
+            for _, _, own in corpus.left_out(seen)
+            for document in corpus.make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng)
+        ]
+        learned = corpus.learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
         rotate(together, timings, index, documents, learned, actor, rng)
     slope, correlation = line_through_origin(timings)
     return "keyframe_search", {
@@ -204,12 +198,12 @@ def search(options: argparse.Namespace) -> tuple[str, Any]:
 def manual(options: argparse.Namespace) -> tuple[str, Any]:
     """Search with hand-written queries, and with those learned from the same clips."""
     rng = np.random.default_rng(0)
-    examples, filler = load_all(options.data), load_filler(options.data, HOLDS_A_CLASS + PUNCHES)
-    seen, *others = ([e for e in examples if e.actor == actor] for actor in ACTORS)
-    documents = [d for own in others for d in make_documents(own, filler[1::2], FRAMES // len(others), rng)]
+    filler = corpus.load_filler(options.data, corpus.HOLDS_A_CLASS + corpus.PUNCHES)
+    seen, *others = (own for _, _, own in corpus.left_out(corpus.load_all(options.data)))
+    documents = [d for own in others for d in corpus.make_documents(own, filler[1::2], FRAMES // len(others), rng)]
     index = KeyframeIndex.build([document.features for document in documents])
-    counterexamples = make_documents(seen, filler[0::2], COUNTEREXAMPLES, rng)
-    learned = learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
+    counterexamples = corpus.make_documents(seen, filler[0::2], COUNTEREXAMPLES, rng)
+    learned = corpus.learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
     queries = {"by hand": load_queries(MANUAL), "learned": [q for r in learned.values() for q in r.alternatives(1)]}
     classes: dict[str, Any] = {}
     pin_to_one_processor()
@@ -230,32 +224,32 @@ GENERATION_STEP, CURVE_RUNS = 5, 2
 PARTS_OF_QUALITY = ("precision", "recall", "fitness")
 
 
-def set_of(examples: Sequence[Example], label: str) -> TrainingSet:
+def set_of(clips: Sequence[CutClip], label: str) -> TrainingSet:
     """Return all clips with the class marked."""
-    return TrainingSet([e.features for e in examples], [e.label == label for e in examples])
+    return TrainingSet([c.features for c in clips], [c.label == label for c in clips])
 
 
-def fitness_on(actor: str, examples: Sequence[Example], settings: LearningSettings) -> float:
-    """Return the mean fitness over classes on clips of an actor who is left out of the learning."""
-    seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-    classes, checks = training_clips(by_label(seen), settings)
-    learned = learn(classes, settings, np.random.default_rng(0), checks=checks)
-    return float(np.mean([set_of(unseen, name).quality(found.individual).fitness for name, found in learned.items()]))
+def fitness_of(clips: Sequence[CutClip], settings: LearningSettings) -> float:
+    """Return the mean fitness over classes on clips of actors who are left out of the learning, mean of the actors."""
+    found = []
+    for _, seen, unseen in corpus.left_out(clips):
+        classes, checks = training_clips(corpus.motions_by_label(seen), settings)
+        learned = learn(classes, settings, np.random.default_rng(0), checks=checks)
+        found.append(np.mean([set_of(unseen, name).quality(own.individual).fitness for name, own in learned.items()]))
+    return float(np.mean(found))
 
 
-def curves(examples: Sequence[Example], learning: LearningSettings) -> dict[str, Any]:
+def curves(clips: Sequence[CutClip], learning: LearningSettings) -> dict[str, Any]:
     """Return mean precision, recall and fitness of the populations over the generations (Fig. 4.3)."""
-    settings = learning.genetic
-    steps = list(range(0, settings.generations, GENERATION_STEP))
+    steps = list(range(0, learning.genetic.generations, GENERATION_STEP))
     total, populations = np.zeros((len(steps), len(PARTS_OF_QUALITY))), 0
-    for actor in ACTORS:
-        seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        classes, _ = training_clips(by_label(seen), learning)
-        documents = [document for clips in classes.values() for document in clips]
-        owners = [name for name, clips in classes.items() for _ in clips]
-        for label, clips in classes.items():
+    for _, seen, unseen in corpus.left_out(clips):
+        classes, _ = training_clips(corpus.motions_by_label(seen), learning)
+        documents = [document for own in classes.values() for document in own]
+        owners = [name for name, own in classes.items() for _ in own]
+        for label, own in classes.items():
             training, verification = TrainingSet(documents, [owner == label for owner in owners]), set_of(unseen, label)
-            template = MotionTemplate.of(clips, strict=True).quantised(delta=0.0)
+            template = MotionTemplate.of(own, strict=True).quantised(delta=0.0)
 
             def observe(generation: int, population: Sequence[Individual], judge: TrainingSet = verification) -> None:
                 if generation % GENERATION_STEP == 0:
@@ -264,21 +258,21 @@ def curves(examples: Sequence[Example], learning: LearningSettings) -> dict[str,
                     total[generation // GENERATION_STEP] += means
 
             for seed in range(CURVE_RUNS):
-                evolve(training, template, settings, np.random.default_rng(seed), observe)
+                evolve(training, template, learning.genetic, np.random.default_rng(seed), observe)
                 populations += 1
     means = dict(zip(PARTS_OF_QUALITY, (total / populations).T.tolist(), strict=True))
     return {"generations": steps, "verification": means}
 
 
-def timed_run(examples: Sequence[Example]) -> dict[str, Any]:
+def timed_run(clips: Sequence[CutClip]) -> dict[str, Any]:
     """Return the time of a genetic run on 9 clips of a class against clips of all other classes at several speeds."""
     settings = GeneticSettings()
     label = "kickLFront1Reps"
-    positive = [e.features for e in examples if e.label == label][:THESIS_EXAMPLES]
+    positive = [e.features for e in clips if e.label == label][:THESIS_EXAMPLES]
     negative: list[FeatureMatrix] = []
     frames = sum(map(len, positive))
     for factor in (1.0, 0.8, 1.25, 0.9, 1.1):
-        for motion in (e.motion for e in examples if e.label != label):
+        for motion in (e.motion for e in clips if e.label != label):
             for mirrored in (False, True):
                 if frames < THESIS_FRAMES:
                     changed = motion.at_speed(factor)
@@ -298,14 +292,13 @@ def timed_run(examples: Sequence[Example]) -> dict[str, Any]:
 @benchmark(data=Path, runs=24)
 def learn_keyframes(options: argparse.Namespace) -> tuple[str, Any]:
     """Learn keyframes from two actors and try them on the third."""
-    examples = load_examples(options.data)
-    figures: dict[str, Any] = {"one_run": timed_run(examples)}
+    clips = corpus.load_examples(options.data)
+    figures: dict[str, Any] = {"one_run": timed_run(clips)}
     for name, learning in (
         ("clips as they are", LearningSettings(runs=options.runs, proportions=(), speeds=())),
         ("also under other proportions and speeds", LearningSettings(runs=options.runs)),
     ):
-        fitness = float(np.mean([fitness_on(actor, examples, learning) for actor in ACTORS]))
-        figures[name] = {"fitness": fitness, "curves": curves(examples, learning)}
+        figures[name] = {"fitness": fitness_of(clips, learning), "curves": curves(clips, learning)}
     return "keyframe_learning", figures
 
 

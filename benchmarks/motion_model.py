@@ -23,17 +23,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks._keyframe_corpus import (
-    ACTORS,
-    HOLDS_A_CLASS,
-    Fold,
-    confusion,
-    learn_threshold,
-    load_examples,
-    load_filler,
-)
+from benchmarks import _keyframe_corpus as corpus
 from benchmarks._record import RESULTS, benchmark, drawn, script
-from benchmarks.annotation import LAST_TRAINING_SUBJECT
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document
@@ -63,16 +54,11 @@ def templates(clips: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> 
     """Return the thesis's annotator, learned from the same clips, with its own threshold."""
     rng = np.random.default_rng(seed)
     folds = []
-    for person in sorted({clip.person for clip in clips}):
-        seen, unseen = ([c for c in clips if (c.person == person) == out] for out in (False, True))
+    for _, seen, unseen in corpus.left_out(clips):
         documents = documents_of(unseen, filler, rng, hard=False)
-        folds.append(Fold(learn_classes(matrices(seen)), [(d.features, d.segments) for d in documents]))
-    return Annotator(learn_classes(matrices(clips), threshold=learn_threshold(folds)))
-
-
-def matrices(clips: Sequence[CutClip]) -> dict[str, list[Any]]:
-    """Return features of each class."""
-    return {label: [c.features for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
+        folds.append(corpus.Fold(learn_classes(corpus.features_by_label(seen)), documents))
+    classes = learn_classes(corpus.features_by_label(clips), threshold=corpus.learn_threshold(folds))
+    return Annotator(classes)
 
 
 def scores_on(annotate: Annotate, documents: Sequence[Document], labels: Sequence[str]) -> dict[str, Any]:
@@ -85,8 +71,9 @@ def scores_on(annotate: Annotate, documents: Sequence[Document], labels: Sequenc
         true, marked = (label_frames(part, labels, *size) for part in (document.segments, found.segments))
         frames += frame_scores(true, marked)
         segments += segment_scores(document.segments, found.segments)
-        decided = np.where(marked.any(axis=0), marked.argmax(axis=0), -1)
-        table += confusion(true, decided)
+        for row, columns in enumerate([*true, ~true.any(axis=0)]):
+            decided = np.where(marked.any(axis=0), marked.argmax(axis=0), len(labels))
+            table[row] += np.bincount(decided[columns], minlength=len(labels) + 1)
         for label in labels:
             parts = ([s for s in side if s.label == label] for side in (document.segments, found.segments))
             classes[label] += segment_scores(*parts)
@@ -124,10 +111,9 @@ def search_scores(total: np.ndarray) -> list[dict[str, float]]:
 def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
     """Return the first clips of each class and person, at least one."""
     kept: list[CutClip] = []
-    for label in sorted({clip.label for clip in clips}):
-        for person in sorted({clip.person for clip in clips}):
-            own = [clip for clip in clips if clip.label == label and clip.person == person]
-            kept += own[: max(1, round(share * len(own)))]
+    for own in corpus.by_label(clips).values():
+        for _, _, of_person in corpus.left_out(own):
+            kept += of_person[: max(1, round(share * len(of_person)))]
     return kept
 
 
@@ -157,8 +143,8 @@ def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[fl
     gains: dict[str, list[float]] = {}
     for key in ("frames", "segments"):
         alone, both = (np.array([row[key].f for row in results[name]]) for name in (ONE, TWO))
-        seeds = len(both) // len(ACTORS)
-        per_seed = both.reshape(seeds, -1) - alone.reshape(seeds, len(ACTORS), -1).mean(axis=2)
+        seeds = len(both) // len(corpus.ACTORS)
+        per_seed = both.reshape(seeds, -1) - alone.reshape(seeds, len(corpus.ACTORS), -1).mean(axis=2)
         gains[key] = per_seed.mean(axis=0).tolist()
     return gains
 
@@ -181,8 +167,8 @@ def annotators_of(seen: Sequence[CutClip], filler: Sequence[Motion], seed: int) 
     if seed == 0:
         found["motion templates"] = templates(seen, filler, seed).annotate
     for share in SHARES:
-        for other in sorted({clip.person for clip in seen}):
-            chosen = thinned([clip for clip in seen if clip.person == other], share)
+        for other, _, own in corpus.left_out(seen):
+            chosen = thinned(own, share)
             row = f"one person, {100 * share:.0f} % of the clips ({other})"
             found[row] = train(chosen, filler, np.random.default_rng(seed)).annotate
     for share in SHARES[:-1]:
@@ -191,12 +177,11 @@ def annotators_of(seen: Sequence[CutClip], filler: Sequence[Motion], seed: int) 
     return found
 
 
-def rotate(measured: Measured, clips: Sequence[CutClip], filler: Sequence[Motion], actor: str, seed: int) -> None:
+def rotate(
+    measured: Measured, seen: Sequence[CutClip], unseen: Sequence[CutClip], filler: Sequence[Motion], seed: int
+) -> None:
     """Learn from the others, annotate documents of one actor, and add the figures."""
-    early, late = (
-        [m for m in filler if (int(m.name.split("_")[0]) <= LAST_TRAINING_SUBJECT) == first] for first in (True, False)
-    )
-    seen, unseen = ([c for c in clips if (c.person == actor) == out] for out in (False, True))
+    (early, late), clips = corpus.halves(filler), [*seen, *unseen]
     labels, symmetric = sorted({clip.label for clip in clips}), two_sided(clips)
     documents = {
         name: documents_of(unseen, late, np.random.default_rng([seed, 1]), hard=hard, symmetric=symmetric)
@@ -246,13 +231,12 @@ def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: 
 @benchmark(data=Path, seeds=3)
 def motion_model(options: argparse.Namespace) -> tuple[str, Any]:
     """Learn and annotate in three rotations with several seeds."""
-    clips = [CutClip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
+    clips, filler = corpus.load_examples(options.data), corpus.load_filler(options.data, corpus.HOLDS_A_CLASS)
     searched = {name: np.zeros(5, dtype=np.int64) for name in SETS}
     measured = Measured({name: {} for name in SETS}, searched, [], [])
-    filler = load_filler(options.data, HOLDS_A_CLASS)
     for seed in range(options.seeds):
-        for actor in ACTORS:
-            rotate(measured, clips, filler, actor, seed)
+        for _, seen, unseen in corpus.left_out(clips):
+            rotate(measured, seen, unseen, filler, seed)
     labels = sorted({clip.label for clip in clips})
     figures: dict[str, Any] = {name: figures_of(measured, name, labels) for name in SETS}
     figures["seconds"] = {

@@ -3,6 +3,7 @@
 import importlib
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from benchmarks import _room_scores
 from benchmarks import rooms as rooms_benchmark
-from benchmarks._keyframe_corpus import LabelledDocument, load_all
+from benchmarks._keyframe_corpus import load_all
 from benchmarks.keyframes import MANUAL, Truth
 from tests.support import suite
 from tests.support.casting import listed
@@ -18,6 +19,7 @@ from tests.support.scenes import scenes
 from tests.support.suite import takes
 from toolkit.app.cli.bench import benchmarks
 from toolkit.body import skeleton
+from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query_file import load_queries
@@ -92,7 +94,7 @@ def test_annotated_joints_get_the_full_score_and_no_track_misses_everything(name
 
 @pytest.mark.data("cmu-mocap", "hdm05")
 def test_hand_written_keyframes_find_the_clips_that_they_were_written_for(data_folder: Path) -> None:
-    clips = [example for example in load_all(data_folder) if example.actor == "bd"]
+    clips = [example for example in load_all(data_folder) if example.person == "bd"]
     queries = {query.label: query for query in load_queries(MANUAL)}
     assert len(queries) == 15 and set(queries) == {clip.label for clip in clips}
     index = KeyframeIndex.build([clip.features for clip in clips])
@@ -105,7 +107,8 @@ def test_hand_written_keyframes_find_the_clips_that_they_were_written_for(data_f
 @pytest.mark.quick
 def test_a_hit_is_right_where_it_overlaps_a_motion_of_the_class() -> None:
     features = FeatureMatrix("document", np.zeros((40, 100), dtype=bool))
-    document = LabelledDocument(features, "bk", ((10, 30, "kick"), (50, 70, "squat"), (80, 90, "kick")))
+    segments = [Segment(1 / 3, 1.0, "kick"), Segment(5 / 3, 7 / 3, "squat"), Segment(8 / 3, 3.0, "kick")]
+    document: Any = SimpleNamespace(features=features, segments=segments)
     truth = Truth([document], "kick")
     found = HitRanges(np.zeros(3, int), np.array([25, 40, 60]), np.array([35, 45, 80]))
     assert truth.relevant == pytest.approx(0.3) and truth.precision(found) == pytest.approx(1 / 3)

@@ -4,6 +4,8 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,7 +93,8 @@ def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
     matrices: dict[str, list[FeatureMatrix]], document: tuple[FeatureMatrix, list[Segment]]
 ) -> None:
     some = learn_classes({name: clips[:2] for name, clips in matrices.items()})
-    threshold = learn_threshold([Fold(some, [document])])
+    labelled: Any = SimpleNamespace(features=document[0], segments=document[1])
+    threshold = learn_threshold([Fold(some, [labelled])])
     assert threshold in THRESHOLDS.tolist()
     annotated = Annotator([replace(c, threshold=threshold) for c in some]).annotate(document[0])
     assert score(annotated, document[1])["frames"].f > 0.7
