@@ -19,14 +19,7 @@ SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
 """Figures over thresholds, and their colours."""
 TRUTHS = {"off by 45 degrees": "-", "injected": "--"}
 """Definition of an error, in place of the thesis's annotators -> line style."""
-Swept = dict[str, list[Scores]]
-"""Scores of each of `TRUTHS` at each of `THRESHOLDS`."""
 SIGNALS = ("orientation", "rate of turn", "acceleration")
-
-
-def nothing_swept() -> Swept:
-    """Return empty scores."""
-    return {truth: [Scores(0, 0, 0, 0) for _ in THRESHOLDS] for truth in TRUTHS}
 
 
 def frame_counts(full: np.ndarray, wrong: np.ndarray, threshold: float) -> Scores:
@@ -36,16 +29,13 @@ def frame_counts(full: np.ndarray, wrong: np.ndarray, threshold: float) -> Score
     return Scores(both, int((found & known).sum()), both, int((wrong & known).sum()))
 
 
-def add_frames(swept: Swept, full: np.ndarray, truths: Mapping[str, np.ndarray]) -> None:
-    """Count frames of one curve (T,), degrees, NaN where unknown, against the wrong frames, bool (T,)."""
-    for name, wrong in truths.items():
-        for place, threshold in enumerate(THRESHOLDS):
-            swept[name][place] += frame_counts(full, wrong, float(threshold))
-
-
-def swept_figures(swept: Swept) -> dict[str, Any]:
-    """Return the scores for JSON."""
-    return {truth: {key: [getattr(s, key) for s in scores] for key in SWEPT} for truth, scores in swept.items()}
+def over_thresholds(full: np.ndarray, truths: Mapping[str, np.ndarray]) -> dict[str, dict[str, list[float]]]:
+    """Return precision, recall and F of a curve (T,), degrees, against wrong frames, bool (T,), at each threshold."""
+    found = {}
+    for truth, wrong in truths.items():
+        scores = [frame_counts(full, wrong, float(threshold)) for threshold in THRESHOLDS]
+        found[truth] = {key: [getattr(score, key) for score in scores] for key in SWEPT}
+    return found
 
 
 def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:

@@ -7,11 +7,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmarks._record import RESULTS
+from benchmarks._record import RESULTS, drawn
 from benchmarks.all import COMMANDS
 from toolkit.io.errors import DataError
-from toolkit.io.files import save_bytes
-from toolkit.io.html import png_of
 from toolkit.io.yaml_reader import read_yaml
 
 NUMBERS = Path(__file__).parent / "papers.yaml"
@@ -105,20 +103,16 @@ def plots(paper: str, results: Path | None = None) -> Iterator[tuple[str, Path]]
 
 def _draw(group: Mapping[str, Any], figures: Any, path: Path) -> None:
     """Draw the curves of a group into a file, if the results have all of them."""
-    from matplotlib.figure import Figure
-
     curves = group["curves"]
     x, lines = value_at(figures, curves["x"]), {name: value_at(figures, keys) for name, keys in curves["y"].items()}
     if x is None or None in lines.values():
         return
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    for name, values in lines.items():
-        axes.plot(x, values, lw=1.4, label=name)
-    axes.set(xlabel=curves["xlabel"], ylabel=curves["ylabel"], title=group["source"])
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
-    save_bytes(path, png_of(figure))
+    with drawn(path, (7.0, 4.2)) as (axes,):
+        for name, values in lines.items():
+            axes.plot(x, values, lw=1.4, label=name)
+        axes.set(xlabel=curves["xlabel"], ylabel=curves["ylabel"], title=group["source"])
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=8)
 
 
 def _figures(group: Mapping[str, Any], results: Path | None) -> Any:

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 from benchmarks._data import check_data
 from benchmarks._record import RESULTS, add_option, commit, parser_of
@@ -82,20 +83,15 @@ COMMANDS: dict[str, str] = {
 """Result -> arguments of `depthmocap bench` that write it; the longest come first."""
 
 
-def left(wanted: dict[str, str]) -> dict[str, str]:
-    """Return the benchmarks whose result is missing or of other code."""
-    return {name: command for name, command in wanted.items() if _measured_at(name) != commit()}
-
-
-def _measured_at(name: str) -> str | None:
+def stored(name: str) -> dict[str, Any]:
+    """Return the last result of a benchmark, empty if there is none."""
     path = RESULTS / f"{name}.json"
-    return json.loads(path.read_text(encoding="utf-8")).get("commit") if path.exists() else None
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
-def spent_on(name: str) -> float | None:
-    """Return the CPU seconds of the last run, or None if unknown."""
-    path = RESULTS / f"{name}.json"
-    return json.loads(path.read_text(encoding="utf-8")).get("processor_seconds") if path.exists() else None
+def left(names: Sequence[str]) -> dict[str, str]:
+    """Return the commands of those results that are missing or of other code."""
+    return {name: COMMANDS[name] for name in names if stored(name).get("commit") != commit()}
 
 
 def measured(name: str, words: list[str]) -> bool:
@@ -110,17 +106,13 @@ def measured(name: str, words: list[str]) -> bool:
     return done
 
 
-def _minutes(seconds: float | None) -> str:
-    return "" if seconds is None else f"{seconds / 60:.1f} min"
-
-
 def list_pending(names: Sequence[str]) -> None:
     """Print the pending benchmarks of these results with the CPU time of their last run."""
-    for name, command in left({name: COMMANDS[name] for name in names}).items():
-        print(f"{name:20} {_minutes(spent_on(name)):>10}  bench {command}")
-    known = [seconds for seconds in map(spent_on, names) if seconds is not None]
-    together = f"{_minutes(sum(known))} together, {sum(known) / 7200:.1f} hours on two processors"
-    print(f"of {len(names)} results {len(known)} say their processor time: {together}")
+    spent = {name: stored(name).get("processor_seconds", 0.0) / 60 for name in names}
+    for name, command in left(names).items():
+        print(f"{name:20} {spent[name]:>6.1f} min  bench {command}")
+    together = sum(spent.values())
+    print(f"{len(names)} results: {together:.1f} min together, {together / 120:.1f} hours on two processors")
 
 
 def measure(names: Sequence[str], data: Path, poses: Callable[[], Path]) -> list[str]:
@@ -137,7 +129,7 @@ def measure(names: Sequence[str], data: Path, poses: Callable[[], Path]) -> list
     DataError
         A data set is missing; nothing was measured.
     """
-    due = left({name: COMMANDS[name] for name in names})
+    due = left(names)
     for command in due.values():
         check_data(shlex.split(command))
     database = poses() if due else None

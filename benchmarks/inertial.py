@@ -20,17 +20,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks._inertial_figures import (
-    add_frames,
+    TRUTHS,
     example_of_offsets,
     frame_counts,
     mean_told,
-    nothing_swept,
     offset_figures,
+    over_thresholds,
     plot_offsets,
     plot_signals,
     plot_thresholds,
     signals_of,
-    swept_figures,
     told_apart,
 )
 from benchmarks._record import RESULTS, benchmark, script
@@ -234,7 +233,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
     the same over thresholds (Fig. 7.12), and the separation of wrong frames by orientations and raw signals (Fig.
     7.13).
     """
-    swept = {name: nothing_swept() for name in GROUPS}
+    swept: dict[str, list[tuple[np.ndarray, ...]]] = {name: [] for name in GROUPS}
     off, stretches = dict.fromkeys(GROUPS, NOTHING), dict.fromkeys(GROUPS, NOTHING)
     told, torso, drawn = [], [], method != "robust"
     for own in checked(tracks, pool, method):
@@ -246,18 +245,22 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         kept = own.without_ramps()
         stretches[own.kind] += frame_scores(kept, own.injected, np.nan_to_num(kept.full) > 30.0)
         inside = np.any([(curve.times >= s.start) & (curve.times < s.end) for s in own.injected], axis=0)
-        add_frames(swept[own.kind], kept.full, {"off by 45 degrees": own.wrong, "injected": inside})
+        swept[own.kind].append((kept.full, own.wrong, inside))
         apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in own.signals.items()}
         told.append({name: told_apart(v, own.wrong) for name, v in {"orientation": curve.full, **apart}.items()})
         if curve.limb == DRAWN and not drawn and known.mean() > 0.9:
             drawn = True
             plot_signals(curve.times, own.signals, own.wrong, RESULTS / "inertial_signals.jpg")
     floor = np.concatenate(torso)
+    joined = {name: [np.concatenate(part) for part in zip(*own, strict=True)] for name, own in swept.items()}
     return {
         "off by 45 degrees, P, R": {name: [s.precision, s.recall] for name, s in off.items()},
         "injected frames, tau 30, P, R": {name: [s.precision, s.recall] for name, s in stretches.items()},
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
-        "over thresholds": {name: swept_figures(own) for name, own in swept.items()},
+        "over thresholds": {
+            name: over_thresholds(full, dict(zip(TRUTHS, wrong, strict=True)))
+            for name, (full, *wrong) in joined.items()
+        },
         "wrong frames told apart": mean_told(told),
     }
 

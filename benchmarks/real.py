@@ -6,7 +6,7 @@
   people, and with the skeleton in step with the depth. Results of a part of it go to a file ending in `_part`.
 - `offsets`: how our joints differ from the SDK's, joint by joint. Every `--stride`-th recording of UTD-MHAD and MSR
   Action3D is tracked. For each joint the mean offset from the SDK's place to ours in the frame of the torso (left, up,
-  forwards), the mean distance, what is left of it once the offset is taken away, and the fraction within 100 mm.
+  forwards), the mean distance, and what is left of it without the offset.
 - `lag`: how many frames the SDK's skeleton is ahead of the depth. For each shift, the fraction of its wrists and hands
   in front of which the depth within 120 mm was measured; no tracker is involved. `SHIFTS` are the best ones.
 """
@@ -82,7 +82,6 @@ def by_joint(differences: np.ndarray) -> dict[str, dict[str, Any]]:
             "left_up_forwards_mm": (1000.0 * mean[j]).round(0).tolist(),
             "distance_mm": round(1000.0 * float(distance[:, j].mean()), 1),
             "without_offset_mm": round(1000.0 * float(rest[:, j].mean()), 1),
-            "within_100_mm": round(float((distance[:, j] < 0.1).mean()), 3),
         }
         for j, name in enumerate(skeleton.REPORTED)
     }

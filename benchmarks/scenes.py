@@ -5,9 +5,8 @@ children and tilted cameras, clothes, rooms without people. `--rooms` takes the 
 instead: people who enter and leave, carry things, embrace and hand over, crowds of four to six, cameras from 0.8 to
 2.5 m above the floor, stills of one frame, and ten rooms of 300 frames without people. Every recording is tracked with
 `--people all` and no segmentation option; one that cannot be tracked counts as one in which no person was found. Seen
-joints are those of `visible_joints`; a missed person counts 1 m. Identities are CLEAR MOT counts (gate 0.5 m). The
-calibration error is taken over all joints of all people who were found; unobserved joints are the ones that are not
-seen. Results of a part of the suite go to files ending in `_part`.
+joints are those of `visible_joints`; a missed person counts 1 m. Identities are CLEAR MOT counts (gate 0.5 m).
+Unobserved joints are those that are not seen. Results of a part of the suite go to files ending in `_part`.
 """
 
 import argparse

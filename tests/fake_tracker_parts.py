@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from tests import poses
 from toolkit.body.body import Body
 from toolkit.fitting.objective import WORSE, Comparison
 from toolkit.sensing.cloud import Cloud
@@ -21,11 +21,7 @@ IN_VIEW = np.linspace(0.1, 1.0, 20)
 
 def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
     """Return a standing pose (P,) at `x` metres to the right, 3 m away, with some entries by name."""
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_POSITION] = (x, 0.0, -3.0)
-    for name, angle in angles.items():
-        pose[skeleton.POSE_NAMES.index(name)] = angle
-    return pose
+    return poses.pose_at((x, 0.0, -3.0), **angles)
 
 
 def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Comparison:

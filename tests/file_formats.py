@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -181,12 +182,12 @@ FORMATS: dict[str, Format] = {
     "recording tum list": Format(tum_file, _recording),
     "recording stray odometry": Format(stray_file, _recording),
     "recording mat": Format(mat_file, _recording),
-    "recording pcd": Format(cloud_file(".pcd"), _recording),
-    "recording ply": Format(cloud_file(".ply"), _recording),
+    "recording pcd": Format(partial(cloud_file, ".pcd"), _recording),
+    "recording ply": Format(partial(cloud_file, ".ply"), _recording),
     "recording mkv": Format(lambda folder: mkv_recording(folder / "take.mkv"), _recording),
-    "recording bag": Format(ros_file("take.bag"), _recording),
-    "recording db3": Format(ros_file("take_sqlite"), _recording),
-    "recording mcap": Format(ros_file("take_mcap"), _recording),
+    "recording bag": Format(partial(ros_file, "take.bag"), _recording),
+    "recording db3": Format(partial(ros_file, "take_sqlite"), _recording),
+    "recording mcap": Format(partial(ros_file, "take_mcap"), _recording),
     "recording r3d": Format(r3d_file, _recording),
     "pose database": Format(database_file, PoseDatabase.load, checked=True),
     "motion classes": Format(classes_file, load_classes, checked=True),
@@ -217,8 +218,8 @@ FORMATS: dict[str, Format] = {
     "body npz": Format(body_file, load_body_file, checked=True),
     "furniture yaml": Format(text_file("boxes.yaml", BOXES), read_boxes),
     "export rig yaml": Format(text_file("rig.yaml", BONES), read_bones),
-    "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
-    "sensors csv": Format(sensors_file(".csv"), read_file),
+    "sensors npz": Format(partial(sensors_file, ".npz"), read_file, checked=True),
+    "sensors csv": Format(partial(sensors_file, ".csv"), read_file),
     "sensors sto": _sensors("take.sto", STO),
     "sensors mat": Format(inertial_matlab_file, read_file),
     "sensor placement yaml": Format(text_file("p.yaml", "00B421AF: left_shin\n7: pelvis\n"), load_placement),

@@ -93,25 +93,17 @@ def mat_file(folder: Path) -> Path:
     return folder / "a1_s1_t1_depth.mat"
 
 
-def cloud_file(suffix: str) -> Make:
-    def make(folder: Path) -> Path:
-        import open3d as o3d
+def cloud_file(suffix: str, folder: Path) -> Path:
+    import open3d as o3d
 
-        points = np.random.default_rng(0).uniform((-0.5, -0.5, 1.0), (0.5, 0.5, 1.2), (300, 3))
-        o3d.io.write_point_cloud(
-            str(folder / f"take{suffix}"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-        )
-        return folder / f"take{suffix}"
-
-    return make
+    points = np.random.default_rng(0).uniform((-0.5, -0.5, 1.0), (0.5, 0.5, 1.2), (300, 3))
+    o3d.io.write_point_cloud(str(folder / f"take{suffix}"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)))
+    return folder / f"take{suffix}"
 
 
-def ros_file(name: str) -> Make:
-    def make(folder: Path) -> Path:
-        path = ros_recording(folder / name, 2)
-        return path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".db3", ".mcap"))
-
-    return make
+def ros_file(name: str, folder: Path) -> Path:
+    path = ros_recording(folder / name, 2)
+    return path if path.is_file() else next(p for p in path.iterdir() if p.suffix in (".db3", ".mcap"))
 
 
 def r3d_file(folder: Path) -> Path:
@@ -171,7 +163,7 @@ def skeletons_file(folder: Path) -> Path:
 
 
 def metadata_file(folder: Path) -> Path:
-    return ros_file("take_sqlite")(folder).with_name("metadata.yaml")
+    return ros_file("take_sqlite", folder).with_name("metadata.yaml")
 
 
 def index_file(folder: Path) -> Path:
@@ -223,9 +215,8 @@ def person_state_file(folder: Path) -> Path:
 
 def text_file(name: str, text: str, beside: dict[str, str] | None = None) -> Make:
     def make(folder: Path) -> Path:
-        for other, content in (beside or {}).items():
+        for other, content in ({name: text} | (beside or {})).items():
             (folder / other).write_text(content)
-        (folder / name).write_text(text)
         return folder / name
 
     return make
@@ -263,16 +254,13 @@ def body_file(folder: Path) -> Path:
     return folder / "me.npz"
 
 
-def sensors_file(suffix: str) -> Make:
-    def make(folder: Path) -> Path:
-        times, rng = np.arange(6) / 100, np.random.default_rng(0)
-        turns = quat.exponential(np.arange(6)[:, None] * [0.01, 0.02, 0.03])
-        pull = rng.normal(0, 1, (6, 3))
-        stream = checked_stream("left_shin", times, rotations=turns, gyro=pull, acceleration=pull)
-        Sensors((stream,)).save(folder / f"sensors{suffix}")
-        return folder / f"sensors{suffix}"
-
-    return make
+def sensors_file(suffix: str, folder: Path) -> Path:
+    times, rng = np.arange(6) / 100, np.random.default_rng(0)
+    turns = quat.exponential(np.arange(6)[:, None] * [0.01, 0.02, 0.03])
+    pull = rng.normal(0, 1, (6, 3))
+    stream = checked_stream("left_shin", times, rotations=turns, gyro=pull, acceleration=pull)
+    Sensors((stream,)).save(folder / f"sensors{suffix}")
+    return folder / f"sensors{suffix}"
 
 
 def inertial_matlab_file(folder: Path) -> Path:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks._plain_gait import planned_walk, walk_on_ground
 from benchmarks.feet import sliding_mm
+from tests.poses import pose_at
 from tests.run_helpers import write_run
 from tests.support.walking import Rising, Walk, rising, walking
 from toolkit.body import skeleton
@@ -26,10 +27,7 @@ RATE = 30.0
 
 
 def posed(**angles: float) -> np.ndarray:
-    pose = np.zeros((1, skeleton.POSE_SIZE))
-    for name, degrees in angles.items():
-        pose[0, skeleton.POSE_NAMES.index(name)] = np.radians(degrees)
-    return pose
+    return pose_at(**{name: np.radians(degrees) for name, degrees in angles.items()})[None]
 
 
 def angle(name: str, pose: np.ndarray) -> float:

@@ -9,12 +9,11 @@ import pytest
 from rich.console import Console
 from scipy.spatial.transform import Rotation
 
-from tests.support.bootstrap import paired_bootstrap
 from toolkit.body import skeleton
 from toolkit.evaluation import agreement, evaluate
 from toolkit.evaluation import joint_errors as joints
 from toolkit.evaluation.extrema_scores import all_found
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError
 from toolkit.io.files import sha256_of
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
@@ -151,17 +150,6 @@ def test_offsets_are_the_medians_of_all_other_subjects_together() -> None:
     ]
     # The medians of the others, along each axis: 0.32 m for a and b, 0.3 m for c, who is 35 mm away.
     assert agreement.agreement_with_offsets(runs, ["a", "b", "b", "c"]) == [0.0, 1.0, 0.0, 1.0]
-
-
-def test_a_clear_difference_survives_the_bootstrap_and_noise_does_not() -> None:
-    rng = np.random.default_rng(1)
-    base = rng.normal(50, 10, size=40)
-    better = paired_bootstrap(base + 5 + rng.normal(0, 1, 40), base, rng)
-    assert better.low > 0 and better.probability_above_zero == 1.0 and better.mean == pytest.approx(5, abs=0.6)
-    noise = paired_bootstrap(base, base + rng.normal(0, 1, 40), rng)
-    assert noise.low < 0 < noise.high
-    with pytest.raises(UsageError, match="cannot be paired"):
-        paired_bootstrap(base, base[:3], rng)
 
 
 def test_a_run_is_compared_with_the_truth_in_its_own_recording(tmp_path: Path) -> None:

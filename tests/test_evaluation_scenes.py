@@ -57,33 +57,22 @@ def test_the_assignment_is_the_cheapest_of_all_that_use_as_many_allowed_pairs_as
     assert (-len(chosen), pytest.approx(best[1])) == (best[0], sum(costs[i, j] for i, j in chosen))
 
 
-def test_a_match_lasts_while_it_is_within_the_gate_even_if_another_track_is_nearer() -> None:
-    distances = np.array([[[0.1, 0.4]], [[0.4, 0.1]], [[0.6, 0.1]]])
-    found = identities_of(distances, np.ones((3, 1), bool), np.ones((3, 2), bool))
-    assert found.track_of[:, 0].tolist() == [0, 0, 1]
-    assert (found.switches, found.misses, found.false) == (1, 0, 3)
-
-
-def test_who_is_lost_and_found_again_by_the_same_track_has_not_switched() -> None:
-    distances = np.array([[[0.1]], [[0.9]], [[0.1]]])
-    found = identities_of(distances, np.ones((3, 1), bool), np.ones((3, 1), bool))
-    assert found.track_of[:, 0].tolist() == [0, -1, 0]
-    assert (found.switches, found.misses, found.false) == (0, 1, 1)
-
-
-def test_who_is_found_again_by_another_track_after_a_gap_has_switched() -> None:
-    absent = np.nan
-    distances = np.array([[[0.1, absent]], [[absent, absent]], [[absent, 0.1]]])
-    found = identities_of(distances, np.ones((3, 1), bool), np.isfinite(distances[:, 0]))
-    assert found.track_of[:, 0].tolist() == [0, -1, 1]
-    assert (found.switches, found.misses, found.false) == (1, 1, 0)
-
-
-def test_tracks_that_change_places_are_two_switches() -> None:
-    near, far = 0.1, 0.9
-    distances = np.array([[[near, far], [far, near]], [[far, near], [near, far]]])
-    found = identities_of(distances, np.ones((2, 2), bool), np.ones((2, 2), bool))
-    assert (found.switches, found.misses, found.false) == (2, 0, 0)
+@pytest.mark.parametrize(
+    ("distances", "active", "tracks", "counts"),
+    [  # a match lasts while it is within the gate, even if another track is nearer
+        ([[[0.1, 0.4]], [[0.4, 0.1]], [[0.6, 0.1]]], np.ones((3, 2)), [[0], [0], [1]], (1, 0, 3)),
+        # a person who is lost and found by the same track has not switched, by another track after a gap has
+        ([[[0.1]], [[0.9]], [[0.1]]], np.ones((3, 1)), [[0], [-1], [0]], (0, 1, 1)),
+        ([[[0.1, np.nan]], [[np.nan] * 2], [[np.nan, 0.1]]], [[1, 0], [0, 0], [0, 1]], [[0], [-1], [1]], (1, 1, 0)),
+        # tracks that change places are two switches
+        ([[[0.1, 0.9], [0.9, 0.1]], [[0.9, 0.1], [0.1, 0.9]]], np.ones((2, 2)), [[0, 1], [1, 0]], (2, 0, 0)),
+    ],
+)
+def test_identities_switch_only_at_the_end_of_a_match(distances: Any, active: Any, tracks: Any, counts: Any) -> None:
+    there = np.ones(np.shape(distances)[:2], bool)
+    found = identities_of(np.array(distances), there, np.array(active, bool))
+    assert found.track_of.tolist() == tracks
+    assert (found.switches, found.misses, found.false) == counts
 
 
 def test_an_optional_person_is_neither_missed_nor_a_false_track() -> None:
@@ -111,17 +100,14 @@ def test_people_and_tracks_are_matched_in_any_order_and_who_is_not_found_is_a_me
     assert one["found_soon"] == 0.5 and one["numbers_right"] == 0.0
 
 
-def test_joints_that_are_not_seen_do_not_enter_the_error_but_the_calibration() -> None:
+def test_joints_that_are_not_seen_do_not_enter_the_error() -> None:
     truth = moved(0.0)[None].copy()
     truth[0, :, 15:, 2] += 0.5  # behind the wall
     guess = truth[0].copy()
     guess[:, 15:] += [0.0, 0.0, 0.3]
     figures = scene_figures([score_scene(recording_of(truth), [track_of(guess, confidence=0.8)])])
     assert figures["error_mm"] == pytest.approx(0.0, abs=1e-3)
-    assert figures["unobserved"] == figures["unobserved_sure"] == 4 * 5
     assert figures["unobserved_sure_a100"] == 0.0
-    assert figures["unobserved_mm"] == pytest.approx(300.0, abs=1e-2)
-    assert figures["ece"] == pytest.approx(abs(0.8 - 15 / 20), abs=1e-6)
 
 
 def test_a_delay_lasts_from_visibility_to_the_first_tracked_frame() -> None:
@@ -139,6 +125,5 @@ def test_a_delay_lasts_from_visibility_to_the_first_tracked_frame() -> None:
 def test_a_false_track_is_counted_in_an_empty_room() -> None:
     empty = recording_of(np.empty((0, 4, 20, 3)))
     figures = scene_figures([score_scene(empty, []), score_scene(empty, [track_of(moved(0.0))])])
-    assert (figures["recordings"], figures["recordings_tracked"], figures["false"]) == (2, 1, 4)
-    assert figures["tracked"] == figures["numbers_right"] == 0.5
-    assert figures["error_mm"] is figures["ece"] is None
+    assert (figures["recordings"], figures["false"], figures["numbers_right"]) == (2, 4, 0.5)
+    assert figures["error_mm"] is None

@@ -1,10 +1,12 @@
 """Evaluation on each depth frame: an exactly known body drawn into a recording."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
@@ -30,13 +32,7 @@ def body() -> Body:
     return load_body("neutral")
 
 
-def pose(**angles: float) -> np.ndarray:
-    """Return a T-pose 2.8 m in front of the camera with some entries changed."""
-    made = np.zeros(skeleton.POSE_SIZE)
-    made[2] = -2.8
-    for name, value in angles.items():
-        made[skeleton.POSE_NAMES.index(name)] = value
-    return made
+pose = partial(pose_at, (0.0, 0.0, -2.8))
 
 
 def joints_of(body: Body, at: np.ndarray) -> np.ndarray:
@@ -73,7 +69,7 @@ def test_the_true_pose_explains_its_depth_image(tmp_path: Path, body: Body) -> N
 
 
 def test_a_displaced_pose_shows_in_overlap_and_residual(tmp_path: Path, body: Body) -> None:
-    aside, behind = pose(root_tx=0.1), pose(root_tz=-2.9)
+    aside, behind = pose(root_tx=0.1), pose(root_tz=-0.1)
     assert (evaluated(tmp_path, body, pose(), aside).overlap or 1.0) < 0.8
     row = evaluated(tmp_path / "behind", body, pose(), behind)
     assert row.residual_mm == pytest.approx(100, abs=5)

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from tests.fitting_helpers import Fit
+from tests.poses import entry, pose_at
 from tests.support.plain_fitting import PlainPlacer
 from toolkit.body import skeleton
 from toolkit.body.body import Body
@@ -27,18 +28,10 @@ TILTED = level_rotation(np.array([0.05, -0.95, -0.25]))
 SETTINGS = FittingSettings()
 
 
-def entry(name: str) -> int:
-    return skeleton.POSE_NAMES.index(name)
-
-
 def standing(**angles: float) -> np.ndarray:
     """Return a person 2.7 m from the camera with the arms half raised and given other angles (radians)."""
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[:3] = 0.05, -0.05, -2.7
     angles = {"left_shoulder_rz": -0.6, "right_shoulder_rz": 0.5, "left_elbow_ry": -0.5, "right_elbow_ry": 0.7} | angles
-    for name, angle in angles.items():
-        pose[entry(name)] = angle
-    return pose
+    return pose_at((0.05, -0.05, -2.7), **angles)
 
 
 def cloud_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL) -> Cloud:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.errors import SettingsError
@@ -32,11 +33,7 @@ def upper() -> UpperBody:
 
 def pose_of(**angles: float) -> np.ndarray:
     """Return the pose (P,) of a person who faces the camera, arms down by default."""
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[:3] = [0.0, -0.45, -1.5]
-    for name, value in ({"left_shoulder_rz": -0.9, "right_shoulder_rz": 0.9} | angles).items():
-        pose[skeleton.POSE_NAMES.index(name)] = value
-    return pose
+    return pose_at((0.0, -0.45, -1.5), **{"left_shoulder_rz": -0.9, "right_shoulder_rz": 0.9} | angles)
 
 
 def depth_of(upper: UpperBody, pose: np.ndarray) -> np.ndarray:

@@ -1,13 +1,14 @@
 """The loop of a fit, the comparison and the shape estimate with fake parts: inputs and results of each."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.fitting_helpers import back_projected, whole_image
-from toolkit.body import skeleton
+from tests.poses import pose_at
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import Placer
@@ -23,10 +24,7 @@ SETTINGS = FittingSettings()
 BODY = load_body("neutral")
 
 
-def standing() -> np.ndarray:
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_POSITION] = (0.0, 0.0, -3.0)
-    return pose
+standing = partial(pose_at, (0.0, 0.0, -3.0))
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
+from tests.run_helpers import run as run_command
 from tests.run_helpers import write_people, write_run
-from toolkit.app.cli.main import main
 from toolkit.app.pipeline import run as pipeline
 from toolkit.app.pipeline import track_recording
 from toolkit.body import skeleton
@@ -74,7 +74,7 @@ def test_a_page_never_shows_what_a_link_leads_to(tmp_path: Path, capsys: pytest.
     (tmp_path / "id_rsa").write_text(KEY)
     run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
     (run / "config.yaml").symlink_to(tmp_path / "id_rsa")
-    main_of("report", str(run), "--output", str(tmp_path / "page.html"))
+    run_command("report", str(run), "--output", str(tmp_path / "page.html"))
     assert KEY not in (tmp_path / "page.html").read_text() and KEY not in "".join(capsys.readouterr())
 
 
@@ -156,20 +156,11 @@ def test_names_of_files_do_nothing(
         ("render", str(run), "--output", "sheet.png"),
         ("export", str(run), "--output", "motion.csv"),
     ):
-        code = main_of(*words)
+        code = run_command(*words)
         said = b"".join(capfdbinary.readouterr())
         assert code in (0, 1, 2) and b"Traceback" not in said and b"\x1b[31m" not in said, words
     table = tmp_path / "tables"
     assert not [line for path in table.glob("*.csv") for line in path.read_text().splitlines() if line.startswith("=")]
-
-
-def main_of(*words: str) -> int:
-    """Return the exit code of a command."""
-    try:
-        main(list(words))
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 def test_a_word_without_end_in_a_cloud_is_one_sentence(tmp_path: Path) -> None:

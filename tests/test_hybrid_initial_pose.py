@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fitting_helpers import Fit
+from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import body_facing
@@ -42,11 +43,7 @@ HAND = skeleton.REPORTED.index("left_hand")
 
 
 def pose_of(**angles: float) -> np.ndarray:
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[:3] = [0.0, -0.45, -1.5]
-    for name, value in ({"left_shoulder_rz": -1.1, "right_shoulder_rz": 1.1} | angles).items():
-        pose[skeleton.POSE_NAMES.index(name)] = value
-    return pose
+    return pose_at((0.0, -0.45, -1.5), **{"left_shoulder_rz": -1.1, "right_shoulder_rz": 1.1} | angles)
 
 
 RAISED = pose_of(left_shoulder_rz=0.5, left_elbow_ry=-0.5)

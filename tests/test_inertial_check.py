@@ -9,19 +9,16 @@ import numpy as np
 import pytest
 
 from benchmarks._inertial_figures import (
-    add_frames,
     example_of_offsets,
-    nothing_swept,
     offset_figures,
     signals_of,
-    swept_figures,
 )
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
+from tests.run_helpers import run as run_command
 from tests.test_inertial_clock import typed
-from toolkit.app.cli.main import main
 from toolkit.body import skeleton
 from toolkit.body.rotations import quaternions as quat
-from toolkit.evaluation.orientations import THRESHOLDS, check_runs, read_truth
+from toolkit.evaluation.orientations import check_runs, read_truth
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
 from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
@@ -54,16 +51,6 @@ def test_one_wrong_offset_shrinks_an_error_and_two_hide_it():
     assert two[right].std() > 10.0, "with two, what is right already looks like errors"
     told = [row["told apart"] for row in offset_figures(curves, right).values()]
     assert told[0] > 0.99 > told[1] > told[2]
-
-
-def test_frames_are_counted_against_each_truth_at_each_threshold():
-    full, wrong = np.array([5.0, 50.0, 80.0, np.nan]), np.array([False, True, True, True])
-    swept = nothing_swept()
-    add_frames(swept, full, {"off by 45 degrees": wrong, "injected": ~wrong})
-    found = swept_figures(swept)["off by 45 degrees"]
-    at = {float(threshold): place for place, threshold in enumerate(THRESHOLDS)}
-    assert (found["precision"][at[10.0]], found["recall"][at[10.0]]) == (1.0, 1.0)
-    assert found["recall"][at[60.0]] == 0.5
 
 
 def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
@@ -186,10 +173,8 @@ def test_the_verbs_calibrate_and_check_as_typed(tmp_path, capsys):
 def test_wrong_use_of_the_verbs_ends_with_code_two(tmp_path, capsys):
     run = write_run(tmp_path / "run", poses_of())
     sensors_of().sensors.save(tmp_path / "sensors.npz")
-    with pytest.raises(SystemExit) as ended:
-        main(["inertial", "check", str(run), "--sensors", str(tmp_path / "sensors.npz"), "--threshold", "0", "-o", "x"])
-    assert ended.value.code == 2
+    assert (
+        run_command("inertial", "check", run, "--sensors", tmp_path / "sensors.npz", "--threshold", "0", "-o", "x") == 2
+    )
     assert "detects nothing" in capsys.readouterr().err
-    with pytest.raises(SystemExit) as ended:
-        main(["inertial", "check", str(tmp_path / "no"), "--sensors", str(tmp_path / "sensors.npz"), "-o", "x"])
-    assert ended.value.code == 1
+    assert run_command("inertial", "check", tmp_path / "no", "--sensors", tmp_path / "sensors.npz", "-o", "x") == 1

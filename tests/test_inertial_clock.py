@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
+from tests.run_helpers import run as run_command
 from tests.support.worn_sensors import simulate_sensors
-from toolkit.app.cli.main import main
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.fusion import fused, integrated
 from toolkit.inertial.sensor_limbs import TrackedMotion
@@ -100,9 +100,7 @@ def test_an_offset_at_the_border_of_the_search_is_refused():
 
 
 def typed(*words) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main([str(word) for word in words])
-    assert ended.value.code == 0
+    assert run_command(*words) == 0
 
 
 def test_sensors_are_read_as_typed_and_their_clock_is_found(tmp_path, capsys):

@@ -10,9 +10,9 @@ import pytest
 
 from tests.inertial_scenes import RATE, poses_of
 from tests.run_helpers import KNOWN_SIZE
+from tests.run_helpers import run as run_command
 from tests.support.worn_sensors import simulate_sensors
 from tests.test_inertial_clock import typed
-from toolkit.app.cli.main import main
 from toolkit.body import skeleton
 from toolkit.evaluation.joint_errors import joint_errors
 from toolkit.evaluation.orientations import check_runs
@@ -83,6 +83,7 @@ def test_axes_of_track_and_sensors_are_drawn_side_by_side(workdir: Path, capsys)
     known = np.isfinite(axes.measured).all(axis=(2, 3))
     cosines = (axes.tracked * axes.measured).sum(axis=2)[known]
     assert axes.limbs == LIMBS and np.median(cosines) > 0.9
-    with pytest.raises(SystemExit) as ended:
-        main(["render", str(workdir / "run"), "--calibration", "x.json", "-o", str(workdir / "y.png")])
-    assert ended.value.code == 2 and "--calibration needs sensors" in capsys.readouterr().err
+    assert (
+        run_command("render", workdir / "run", "--calibration", "x.json", "-o", workdir / "y.png") == 2
+        and "--calibration needs sensors" in capsys.readouterr().err
+    )

@@ -1,11 +1,13 @@
 """Confidence of joints: inputs of the regressions, their tables, and the distance between both passes."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.fitting_helpers import Fit, whole_image
+from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.fitting_settings import FittingSettings
@@ -30,12 +32,7 @@ LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))
 LEFT, RIGHT = (skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "right"))
 
 
-def standing(**angles: float) -> np.ndarray:
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_POSITION] = 0.0, 0.0, -2.5
-    for name, angle in angles.items():
-        pose[skeleton.POSE_NAMES.index(name)] = angle
-    return pose
+standing = partial(pose_at, (0.0, 0.0, -2.5))
 
 
 @pytest.fixture(scope="module")

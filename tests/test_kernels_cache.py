@@ -16,7 +16,6 @@ import pytest
 
 from toolkit.kernels import cache
 from toolkit.kernels.cache_files import KernelFile, is_private, is_protected
-from toolkit.kernels.fit import pairs
 
 INNER = "from numba import njit\n\n@njit(cache=True)\ndef inner():\n    return {value}\n"
 OUTER = (
@@ -208,18 +207,6 @@ def test_the_latest_used_versions_of_all_kernels_are_kept(tmp_path: Path) -> Non
     (tmp_path / "other").mkdir()
     cache.prune(tmp_path, kept=2)
     assert {path.name for path in tmp_path.iterdir()} == {"a" * 16, "b" * 16, "other"}
-
-
-def _of_this_file() -> None:
-    pass
-
-
-def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
-    from numba.core.caching import CompileResultCacheImpl
-
-    assert CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base.startswith("pairs.mean_nearest-fit.pairs.")
-    other = CompileResultCacheImpl(_of_this_file)
-    assert other.locator.get_disambiguator() == str(_of_this_file.__code__.co_firstlineno)
 
 
 def test_help_answers_without_numba() -> None:

@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from tests.landmark_helpers import body_cloud, cloud_of, figure
+from tests.poses import pose_at
 from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
@@ -18,16 +19,8 @@ from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 
 def raised_arms(distance: float = 1.6) -> np.ndarray:
     """Return the pose (P,) of a near person who faces the camera, arms raised to the sides."""
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[:3] = [0.0, -0.3, -distance]
-    for name, value in {
-        "left_shoulder_rz": 0.3,
-        "right_shoulder_rz": -0.3,
-        "left_elbow_ry": -0.8,
-        "right_elbow_ry": 0.8,
-    }.items():
-        pose[skeleton.POSE_NAMES.index(name)] = value
-    return pose
+    raised = {"left_shoulder_rz": 0.3, "right_shoulder_rz": -0.3, "left_elbow_ry": -0.8, "right_elbow_ry": 0.8}
+    return pose_at((0.0, -0.3, -distance), **raised)
 
 
 def tips(pose: np.ndarray) -> dict[str, np.ndarray]:

@@ -153,12 +153,17 @@ def test_the_command_streams_bundles_of_open_sound_control(take: Recording, comm
     assert messages["/depthmocap/person/1/left_hand"][3] == 1.0
 
 
-def test_without_its_package_open_sound_control_names_the_command(
-    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "pythonosc", None)
-    assert command("file:take.npz", "--stream", "osc://127.0.0.1:9000") == 2
-    assert "pip install 'depthmocap[osc]'" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("module", "words", "extra"),
+    [("pythonosc", ("--stream", "osc://127.0.0.1:9000"), "osc"), ("rerun", ("--view",), "rerun")],
+)
+def test_without_its_package_an_output_names_the_command(
+    module: str, words: tuple[str, ...], extra: str, take: Recording, command: Callable[..., int],
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setitem(sys.modules, module, None)
+    assert command("file:take.npz", *words) == 2
+    assert f"pip install 'depthmocap[{extra}]'" in capsys.readouterr().err
 
 
 def test_the_view_shows_each_frame_and_clears_who_is_gone(
@@ -199,14 +204,6 @@ def test_a_viewer_that_cannot_start_is_one_sentence(
     monkeypatch.setattr(rerun, "spawn", spawn)
     assert command("file:take.npz", "--view") == 1
     assert "the viewer rerun cannot be started: no display; leave out --view" in capsys.readouterr().err
-
-
-def test_without_its_package_the_view_names_the_command(
-    take: Recording, command: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    assert command("file:take.npz", "--view") == 2
-    assert "pip install 'depthmocap[rerun]'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-import pytest
 
+from tests.run_helpers import run as run_command
 from tests.sensing_scenes import KINECT, scene, up_of_tilt
-from toolkit.app.cli.main import main
 from toolkit.output.rendering.style import person_color
 from toolkit.output.rendering.survey_picture import picture
 from toolkit.people.description import describe
@@ -74,9 +73,7 @@ def test_the_picture_shows_each_person_in_one_colour(tmp_path):
 
 def test_the_verb_prints_a_line_for_each_thing_and_person_and_writes_the_picture(tmp_path, capsys):
     path = recorded(tmp_path, [scene(KINECT, ((0.0, 2.6),))[0]])
-    with pytest.raises(SystemExit) as done:
-        main(["info", str(path), "--output", str(tmp_path / "look.png")])
-    assert done.value.code == 0
+    assert run_command("info", path, "--output", tmp_path / "look.png") == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines.pop(4).startswith("  1 at ")
     assert [line.split(":")[0] for line in lines] == ["camera", "up", "room", "people", "advice", "picture"]

@@ -37,7 +37,6 @@ from toolkit.tracks import EMPTY
 CENTRED = (KINECT.fx, KINECT.fy, KINECT.cx, KINECT.cy)
 ALONE: dict[str, Any] = {}
 ROOM: dict[str, Any] = {"wall": 4.5, "floor": True, "height": 1.4}
-VGA = Camera(575.8, 575.8, 319.5, 239.5, 640, 480)
 SQUARER = Camera(365.5, 365.5, 255.5, 211.5, 512, 424)
 
 

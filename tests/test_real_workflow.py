@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.app.cli.main import main
+from tests.run_helpers import run as run_command
 from toolkit.body.skeleton import REPORTED
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.tracks import TRACKED, RunInfo, Track
@@ -20,9 +20,7 @@ def runs(cut_recordings: Path, bundled_database: Path, tmp_path_factory: pytest.
     """Return run folders of two real recordings, tracked with a database of neither their mocap nor depth."""
     folder = tmp_path_factory.mktemp("workflow")
     recordings = [str(cut_recordings / f"{name}.mat") for name in NAMES]
-    with pytest.raises(SystemExit) as stop:
-        main(["track", *recordings, "--database", str(bundled_database), "--output", str(folder / "runs")])
-    assert not stop.value.code
+    assert run_command("track", *recordings, "--database", bundled_database, "--output", folder / "runs") == 0
     return folder / "runs"
 
 

@@ -15,8 +15,8 @@ import pytest
 
 from tests.chromium import Page, browser
 from tests.run_helpers import TURN, write_people, write_run
+from tests.run_helpers import run as run_command
 from tests.sensing_scenes import KINECT, neutral, standing
-from toolkit.app.cli.main import main
 from toolkit.io import html
 from toolkit.io.errors import TrackError, UsageError
 from toolkit.io.files import sha256_of
@@ -143,9 +143,7 @@ def test_several_people_stand_on_one_page(tmp_path: Path, run: Path) -> None:
 def test_the_command_writes_the_page_and_prints_its_path(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as stop:
-        main(["report", str(run), "--output", str(tmp_path / "page.html"), "--from", "2", "--to", "5"])
-    assert not stop.value.code
+    assert run_command("report", run, "--output", tmp_path / "page.html", "--from", "2", "--to", "5") == 0
     assert capsys.readouterr().out.strip() == str(tmp_path / "page.html")
     assert len(data_of(tmp_path / "page.html")[0]["times"]) == 3
 

@@ -85,13 +85,3 @@ def test_no_sum_of_blas_or_lapack_decides() -> None:
             if product or (called and not along_axis):
                 found.append(f"{path.relative_to(root)}:{node.lineno}: {ast.unparse(node)}")
     assert not found, "use toolkit.kernels.linear"
-
-
-@pytest.mark.parametrize("count", [1, 2, 3, 4])
-def test_every_processor_is_tried_from_every_folder(count: int, scripts: None) -> None:
-    from same_tracks import CORES, environments
-
-    folders = [Path(str(number)) for number in range(count)]
-    tried = [(environment["OPENBLAS_CORETYPE"], folder) for environment, folder in environments(3 * count, folders)]
-    assert len(set(tried)) == len(CORES) * count
-    assert len({folder for _, folder in tried[:3]}) == min(3, count)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.poses import entry
 from tests.support.dual_quaternions import dual_skinning
 from tests.support.sequences import SEQUENCES, performed, record_sequence, sequence_body
 from toolkit.body import skeleton
@@ -22,10 +23,6 @@ from toolkit.simulation.raycast import cast, render_depth
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import KinectV1, Sensor, Surface, TimeOfFlight, make_sensor
 from toolkit.simulation.simulate import CaptureSettings, Simulation, prepare, simulate_recording, simulate_scene
-
-
-def entry(name: str) -> int:
-    return skeleton.POSE_NAMES.index(name)
 
 
 def waving(frames: int = 6, facing: float = 0.0) -> PoseClip:

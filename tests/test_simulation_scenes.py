@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.app.cli.main import main
+from tests.run_helpers import run as run_command
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.io.errors import UsageError
@@ -180,9 +180,7 @@ def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: s
 def test_the_command_records_an_empty_room_with_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, output = tmp_path / "room.yaml", tmp_path / "room.npz"
     file.write_text("boxes:\n  - {low: [-0.4, 0, 0], high: [0.4, 1.6, 0.3]}\n")
-    with pytest.raises(SystemExit) as stopped:
-        main(["simulate", "--output", str(output), "--seconds", "0.1", "--furniture", str(file), "--no-background"])
-    assert not stopped.value.code
+    assert run_command("simulate", "--output", output, "--seconds", "0.1", "--furniture", file, "--no-background") == 0
     recording = open_recording(output)
     assert "3 frames of 176x144" in capsys.readouterr().out
     assert recording.background is None
@@ -193,11 +191,7 @@ def test_the_command_records_two_people_as_they_are_described(tmp_path: Path) ->
     clip, output = tmp_path / "still.bvh", tmp_path / "pair.npz"
     export_bvh(clip, subject_body("neutral"), standing(3).poses, 30.0)
     arguments = ["--body", "neutral", "--body", "child", "--clothes", "none", "--clothes", "skirt", "--empty"]
-    with pytest.raises(SystemExit) as stopped:
-        main(
-            ["simulate", str(clip), str(clip), "--output", str(output), "--at", "-0.5,0", "--at", "0.6,0.2", *arguments]
-        )
-    assert not stopped.value.code
+    assert run_command("simulate", clip, clip, "--output", output, "--at", "-0.5,0", "--at", "0.6,0.2", *arguments) == 0
     recording = open_recording(output)
     assert recording.background is None
     pelvis, head = (recording.joints[:, 0, joint(name)] for name in ("pelvis", "head"))

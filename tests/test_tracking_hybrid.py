@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.poses import entry
 from tests.support.misled import misled
 from tests.support.solo import Solo
 from toolkit.body import skeleton
@@ -37,10 +38,6 @@ STAGES = ("prepare", "landmarks", "local", "arms", "lookup", "select")
 FRAMES = 20
 
 Record = Callable[..., Recording]
-
-
-def entry(name: str) -> int:
-    return skeleton.POSE_NAMES.index(name)
 
 
 def run(tracker: HybridTracker, recording: Recording, stop: int | None = None) -> list[FrameResult]:

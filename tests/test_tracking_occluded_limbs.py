@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.fitting_helpers import whole_image
+from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
@@ -24,10 +25,7 @@ LEGS = [i for i, name in enumerate(skeleton.POSE_NAMES) if any(part in name for 
 
 
 def standing(knee: float = 0.0) -> np.ndarray:
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_POSITION] = 0.0, 0.0, -2.5
-    pose[KNEE] = knee
-    return pose
+    return pose_at((0.0, 0.0, -2.5), **{skeleton.POSE_NAMES[KNEE]: knee})
 
 
 @pytest.fixture(scope="module")

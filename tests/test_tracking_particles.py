@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.poses import pose_at
 from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
@@ -28,17 +29,8 @@ SETTINGS = ParticleTrackerSettings(measured_seconds=0.0, initial=InitialSettings
 
 def pose_of(turn: float = 0.0, **angles: float) -> np.ndarray:
     """Return a person 1.5 m away who faces the camera, both hands up; `turn` bends the elbows further."""
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[:3] = [0.0, -0.5, -1.5]
-    given = {
-        "left_shoulder_rz": -0.2,
-        "right_shoulder_rz": 0.2,
-        "left_elbow_ry": -0.7 - turn,
-        "right_elbow_ry": 0.7 + turn,
-    }
-    for name, value in (given | angles).items():
-        pose[skeleton.POSE_NAMES.index(name)] = value
-    return pose
+    elbows = {"left_elbow_ry": -0.7 - turn, "right_elbow_ry": 0.7 + turn}
+    return pose_at((0.0, -0.5, -1.5), **{"left_shoulder_rz": -0.2, "right_shoulder_rz": 0.2} | elbows | angles)
 
 
 def sighting_of(pose: np.ndarray, camera: Camera = CAMERA) -> Sighting:

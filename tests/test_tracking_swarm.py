@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import small_database
+from tests.poses import entry
 from tests.support.image_joints import DetectorErrors, detected
 from tests.support.solo import Solo
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses
@@ -35,10 +36,6 @@ CAMERA = camera_for(3000)
 SETTINGS = SwarmTrackerSettings(swarm=SwarmSettings(particles=24, generations=16))
 FRAMES = 24
 EXACT = DetectorErrors(sigma=0.0, missed=0.0, swapped=0.0)
-
-
-def entry(name: str) -> int:
-    return skeleton.POSE_NAMES.index(name)
 
 
 def true_joints(poses: np.ndarray) -> np.ndarray:

@@ -6,7 +6,6 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database.canonical import body_facing, canonicalise, mirrored, place
-from toolkit.io.errors import UsageError
 from toolkit.tracking.state import PersonState, Previous
 
 KINDS = ("random pose", "left and right", "turned", "arms", "shifted")
@@ -40,15 +39,8 @@ def wrong_pose(kind: str, pose: np.ndarray, poses: np.ndarray, rng: np.random.Ge
 
 
 def misled(state: PersonState, wrong: np.ndarray) -> PersonState:
-    """Return the state as if `wrong` (P,) had been the result of the previous frame.
-
-    Raises
-    ------
-    UsageError
-        The tracker has found no person yet.
-    """
-    if state.pose is None or state.previous is None or state.centre is None:
-        raise UsageError("a tracker that has found no person cannot be misled; let it track a frame first")
+    """Return the state of a tracked person as if `wrong` (P,) had been the result of the previous frame."""
+    assert state.pose is not None and state.previous is not None and state.centre is not None
     shift = wrong[skeleton.ROOT_POSITION] - state.pose[skeleton.ROOT_POSITION]
     yaw = float(body_facing(wrong))
     return replace(

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.calibration import calibration_error
 from tests.support.identities import Identities, identities_of
 from toolkit.evaluation.joint_errors import CORRECT_WITHIN, ERROR_CAP, visible_joints
-from toolkit.fitting.joint_confidence import WITHIN
-from toolkit.io.errors import RecordingError
 from toolkit.people.known_people import assigned
 from toolkit.sensing.recording import Recording
 from toolkit.tracks import EMPTY, TRACKED, Track
@@ -54,14 +51,8 @@ def score_scene(recording: Recording, tracks: Sequence[Track]) -> SceneScore:
 
     In each frame people and tracks are matched at the least total error of the seen joints (of all joints where none is
     seen). A track may end before the recording; it reports no person then.
-
-    Raises
-    ------
-    RecordingError
-        The recording holds no true joints.
     """
-    if recording.joints is None:
-        raise RecordingError(f"{recording.path} holds no true joints; score recordings of `depthmocap simulate`")
+    assert recording.joints is not None
     truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
     truth = truth.swapaxes(0, 1).astype(np.float64)
     seen = np.array(
@@ -139,20 +130,17 @@ def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
     """Return figures of a group of recordings, by name; None for a figure without samples.
 
     `error_mm` and `a100`, of the seen joints, are means over the recordings. All others are taken over all frames of
-    all recordings: `switches`, `misses`, `false`, `unobserved` and the like count, the rest are shares.
+    all recordings: `switches`, `misses` and `false` count, the rest are shares.
     """
     of_seen = [score.errors[score.seen] for score in scores if score.seen.any()]
     errors, seen, confidence = (
         np.concatenate([np.ravel(getattr(score, name)) for score in scores] or [np.empty(0)])
         for name in ("errors", "seen", "confidence")
     )
-    told = np.isfinite(errors) & np.isfinite(confidence)
-    hidden = told & ~seen.astype(bool)
-    sure = hidden & (np.nan_to_num(confidence) > CONFIDENT)
+    sure = np.isfinite(errors) & ~seen.astype(bool) & (np.nan_to_num(confidence) > CONFIDENT)
     delays = np.concatenate([score.delays for score in scores] or [np.empty(0)])
     return {
         "recordings": len(scores),
-        "frames": sum(len(score.tracked) for score in scores),
         "error_mm": _mean([1000 * e.mean() for e in of_seen]),
         "a100": _mean([(e <= CORRECT_WITHIN).mean() for e in of_seen]),
         "switches": sum(score.identities.switches for score in scores),
@@ -160,14 +148,7 @@ def scene_figures(scores: Sequence[SceneScore]) -> dict[str, Any]:
         "false": sum(score.identities.false for score in scores),
         "found_soon": _mean(delays[~np.isnan(delays)] <= SOON),
         "numbers_right": _mean(np.concatenate([score.numbers_right for score in scores] or [np.empty(0)])),
-        "unobserved": int(hidden.sum()),
-        "unobserved_mm": _mean(1000 * errors[hidden]),
-        "unobserved_confidence": _mean(confidence[hidden]),
-        "unobserved_sure": int(sure.sum()),
         "unobserved_sure_a100": _mean(errors[sure] <= CORRECT_WITHIN),
-        "ece": calibration_error(confidence[told], errors[told] <= WITHIN) if told.any() else None,
-        "tracked": _mean(np.concatenate([score.tracked for score in scores] or [np.empty(0)])),
-        "recordings_tracked": sum(bool(score.tracked.any()) for score in scores),
     }
 
 

@@ -21,8 +21,6 @@ from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
 
 GROUPS = ("cut", "desk", "chair", "camera", "wide", "turned")
-MORE = ("crossing", "lap")
-"""Groups outside the suite's figures."""
 CUT = 0.45
 """Metres below the neck at which the image ends (waist)."""
 CUTS = {"lap": 0.95}

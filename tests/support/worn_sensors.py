@@ -9,10 +9,8 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.rotations import quaternions as quat
-from toolkit.inertial.placement import check_limbs
 from toolkit.inertial.sensor_limbs import TrackedMotion, bone_axis, bone_vector
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream, checked_stream
-from toolkit.io.errors import UsageError
 
 Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
 """Rotation from a world with y up to one with z up."""
@@ -109,23 +107,8 @@ def simulate_sensors(
     noise : name of `NOISE`, or the noise itself
     seed : seed of offsets, clock and noise
     start : time of the first pose on the camera's clock, seconds
-
-    Raises
-    ------
-    UsageError
-        The noise is unknown or there are fewer than three poses.
-    InertialError
-        A limb is unknown or repeated.
     """
-    if isinstance(noise, str):
-        if noise not in NOISE:
-            raise UsageError(f"unknown noise {noise!r} of inertial sensors; there are: {', '.join(NOISE)}")
-        noise = NOISE[noise]
-    check_limbs(limbs)
-    if not limbs:
-        raise UsageError("no part of the body is named; write for example --inertial left_shin,right_forearm")
-    if len(poses) < 3:
-        raise UsageError(f"{len(poses)} poses are too few for inertial sensors; give at least 3")
+    noise = NOISE[noise] if isinstance(noise, str) else noise
     rng = np.random.default_rng([seed, 7])
     times = start + np.arange(len(poses)) / frame_rate
     motion = TrackedMotion.of_poses(body, poses, times)
