@@ -174,14 +174,13 @@ class Body:
         flat = np.ascontiguousarray(poses.reshape(-1, skeleton.POSE_SIZE))
         joints = np.empty((len(flat), len(skeleton.JOINTS), 3))
         moved = np.empty((len(flat), len(self._carried[0]), 3))
+        reported = np.empty((len(flat), len(skeleton.REPORTED), 3))
         kinematics.key_points(
-            flat, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, *self._carried, joints, moved
-        )
-        sites = len(self.sites)
-        sources = np.concatenate([joints, moved[:, :sites]], axis=1)
-        reported = np.einsum("rk,nkc->nrc", skeleton.REPORTED_FROM_POINTS, sources)
+            flat, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, *self._carried,
+            skeleton.REPORTED_FROM_POINTS, joints, moved, reported,
+        )  # fmt: skip
         lead = poses.shape[:-1]
-        return reported.reshape(*lead, -1, 3), moved[:, sites:].reshape(*lead, -1, 3)
+        return reported.reshape(*lead, -1, 3), moved[:, len(self.sites) :].reshape(*lead, -1, 3)
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -170,13 +170,26 @@ def key_points(
     points: np.ndarray,
     skin_joints: np.ndarray,
     skin_weights: np.ndarray,
+    mixed: np.ndarray,
     joints_out: np.ndarray,
     points_out: np.ndarray,
+    mixed_out: np.ndarray,
 ) -> None:
-    """Compute joint centres (N, J, 3) and skinned points (N, V, 3) of many poses (N, P)."""
+    """Compute joint centres (N, J, 3), skinned points (N, V, 3) and weighted sums of them (N, R, 3) of many poses
+    (N, P).
+
+    `mixed` (R, K) are the weights of the sums: of the joints, then of the first points.
+    """
     count = parents.shape[0]
     vectors = np.empty((count, 3))
     rotations = np.empty((count, 3, 3))
     for n in range(poses.shape[0]):
         forward_kinematics(poses[n], parents, rest, dof_joint, dof_axis, vectors, rotations, joints_out[n])
         skin(points, skin_joints, skin_weights, rest, rotations, joints_out[n], points_out[n])
+        mixed_out[n] = 0.0
+        for r in range(mixed.shape[0]):
+            for k in range(mixed.shape[1]):
+                if mixed[r, k] != 0.0:
+                    source = joints_out[n, k] if k < count else points_out[n, k - count]
+                    for a in range(3):
+                        mixed_out[n, r, a] += mixed[r, k] * source[a]

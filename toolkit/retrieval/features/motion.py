@@ -196,9 +196,11 @@ def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> M
     carried = _carried(body)
     centres = np.empty((len(poses), len(skeleton.JOINTS), 3))
     moved = np.empty((len(poses), len(carried.points), 3))
+    unmixed, nothing = np.empty((0, 0)), np.empty((len(poses), 0, 3))
     kinematics.key_points(
-        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, *carried[1:], centres, moved
-    )
+        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, *carried[1:], unmixed, centres,
+        moved, nothing,
+    )  # fmt: skip
     names = (*skeleton.JOINT_NAMES, *carried.names)
     points = dict(zip(names, np.concatenate([centres, moved], axis=1).transpose(1, 0, 2), strict=True))
     from scipy.spatial.transform import Rotation
