@@ -83,7 +83,7 @@ class ArmPoses:
             chain, entries = _chain_of(side, body), entries_of(side)
             angles = np.ascontiguousarray(poses[:, entries], dtype=np.float64)
             self._angles[side] = angles[spread_rows(_placed_balls(angles, chain).reshape(len(angles), -1), count)]
-        self.of = lru_cache(maxsize=4)(self._of)
+        self.of = lru_cache(maxsize=16)(self._of)
 
     def _of(self, body: Body) -> tuple[Arm, ...]:
         """Return both arms of `body`, cached for each body."""
