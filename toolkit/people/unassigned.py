@@ -75,12 +75,15 @@ def attach_limbs(
     own_points = _people(view, np.where(labels <= people, labels, 0))
     attached = labels.copy()
     limb = 3.2  # mean log odds of a limb in an unknown room
+    order = np.argsort(pieces, axis=None, kind="stable")  # the pixels of each piece, in the order of the image
+    ends = np.cumsum(np.bincount(pieces.ravel(), minlength=count + 1))
+    points = view.points.reshape(-1, 3)
     for piece in range(1, count + 1):
         if LEAST_ISLAND <= areas[piece] <= LARGEST_ISLAND:
-            mask = pieces == piece
-            owner = _owner(own_points, view.points[mask])
-            if owner and judge.log_odds(view.depth, lens.camera)[mask].mean(dtype=np.float64) > limb:
-                attached[mask] = owner
+            own = order[ends[piece - 1] : ends[piece]]
+            owner = _owner(own_points, points[own])
+            if owner and judge.log_odds(view.depth, lens.camera).ravel()[own].mean(dtype=np.float64) > limb:
+                attached.ravel()[own] = owner
     return attached
 
 
@@ -96,7 +99,8 @@ def _sampled(points: np.ndarray) -> np.ndarray:
 
 def _owner(people: Mapping[int, np.ndarray], points: np.ndarray) -> int:
     """Return the person nearest to a component (N, 3), 0 if none is near."""
-    gaps = {k: float(smallest_gap(own, _sampled(points))) for k, own in people.items()}
+    samples = _sampled(points)
+    gaps = {k: float(smallest_gap(own, samples)) for k, own in people.items()}
     nearest = min(gaps, key=lambda k: gaps[k], default=0)
     largest_gap = 0.5  # m from a component to its person (Baak 2013, 5.4.2)
     return nearest if nearest and gaps[nearest] <= largest_gap else 0

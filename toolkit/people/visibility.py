@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from toolkit.kernels.image import components
+
 
 def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
     """Return the size, in pixels, of the hole that each pixel lies in: int32 (H, W), 0 where there is a measurement.
@@ -14,12 +16,9 @@ def hole_sizes(whole_mm: np.ndarray) -> np.ndarray:
     ----------
     whole_mm : uint16 (H, W), all that was measured, millimetres, 0 = no measurement
     """
-    import cv2
-
-    _, labels, figures, _ = cv2.connectedComponentsWithStats((whole_mm == 0).astype(np.uint8), connectivity=4)
-    sizes = figures[:, cv2.CC_STAT_AREA].copy()
-    sizes[0] = 0
-    return np.asarray(sizes[labels], dtype=np.int32)
+    sizes = np.empty(whole_mm.shape, dtype=np.int32)
+    components.hole_sizes(np.ascontiguousarray(whole_mm), sizes)
+    return sizes
 
 
 def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, holes: np.ndarray | None) -> np.ndarray | None:

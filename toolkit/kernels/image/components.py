@@ -1,4 +1,4 @@
-"""Connected surfaces of padded depth images, compiled: label, measure, grow, keep."""
+"""Connected surfaces and holes of depth images, compiled: label, measure, grow, keep."""
 
 from __future__ import annotations
 
@@ -138,3 +138,40 @@ def label_overlap(labels: np.ndarray, box: np.ndarray, count: int, depth: np.nda
         for u in range(box[2], box[3]):
             if labels[v, u] > 0 and depth[v, u] > 0:
                 overlap[labels[v, u] - 1] += 1
+
+
+@njit(cache=True)
+def hole_sizes(depth: np.ndarray, sizes: np.ndarray) -> None:
+    """Fill `sizes`, int32 (H, W), with the pixels of the 4-connected hole that each pixel of depth 0 lies in; 0
+    elsewhere.
+    """
+    height, width = depth.shape
+    most = height * ((width + 1) // 2) + 1
+    rows, firsts, ends = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
+    parents = np.empty(most, dtype=np.int64)
+    count, above, here = 0, 0, 0  # runs of zeros in a row; the first ones of the row above and of this row
+    for v in range(height):
+        above, here = here, count
+        u, k = 0, above
+        while u < width:
+            if depth[v, u] > 0:
+                u += 1
+                continue
+            first = u
+            while u < width and depth[v, u] == 0:
+                u += 1
+            rows[count], firsts[count], ends[count], parents[count] = v, first, u, count
+            while k < here and ends[k] <= first:
+                k += 1
+            j = k
+            while j < here and firsts[j] < u:
+                a, b = _root(parents, j), _root(parents, count)
+                parents[max(a, b)] = min(a, b)
+                j += 1
+            count += 1
+    totals = np.zeros(count, dtype=np.int32)
+    for k in range(count):
+        totals[_root(parents, k)] += ends[k] - firsts[k]
+    sizes[:] = 0
+    for k in range(count):
+        sizes[rows[k], firsts[k] : ends[k]] = totals[_root(parents, k)]

@@ -166,25 +166,27 @@ def refine_labels(
     """
     height, width = depth.shape
     rows, columns = labels.shape
-    for v in range(height):
-        for u in range(width):
-            out[v, u] = 0
-            z = np.int64(depth[v, u])
-            if z == 0:
-                continue
-            first, left = v // step, u // step
-            last, right = min(first + 1, rows - 1), min(left + 1, columns - 1)
+    for first in range(rows):
+        last = min(first + 1, rows - 1)
+        v0, v1 = first * step, min((first + 1) * step, height)
+        for left in range(columns):
+            right = min(left + 1, columns - 1)
+            u0, u1 = left * step, min((left + 1) * step, width)
+            out[v0:v1, u0:u1] = 0
             # most pixels have no person around them
             if labels[first, left] == labels[first, right] == labels[last, left] == labels[last, right] == 0:
                 continue
-            best = np.int64(tolerance_mm) + 1
-            for r in range(first, last + 1):
-                for c in range(left, right + 1):
-                    m = np.int64(coarse[r, c])
-                    off = abs(m - z)
-                    if m > 0 and off < best:
-                        best = off
-                        out[v, u] = labels[r, c]
+            for v in range(v0, v1):
+                for u in range(u0, u1):
+                    z = np.int64(depth[v, u])
+                    best = np.int64(tolerance_mm) + 1 if z > 0 else 0
+                    for r in range(first, last + 1):
+                        for c in range(left, right + 1):
+                            m = np.int64(coarse[r, c])
+                            off = abs(m - z)
+                            if m > 0 and off < best:
+                                best = off
+                                out[v, u] = labels[r, c]
 
 
 @njit(cache=True)
