@@ -15,25 +15,10 @@ from toolkit.body.rotations import quaternions as quat
 
 SCALES = np.radians([40.0, 28.0, 20.0, 14.0, 10.0])
 """Scale of the weights, narrower and narrower, radians: ten degrees is what soft tissue and a good track differ by."""
-
-
-@dataclass(frozen=True)
-class SolverSettings:
-    """Iterations of the robust solver.
-
-    Attributes
-    ----------
-    rounds : iterations at each scale
-    starts : number of initial headings, 30 degrees apart
-    finalists : number of starts that are refined to the narrowest scale
-    """
-
-    rounds: int = 3
-    starts: int = 12
-    finalists: int = 3
-
-
-SETTINGS = SolverSettings()
+ROUNDS = 3
+"""Iterations at each scale."""
+START_HEADINGS: np.ndarray = np.arange(12) * (2.0 * np.pi / 12)
+"""Initial headings, radians, 30 degrees apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,15 +100,14 @@ def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) 
     """
     rough_rows = 120  # frames per segment for the comparison of the starts
     rough = [segment.thinned(rough_rows) for segment in segments]
-    headings = np.arange(SETTINGS.starts) * (2.0 * np.pi / SETTINGS.starts)
-    starts = [_spread(rough, groups, sensors, psi) for psi in headings]
+    starts = [_spread(rough, groups, sensors, psi) for psi in START_HEADINGS]
     starts.append(by_vertical(rough, groups, sensors))
     tried = sorted(
-        (_alternated(rough, sensors, start, SCALES[:1].repeat(SETTINGS.rounds)) for start in starts),
+        (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
         key=lambda found: found[2],
     )
-    finalists = tried[: SETTINGS.finalists]
-    ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(SETTINGS.rounds)) for found in finalists)
+    finalists = 3  # starts that are refined to the narrowest scale
+    ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(ROUNDS)) for found in tried[:finalists])
     best = min(ends, key=lambda found: found[2])[:2]
     last_rounds = 12  # iterations at the last scale
     return _alternated(segments, sensors, best, SCALES[-1:].repeat(last_rounds))
@@ -137,9 +121,9 @@ def heading_given(segments: Sequence[SynchronisedSegment], mountings: np.ndarray
     ]
     turns = np.concatenate(difference)
     best, least = 0.0, np.inf
-    for start in np.arange(SETTINGS.starts) * (2.0 * np.pi / SETTINGS.starts):
+    for start in START_HEADINGS:
         psi = float(start)
-        for width in np.append(SCALES, SCALES[-1:].repeat(SETTINGS.rounds)):
+        for width in np.append(SCALES, SCALES[-1:].repeat(ROUNDS)):
             psi = _heading_of(turns, weights_of(quat.angle(turns, yaw(psi)), width))
         cost = cost_of(quat.angle(turns, yaw(psi)), float(SCALES[-1]))
         if cost < least - 1e-12:
@@ -202,7 +186,7 @@ def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: i
         seen = _verticals(np.concatenate([s.inertial for s in own]))
         tracked = _verticals(np.concatenate([s.tracked for s in own]))
         weights = np.ones(len(seen))
-        for scale in SCALES.repeat(SETTINGS.rounds):
+        for scale in SCALES.repeat(ROUNDS):
             mountings[k] = quat.from_matrices(_wahba(seen, tracked, weights))
             cosine = (quat.rotate(mountings[k], seen) * tracked).sum(axis=1)
             weights = weights_of(np.arccos(np.clip(cosine, -1.0, 1.0)), float(scale))

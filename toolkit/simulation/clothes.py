@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,23 +11,6 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.io.errors import UsageError
-
-
-@dataclass(frozen=True)
-class SkirtSettings:
-    """Mesh of a skirt.
-
-    Attributes
-    ----------
-    around : number of vertices of each ring
-    rings : number of rings from waist to hem
-    """
-
-    around: int = 48
-    rings: int = 16
-
-
-SETTINGS = SkirtSettings()
 
 
 class Skirt(NamedTuple):
@@ -88,12 +71,13 @@ def _with_skirt(body: Body, skirt: Skirt) -> Body:
     """Add a lofted tube around both legs, open below; its middle follows both legs equally."""
     waist = 0.06 * body.height
     levels = [waist, 0.0, _height_of(body, "knee"), _height_of(body, "ankle")]
-    heights = np.interp(np.linspace(-1.0, skirt.hem, SETTINGS.rings), [-1.0, 0.0, 1.0, 2.0], levels)
-    rings = [_ring(body, height) for height in heights]
-    for i in range(1, SETTINGS.rings):
+    around, along = 48, 16  # vertices of each ring, and rings from waist to hem
+    heights = np.interp(np.linspace(-1.0, skirt.hem, along), [-1.0, 0.0, 1.0, 2.0], levels)
+    angles = np.linspace(0.0, 2 * np.pi, around, endpoint=False)
+    rings = [_ring(body, height, angles) for height in heights]
+    for i in range(1, along):
         if heights[i] < levels[1]:  # below the hips cloth hangs vertically
             rings[i] = np.maximum(rings[i], rings[i - 1])
-    angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     below = np.clip((levels[1] - heights) / (levels[1] - heights[-1]), 0.0, 1.0)
     loose = 0.012  # metres between a skirt and the skin below it
@@ -106,7 +90,7 @@ def _with_skirt(body: Body, skirt: Skirt) -> Body:
     return replace(
         body,
         vertices=np.concatenate([body.vertices, vertices.reshape(-1, 3)]),
-        faces=np.concatenate([body.faces, (_tube() + start).astype(body.faces.dtype)]),
+        faces=np.concatenate([body.faces, (_tube(along, around) + start).astype(body.faces.dtype)]),
         skin_joints=np.concatenate([body.skin_joints, np.pad(joints, pad)]),
         skin_weights=np.concatenate([body.skin_weights, np.pad(weights, pad)]),
     )
@@ -116,11 +100,10 @@ def _height_of(body: Body, joint: str) -> float:
     return float(body.joints[skeleton.JOINT_NAMES.index(f"left_{joint}"), 1])
 
 
-def _ring(body: Body, height: float) -> np.ndarray:
-    """Return the extent of trunk and legs in each direction at a height of the rest pose: float64 (AROUND,), metres."""
+def _ring(body: Body, height: float, angles: np.ndarray) -> np.ndarray:
+    """Return the extent of trunk and legs in directions (N,), radians, at a height of the rest pose: (N,), metres."""
     carriers = [skeleton.JOINT_NAMES.index(name) for name in (*TRUNK[:2], *LEGS)]
     near = np.isin(body.part, carriers) & (np.abs(body.vertices[:, 1] - height) < 0.02 * body.height)
-    angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
     directions = np.stack([np.cos(angles), np.sin(angles)])
     support = (body.vertices[near][:, [0, 2]] @ directions).max(axis=0, initial=0.05)
     # From the support function h to the radius of the hull along each direction: min over h(b) / cos(b - a).
@@ -138,9 +121,9 @@ def _hanging(body: Body, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(carriers, (len(vertices), 1)), weights
 
 
-def _tube() -> np.ndarray:
+def _tube(rings: int, around: int) -> np.ndarray:
     """Return the triangles between neighbouring rings."""
-    ring, side = np.meshgrid(np.arange(SETTINGS.rings - 1), np.arange(SETTINGS.around), indexing="ij")
-    a, b = ring * SETTINGS.around + side, ring * SETTINGS.around + (side + 1) % SETTINGS.around
-    c, d = a + SETTINGS.around, b + SETTINGS.around
+    ring, side = np.meshgrid(np.arange(rings - 1), np.arange(around), indexing="ij")
+    a, b = ring * around + side, ring * around + (side + 1) % around
+    c, d = a + around, b + around
     return np.concatenate([np.stack([a, b, d], axis=-1), np.stack([a, d, c], axis=-1)]).reshape(-1, 3)

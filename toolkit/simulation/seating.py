@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from toolkit.body import skeleton
@@ -16,23 +14,8 @@ LEGS = np.array(
     [i for i, name in enumerate(skeleton.POSE_NAMES) if any(part in name for part in ("hip", "knee", "ankle"))]
 )
 """Pose entries of both legs."""
-
-
-@dataclass(frozen=True)
-class SeatingSettings:
-    """Settings of seated poses.
-
-    Attributes
-    ----------
-    slouch : degrees of backward tilt of the pelvis on a seat
-    sway : fraction of the root's own rotation that a seated person keeps
-    """
-
-    slouch: float = 6.0
-    sway: float = 0.25
-
-
-SETTINGS = SeatingSettings()
+SLOUCH = 6.0
+"""Degrees of backward tilt of the pelvis on a seat."""
 
 
 def seat_height(body: Body) -> float:
@@ -52,7 +35,7 @@ def neck_height(body: Body, *, seated: bool = False) -> float:
 def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarray:
     """Return a motion performed by a seated person: poses (T, P) with hips above the origin, facing +z, floor at y = 0.
 
-    Spine, head and arms keep their motion. The root stays on the seat and keeps the fraction `SeatingSettings.sway` of
+    Spine, head and arms keep their motion. The root stays on the seat and keeps a quarter of
     its rotation. Thighs are on the seat, shins lean by a random angle of up to 15 degrees, and feet are flat on the
     floor (or hang, if the legs are too short).
 
@@ -69,10 +52,9 @@ def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarra
     upright = turns.mean().as_euler("YXZ")[0]
     sway = (Rotation.from_euler("Y", -upright) * turns).as_euler("YXZ", degrees=True)
     sway[:, 1:] -= sway[:, 1:].mean(axis=0)
-    sway = SETTINGS.sway * np.clip(sway, -40.0, 40.0)
-    result[:, skeleton.ROOT_ROTATION] = Rotation.from_euler(
-        "YXZ", sway - [0.0, SETTINGS.slouch, 0.0], degrees=True
-    ).as_rotvec()
+    kept = 0.25  # fraction of the root's own rotation
+    sway = kept * np.clip(sway, -40.0, 40.0)
+    result[:, skeleton.ROOT_ROTATION] = Rotation.from_euler("YXZ", sway - [0.0, SLOUCH, 0.0], degrees=True).as_rotvec()
     result[:, LEGS] = _legs(len(poses), body, rng)[:, LEGS]
     result[:, skeleton.ROOT_POSITION] = 0.0
     lowest = _thigh_bottom(body, result[0])
@@ -99,7 +81,7 @@ def _legs(count: int, body: Body, rng: np.random.Generator) -> np.ndarray:
             controls[:, CONTROLS.index(f"{side}_{name}")] = value
     legs = poses_from_controls(controls)
     hips = [i for i, name in enumerate(skeleton.POSE_NAMES) if name.endswith("hip_rx")]
-    legs[:, hips] += np.radians(SETTINGS.slouch)
+    legs[:, hips] += np.radians(SLOUCH)
     low, high = skeleton.POSE_LIMITS[6:].T
     legs[:, 6:] = np.clip(legs[:, 6:], low, high)
     return legs

@@ -7,7 +7,6 @@ needs Vulkan. Ray casting needs neither a driver nor a display, and gives the sa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,24 +17,6 @@ from toolkit.sensing.camera import Camera
 
 WHITE_PAPER = (255, 255, 255)
 """Background of the pictures, RGB."""
-
-
-@dataclass(frozen=True)
-class PictureSettings:
-    """Settings of the pictures.
-
-    Attributes
-    ----------
-    samples : rays of a pixel, along rows and along columns; their mean smooths contours
-    light_size : radius of the light, as a share of its distance; 0 gives hard shadows
-    light_height : smallest sine of the light's elevation, for short shadows before a camera that looks up
-    shadow : share of the light that a shadow takes from the ground
-    """
-
-    samples: int = 3
-    light_size: float = 0.05
-    light_height: float = 0.5
-    shadow: float = 0.5
 
 
 class ColoredMesh(NamedTuple):
@@ -67,18 +48,19 @@ class PicturePainter:
     ground : y of the ground, metres, level frame; NaN for none
     """
 
-    def __init__(self, view: PictureView, ground: float, settings: PictureSettings = PictureSettings()) -> None:
-        self._view, self._ground, self._settings = view, ground, settings
+    def __init__(self, view: PictureView, ground: float) -> None:
+        self._view, self._ground = view, ground
+        self._samples = 3  # rays of a pixel along rows and along columns; their mean smooths contours
         self._to_light = view.rotation @ KEY_LIGHT
-        self._to_light[1] = max(self._to_light[1], settings.light_height)
+        lowest = 0.5  # sine of the light's elevation, for short shadows before a camera that looks up
+        self._to_light[1] = max(self._to_light[1], lowest)
         self._to_light /= np.linalg.norm(self._to_light)
         across = np.cross(self._to_light, (0.0, 1.0, 0.0))
         across /= np.linalg.norm(across)
-        angles = np.pi * np.arange(2 * settings.samples**2) / settings.samples**2
+        angles = np.pi * np.arange(2 * self._samples**2) / self._samples**2
         ring = np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * np.cross(self._to_light, across)
-        self._lights = (
-            self._to_light + settings.light_size * ring
-        )  # two opposite points of the light for each ray of a pixel
+        radius = 0.05  # of the light, as a share of its distance, for soft shadows
+        self._lights = self._to_light + radius * ring  # two opposite points of the light for each ray of a pixel
 
     def paint(self, surfaces: Sequence[ColoredMesh]) -> np.ndarray:
         """Return the picture of surfaces: RGB, uint8 (H, W, 3)."""
@@ -98,7 +80,7 @@ class PicturePainter:
         normals = np.concatenate([vertex_normals(surface.vertices, surface.faces) for surface in surfaces])
         whole = ColoredMesh(normals, np.concatenate(faces), np.concatenate([surface.colors for surface in surfaces]))
         first_faces = np.concatenate([[0], np.cumsum([len(surface.faces) for surface in surfaces])])
-        count = self._settings.samples
+        count = self._samples
         offsets = (np.arange(count) + 0.5) / count - 0.5
         total = np.zeros((v1 - v0, u1 - u0, 3))
         for k, (dv, du) in enumerate((dv, du) for dv in offsets for du in offsets):
@@ -112,7 +94,7 @@ class PicturePainter:
     def _traced(
         self, scene: Any, whole: ColoredMesh, first_faces: np.ndarray, rays: np.ndarray, lights: np.ndarray
     ) -> np.ndarray:
-        """Return the colours (h, w, 3) that rays (h, w, 3) of the level frame meet."""
+        """Return the colours (h, w, 3) that rays (h, w, 3) of the level frame hit."""
         hit = _cast(scene, np.broadcast_to(self._view.centre, rays.shape), rays)
         distance = hit["t_hit"]
         body = np.isfinite(distance)
@@ -134,7 +116,8 @@ class PicturePainter:
         below = ~body & ((self._ground - self._view.centre[1]) * rays[..., 1] > 0)  # False without a ground
         reach = (self._ground - self._view.centre[1]) / rays[below][:, 1]
         ground = self._view.centre + rays[below] * reach[:, None]
-        colors[below] *= 1.0 - self._settings.shadow * (1.0 - self._lit(scene, ground, lights)[:, None])
+        shadow = 0.5  # share of the light that a shadow takes from the ground
+        colors[below] *= 1.0 - shadow * (1.0 - self._lit(scene, ground, lights)[:, None])
         return colors
 
     def _lit(self, scene: Any, points: np.ndarray, lights: np.ndarray) -> np.ndarray:
