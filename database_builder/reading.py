@@ -55,8 +55,7 @@ class CanonicalPoses:
 
 
 def find_sources(paths: Iterable[Path]) -> list[MocapFile]:
-    """Return the motion files in the given files and folders, each once, sorted by path, with names relative to the
-    input.
+    """Return the motion files of files and folders, each once, sorted by path, with names relative to the input.
 
     Raises
     ------

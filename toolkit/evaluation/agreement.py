@@ -34,8 +34,7 @@ def subject_of(name: str) -> str | None:
 
 
 def torso_frames(joints: np.ndarray) -> np.ndarray:
-    """Return the axes left, up and forward of the torso as columns: float64 (T, 3, 3) for joints (T, 20, 3), camera
-    frame."""
+    """Return the axes left, up and forward of the torso of joints (T, 20, 3) as columns: float64 (T, 3, 3)."""
     joints = np.asarray(joints, dtype=np.float64)
     up = joints[:, _NECK] - joints[:, _PELVIS]
     up /= np.linalg.norm(up, axis=1, keepdims=True)
@@ -46,8 +45,7 @@ def torso_frames(joints: np.ndarray) -> np.ndarray:
 
 
 def local_differences(joints: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Return the differences from tracked joints (T, 20, 3) to the reference in the torso frame, without hands and
-    feet.
+    """Return the differences of joints (T, 20, 3) to the reference in the torso frame, without hands and feet.
 
     Returns
     -------

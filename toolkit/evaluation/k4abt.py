@@ -43,8 +43,7 @@ class KinectBodies:
         return k4abt.reported(self.positions).astype(np.float32)
 
     def at(self, timestamps: np.ndarray) -> np.ndarray:
-        """Return `joints` at the frames of a recording (T',): float32 (N, T', 20, 3), NaN for frames without a
-        skeleton.
+        """Return `joints` at the frames of a recording (T',): float32 (N, T', 20, 3), NaN without a skeleton.
 
         With equal frame counts, frames are matched by index. Otherwise they are matched by time, relative to the first
         frame unless the clocks agree.

@@ -143,8 +143,7 @@ class Arm:
     def measured(
         self, placed: PlacedBody, compared: Comparison, scene: Scene, settings: ArmSettings
     ) -> kernel.Measured:
-        """Return the input of an arm's chain: the samples that the rest of the body leaves unexplained, and the depth
-        image."""
+        """Return the samples that the rest of the body leaves unexplained, and the depth image."""
         samples = scene.samples[: scene.plain_samples]
         at_arm = (compared.drawn >= 0) & self._of_vertex[compared.drawn]
         free = samples[at_arm | (compared.sample_gaps > settings.explained)]

@@ -123,8 +123,7 @@ class EstimatedJoints:
 
 
 def links_out_of_view(in_view: np.ndarray) -> np.ndarray:
-    """Return joints whose links and all their descendants end out of view, bool (18,), by the `in_view` (20,) of
-    estimates."""
+    """Return the joints whose links and descendants are all out of view: bool (18,), by `in_view` (20,)."""
     return np.asarray(((in_view < OUT_OF_VIEW) | ~_ENDS).all(axis=1))
 
 

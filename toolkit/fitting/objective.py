@@ -80,8 +80,7 @@ class Objective:
         self._regressions = regressions or joint_confidence()
 
     def costs(self, body: Body, poses: np.ndarray, scene: Scene) -> np.ndarray:
-        """Return the distances (N,), metres, of `poses` (N, P), level frame; infinite for one that is farther than an
-        earlier one.
+        """Return the distances (N,), metres, of `poses` (N, P), level frame; infinite if larger than an earlier one.
 
         Only the nearest pose is needed.
         """

@@ -77,8 +77,7 @@ class OrientationTerm:
         return self.disagreement * square / (1.0 + square)
 
     def turn(self, placed: PlacedBody) -> np.ndarray:
-        """Return the rotation vector (3,) from the measured to the placed orientation, camera frame; for a bone axis
-        its swing.
+        """Return the rotation vector (3,) from the measured to the placed orientation, camera frame.
 
         Its negative is the rotation that corrects the placed joint.
         """

@@ -29,8 +29,7 @@ PRIOR_SPREAD = 0.1
 
 @dataclass(frozen=True)
 class GaussianPrior:
-    """Gaussian prior on joint angles: `1/2 weight (pose - mean)' precision (pose - mean)` over the entries after the
-    root's.
+    """Gaussian prior on the joint angles: `1/2 weight (pose - mean)' precision (pose - mean)`, without the root.
 
     mean : float64 (P,), radians; precision : float64 (P - 6, P - 6)
     """

@@ -129,8 +129,7 @@ def _t_pose(body: Body, view: ScanView) -> np.ndarray:
 
 
 def _offsets(placed: Sequence[PlacedBody], clouds: Sequence[Cloud]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the signed distance of the measured surface from each vertex, metres (V,), and its weight, 0 = not
-    measured."""
+    """Return the signed distance of the surface from each vertex, metres (V,), and its weight, 0 = not measured."""
     total, weight = (np.zeros(len(placed[0].vertices)) for _ in range(2))
     reach = 0.04  # maximum distance of a measured point along the normal of its vertex, metres
     facing = 0.5  # minimum cosine between normal and ray of a well measured vertex

@@ -91,6 +91,5 @@ class Scene:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """Return the weight of each sample, float64 (N,): `EXTREMUM_WEIGHT` for an extremum that may be a limb, else
-        1."""
+        """Return the weights of the samples, float64 (N,): `EXTREMUM_WEIGHT` for extrema that may be limbs, else 1."""
         return np.concatenate([np.ones(self.plain_samples), np.where(self.cut, 1.0, EXTREMUM_WEIGHT)])

@@ -83,8 +83,7 @@ class SurfaceTerm:
 
 @dataclass(frozen=True)
 class CloudTerm:
-    """Pairs from measured samples to the nearest visible point of the drawn body; extrema have weight
-    `scene.EXTREMUM_WEIGHT`."""
+    """Pairs from measured samples to the nearest visible point of the drawn body, weighted by `Scene.weights`."""
 
     reach: float
     sigma: float

@@ -156,9 +156,7 @@ def _down(rotation: np.ndarray) -> np.ndarray:
 
 
 def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """Return the probability (20,) of an error below `WITHIN`, by scale (20,) and the probability (2,) of correct
-    sides.
-    """
+    """Return the probability (20,) of an error below `WITHIN`, by scale (20,) and probability (2,) of the sides."""
     ratio = WITHIN / scale
     near = 1.0 - np.array([joint_crop.exponential(-RELIABILITY * r * math.sqrt(r)) for r in ratio])
     for rows, side in zip(PAIRS, sides, strict=True):
@@ -169,9 +167,7 @@ def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
 def _in_view(
     pixels: np.ndarray, metres: np.ndarray, scale: np.ndarray, shape: tuple[int, ...], unobserved: np.ndarray | None
 ) -> np.ndarray:
-    """Return the probability (N,) that joints at `pixels` (N, 2), `metres` (N,) a pixel, are in the image and not
-    occluded.
-    """
+    """Return the probability (N,) that joints at `pixels` (N, 2), `metres` (N,) a pixel, are in view."""
     limits = np.array([shape[1], shape[0]]) - 0.5
     inside = np.minimum(pixels + 0.5, limits - pixels).min(axis=1) * metres
     view_margin = 0.5  # scales of a joint inside the image at which it is in view with probability 1 / (1 + 1/e)

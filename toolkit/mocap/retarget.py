@@ -143,9 +143,7 @@ def _pelvis(source: KeyedClip) -> np.ndarray:
 
 
 def _head(source: KeyedClip) -> np.ndarray:
-    """Return the world rotations for the cervical joint: the head's, aligned with the direction from neck base to
-    skull.
-    """
+    """Return the world rotations of the head, aligned with the direction from neck base to skull."""
     turned = source.rotations["head"]
     rest, now = source.bone("cervical", "skull")
     return swing(apply(turned, rest), now) @ turned

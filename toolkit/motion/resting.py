@@ -139,9 +139,7 @@ def _entries(side: str, parts: tuple[str, ...]) -> np.ndarray:
 
 
 def _bent(body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the pose (P,) with the smallest change of the leg's angles that moves heel, ball and ankle to `target` (3,
-    3).
-    """
+    """Return the pose (P,) with the least bent leg that moves heel, ball and ankle to `target` (3, 3)."""
     knee = int(skeleton.PARENTS[sole.joint])
 
     def points(at: np.ndarray) -> np.ndarray:

@@ -36,9 +36,7 @@ CHEST_WIDTH = (0.2, 0.95)  # m: from a slim person seen from the side to an adul
 
 @dataclass(frozen=True, eq=False)
 class Head:
-    """Head candidate: centre float64 (3,), level frame, metres; score, 0 to 1; True if only a small child's head
-    fits.
-    """
+    """Head candidate: centre float64 (3,), level frame, metres; score, 0 to 1; True if only a child's head fits."""
 
     place: np.ndarray
     score: float
@@ -156,8 +154,7 @@ def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float)
 
 
 def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[float, float], scale: float) -> np.ndarray:
-    """Return the width of a surface, metres divided by `scale`, in each image row between two heights above a head's
-    centre.
+    """Return the width of a surface, metres / `scale`, in each image row between two heights above a head's centre.
 
     In each row the run nearest below the head counts. It ends at free space or at a depth step: a hand beside or before
     the head is another run.

@@ -55,9 +55,7 @@ def quarter_turns(recording: Recording, classifier: PersonClassifier | None = No
 
 
 def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarray]:
-    """Return the points (N, 3), camera frame, metres, of each person who stands in the image after `turns` quarter
-    turns.
-    """
+    """Return the points (N, 3), camera frame, metres, of each person who stands after `turns` quarter turns."""
     lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
     people = people_axes(lens.coarse(_turned(depth_mm, turns)), lens)
     up = np.array(DEFAULT_UP)

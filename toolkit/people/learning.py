@@ -167,9 +167,7 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.
 
 
 def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> tuple[np.ndarray, np.ndarray]:
-    """Return the noise margin of the background, float32 (h, w), metres, and the samples that show it, bool (K, h,
-    w).
-    """
+    """Return the noise margin of the background (h, w), metres, and the samples that show it, bool (K, h, w)."""
     tolerance = tolerances(background, lens)
     near = (stack > 0) & (np.abs(stack - background) <= 2 * tolerance)
     count = np.maximum(near.sum(axis=0), 1)

@@ -337,9 +337,7 @@ class MultiPersonFinder:
         return found, touching
 
     def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
-        """Return True if the last of `places` has a person's shape on new surface alone; a bent elbow has that shape
-        too.
-        """
+        """Return True if the last of `places` has a person's shape on new surface alone, unlike a bent elbow."""
         share = self._shared(view, surroundings, seeds, places, []) == len(places)
         min_mask_overlap = 0.5  # minimum fraction of a surface that was a person's in the previous frame to keep it
         fresh = share_of((self._labels > 0) & self._lasting(view), share) < min_mask_overlap

@@ -41,9 +41,7 @@ class SelectedPersonFinder(WrappedFinder):
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
-        """Find the person, see `PeopleFinder.find`: one sighting in every frame, empty where the person is not
-        visible.
-        """
+        """Find the person, see `PeopleFinder.find`: one sighting in every frame, empty without the person."""
         known = [person for person in self._finder.people if person.id in self._pieces]
         current = max(known, key=lambda person: person.last).id if known else min(self._pieces)
         told = {current: predicted[ID]} if ID in predicted else {}

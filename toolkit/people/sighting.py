@@ -82,15 +82,11 @@ class PeopleFinder(Protocol):
         ...
 
     def redetect(self) -> PeopleFinder | None:
-        """Return a finder of all people in the same stream without any state; None where the settings select one
-        person.
-        """
+        """Return a stateless finder of all people in the stream; None where the settings select one person."""
         ...
 
     def export_state(self) -> dict[str, Any]:
-        """Return the state that the next frame depends on: arrays, numbers and text by name, nested, for
-        `checkpoint`.
-        """
+        """Return the state of the next frame: nested arrays, numbers and text by name, for `checkpoint`."""
         ...
 
     def restore_state(self, state: Mapping[str, Any]) -> None:

@@ -95,8 +95,7 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
 def _shaped(
     view: View, lens: CoarseCamera, heads: list[np.ndarray], alone: list[np.ndarray], shared: list[np.ndarray]
 ) -> list[bool]:
-    """Return for each head whether it has a person's shape, by its part (`shared`) or by the whole (`alone`) of a
-    surface.
+    """Return True for each head with a person's shape, by its part (`shared`) or the whole (`alone`) of a surface.
 
     A whole with another shaped head does not count: a door that a person touches would get the shape of the person.
     """

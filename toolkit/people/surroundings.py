@@ -73,9 +73,7 @@ class Surroundings:
 
     @classmethod
     def from_state(cls, state: Mapping[str, Any], shape: tuple[int, int]) -> Surroundings:
-        """Restore what `export_state` returned, for coarse frames of that shape; raises TrackError for anything
-        else.
-        """
+        """Restore what `export_state` returned, for coarse frames of a shape; raises TrackError for anything else."""
         columns = {
             "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
             "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape),

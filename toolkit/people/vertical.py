@@ -108,9 +108,7 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
 
 
 def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray, str, np.ndarray]]:
-    """Return for each person of a coarse frame the upward axis, its kind in `TRUST`, and the points (N, 3), camera
-    frame.
-    """
+    """Return the upward axis of each person of a coarse frame, its kind in `TRUST`, and points (N, 3), camera frame."""
     surroundings = first_look(depth, lens)
     view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
     heads, _, labels = people_and_furniture(view, lens, cut_out=surroundings.cut_out)

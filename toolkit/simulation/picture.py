@@ -71,9 +71,7 @@ class Backdrop:
         return cls(image, np.where(seen, hits.depth, np.inf).astype(np.float64), key, camera)
 
     def with_people(self, people: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:
-        """Return an image of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size; `rng` draws
-        noise.
-        """
+        """Return an image of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size, with noise."""
         image, depth = np.clip(self.image, 0, 255).astype(np.uint8), self.depth.copy()
         for mesh in people:
             normals = vertex_normals(mesh.vertices, mesh.faces)

@@ -81,9 +81,7 @@ class InertialGuide(NoGuide):
         self._settings = settings
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
-        """Return the orientation terms, see `Guide.evidence`; none for a sensor that lost its packets around that
-        time.
-        """
+        """Return the orientation terms, see `Guide.evidence`; none for a sensor without packets around that time."""
         time = np.array([timestamp + self._clock.offset])
         turn = quat.conjugate(quat.from_matrices(level_rotation))
         found = []

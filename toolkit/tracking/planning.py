@@ -119,9 +119,7 @@ class Survey:
     whole: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
-        """Return the frames from `first` to `last` that show most, the best first, `MOMENT_GAP` or half of the time
-        apart.
-        """
+        """Return the frames from `first` to `last` that show most, at least `MOMENT_GAP` or half of the time apart."""
         gap = min(MOMENT_GAP, 0.5 * float(timestamps[last] - timestamps[first]))
         inside = np.flatnonzero((self.frames >= first) & (self.frames <= last))
         chosen: list[int] = []

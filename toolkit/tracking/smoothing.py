@@ -32,9 +32,7 @@ class PoseSmoother:
         self.last = last
 
     def update(self, pose: np.ndarray, timestamp: float) -> np.ndarray:
-        """Return the smoothed pose (P,) after `pose` (P,) at `timestamp` seconds; the first one is returned
-        unchanged.
-        """
+        """Return the smoothed pose (P,) after `pose` (P,) at `timestamp` seconds; the first one is unchanged."""
         if self._time == 0.0:
             return pose
         smoothed = pose.copy()

@@ -61,9 +61,7 @@ def off_floor(lowest: float, floor: float | None) -> float:
 
 
 def too_small(stature: float, stood: float) -> float:
-    """Return the cost, metres, of a stature below the head's height `stood` above the floor, metres; 0 for taller
-    ones.
-    """
+    """Return the cost, metres, of a stature below the head's height `stood` above the floor; 0 for taller ones."""
     return _missed_by(max(stood - stature, 0.0))
 
 
@@ -139,9 +137,7 @@ class StatureBelief:
         return cls(bodies, np.zeros(len(bodies)), stood=stood)
 
     def narrowed(self, costs: Mapping[int, float]) -> StatureBelief:
-        """Return the belief after a frame with costs of these bodies by number; bodies that were not tried get the
-        largest cost.
-        """
+        """Return the belief after a frame with costs of bodies by number; untried ones get the largest cost."""
         worst = max(costs.values(), default=0.0)
         frame = np.array([costs.get(number, worst) for number in range(len(self.bodies))])
         return replace(self, costs=self.costs + frame, frames=self.frames + 1)

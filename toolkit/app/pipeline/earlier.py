@@ -64,8 +64,7 @@ def _same(known: Sighting | None, found: Mapping[int, Sighting]) -> int:
 
 
 def _apart_from(others: Iterable[np.ndarray], sighting: Sighting | None) -> Sighting | None:
-    """Return a sighting without the pixels (masks) of other people, who occlude it there; None if too little is
-    left."""
+    """Return a sighting without the pixels (masks) of other people; None if too little is left."""
     if sighting is None:
         return None
     theirs = np.any([np.zeros(sighting.depth.shape, dtype=np.bool_), *others], axis=0)

@@ -89,9 +89,7 @@ class SecondPass:
     def begin(
         self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence], before: Iterable[tuple[int, StoredSighting]]
     ) -> None:
-        """Begin after the first pass with its bodies and evidence; `before` are frames before people were detected, and
-        their sightings.
-        """
+        """Begin after the first pass with its bodies and evidence; `before`: earlier frames and their sightings."""
         with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
             for frame, kept in sorted(before, key=lambda seen: seen[0]):
                 file.append(frame, [kept.sighting()])

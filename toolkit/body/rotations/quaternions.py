@@ -104,9 +104,7 @@ def continuous(q: np.ndarray) -> np.ndarray:
 
 
 def interpolate(first: np.ndarray, second: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """Interpolate on the sphere from `first` to `second`, both (N, 4), by `share` (N,) in [0, 1], along the shorter
-    arc.
-    """
+    """Interpolate on the shorter arc from `first` to `second`, both (N, 4), by `share` (N,) in [0, 1]."""
     turn = logarithm(multiply(conjugate(first), second))
     return multiply(first, exponential(turn * np.asarray(share)[..., None]))
 

@@ -93,8 +93,7 @@ def components(neighbours: np.ndarray, roots: np.ndarray) -> None:
 
 @njit(cache=True)
 def bounding_boxes(points: np.ndarray, members: np.ndarray, boxes: np.ndarray) -> int:
-    """Compute bounding boxes (lowest and highest corner, 6 numbers) of each `CHUNK` consecutive members; return their
-    number."""
+    """Compute the bounding boxes (two corners, 6 numbers) of `CHUNK` consecutive members; return their number."""
     count = (members.shape[0] + CHUNK - 1) // CHUNK
     for c in range(count):
         for axis in range(3):
@@ -134,8 +133,7 @@ def closest_pair(
     members_b: np.ndarray,
     boxes_b: np.ndarray,
 ) -> tuple[int, int, float]:
-    """Return the closest pair between two sets of nodes and its squared distance; ties go to the lowest first, then
-    second node.
+    """Return the closest pair of two sets of nodes and its squared distance; ties go to the lowest nodes.
 
     Chunks whose boxes are farther apart than the closest pair so far are skipped. The result is exact for any order; it
     is fast if nearby nodes are close in the lists.

@@ -122,8 +122,7 @@ def path_to_source(
     node: int,
     path: np.ndarray,
 ) -> int:
-    """Fill `path` with a shortest path from `node` to the source of the map `from_source` (N,), and return how
-    many.
+    """Fill `path` with a shortest path from `node` to the source of `from_source` (N,), and return its length.
 
     Of several shortest ways on, the first in the table is taken. `node` must be reached.
     """

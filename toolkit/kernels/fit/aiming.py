@@ -37,8 +37,7 @@ class ArmRig(NamedTuple):
 
 
 class Aim(NamedTuple):
-    """Parameters of the score of a hand (Eq. 4): spread in metres (`Sigma_e`), `lambda`, and minimum
-    log-probability."""
+    """Parameters of the score of a hand (Eq. 4): `Sigma_e` in metres, `lambda`, and minimum log-probability."""
 
     spread: float
     smoothness: float

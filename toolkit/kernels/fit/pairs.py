@@ -28,8 +28,7 @@ def visible_vertices(
     tolerance: float,
     out: np.ndarray,
 ) -> None:
-    """Compute which chosen vertices are visible: facing the camera, at an observed pixel, not hidden by the body
-    itself.
+    """Compute the visible chosen vertices: facing the camera, at an observed pixel, not occluded by the body.
 
     A vertex faces the camera when the cosine between its normal and the direction to the camera exceeds `facing`; it is
     hidden when the drawn body is nearer by more than `tolerance` metres. Pixels outside the image and NaN pixels of
@@ -103,8 +102,7 @@ def nearest_medians(
     wanted: int,
     out: np.ndarray,
 ) -> None:
-    """Compute the componentwise median of the nearest measured points of each wanted point; fills `out` (C, 3), NaN
-    without points."""
+    """Compute the median of the nearest measured points of each wanted point; fills `out` (C, 3), NaN without."""
     width = depth.shape[1]
     ray = longest_ray(depth.shape[0], width, intrinsics)
     squared = np.empty(wanted)
@@ -138,8 +136,7 @@ def nearest_medians(
 
 @njit(cache=True)
 def vertex_gaps(points: np.ndarray, nearest: np.ndarray, visible: np.ndarray, cap: float, gaps: np.ndarray) -> float:
-    """Return the mean distance of the visible of `points` (C, 3) to their `nearest` (C, 3) measured ones, each at most
-    `cap`.
+    """Return the mean distance of visible `points` (C, 3) to their `nearest` (C, 3), each at most `cap`.
 
     Points without a measurement (NaN) count as the cap, as does a body without visible points. Fills `gaps` (C,) with
     the distances.
@@ -156,8 +153,7 @@ def vertex_gaps(points: np.ndarray, nearest: np.ndarray, visible: np.ndarray, ca
 
 @njit(cache=True)
 def sample_gaps(points: np.ndarray, vertex_of: np.ndarray, samples: np.ndarray, cap: float, gaps: np.ndarray) -> float:
-    """Return the mean distance of `samples` (N, 3) to their `points` (N, 3) on the drawn body, each at most `cap`; 0
-    without any.
+    """Return the mean distance of `samples` (N, 3) to their `points` (N, 3), each at most `cap`; 0 without any.
 
     A sample with negative `vertex_of` counts as the cap. Fills `gaps` (N,) with the distances.
     """
@@ -267,8 +263,7 @@ def add_contacts(
     hessian: np.ndarray,
     gradient: np.ndarray,
 ) -> None:
-    """Add a repulsion of the balls of each of `contacts` (K, 2) that are nearer than `soft` times the sum of their
-    radii.
+    """Add a repulsion of the balls of `contacts` (K, 2) that are nearer than `soft` times the sum of their radii.
 
     Each of the two moves the whole distance, as if the other were fixed. Ball b is carried by joint `ball_joint[b]` at
     `ball_offset[b]` from it; `rotations` (J, 3, 3) and `origins` (J, 3) place the joints.
@@ -298,8 +293,7 @@ def add_contacts(
 
 @njit(cache=True)
 def mean_nearest(points: np.ndarray, vertices: np.ndarray, cap: float) -> float:
-    """Return the mean over `points` (N, 3) of the distance to the nearest of `vertices` (V, 3), each capped; 0 without
-    points."""
+    """Return the mean capped distance of `points` (N, 3) to the nearest of `vertices` (V, 3); 0 without points."""
     total = 0.0
     for i in range(points.shape[0]):
         best = cap * cap

@@ -261,8 +261,7 @@ def move(
     pulls: np.ndarray,
     limits: np.ndarray,
 ) -> None:
-    """Advance a swarm by one generation, in place (Qammaz, Eq. 7 and 8); a velocity that would leave the limits is
-    reduced.
+    """Advance a swarm by one generation, in place (Qammaz, Eq. 7 and 8), within the limits.
 
     Parameters
     ----------

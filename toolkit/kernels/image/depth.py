@@ -8,9 +8,7 @@ from numba import njit
 
 @njit(cache=True)
 def index_pixels(depth: np.ndarray, index: np.ndarray, pixels: np.ndarray) -> int:
-    """Number the pixels with depth > 0 in row-major order; fills `index` (H, W, -1 elsewhere) and `pixels`; return
-    their count.
-    """
+    """Number the pixels with depth > 0 by rows; fills `index` (H, W), else -1, and `pixels`; return their count."""
     height, width = depth.shape
     n = 0
     for v in range(height):
@@ -63,8 +61,7 @@ def take_foreground(
     padded: np.ndarray,
     box: np.ndarray,
 ) -> int:
-    """Copy depth between `near_mm` and `far_mm` and in front of the background into `padded` (H + 2, W + 2, zero
-    border).
+    """Copy depth between `near_mm` and `far_mm` before the background to `padded` (H + 2, W + 2, zero border).
 
     A pixel is kept if the background is 0 (unknown) or farther by more than `margin_mm + margin_per_m2 * z^2` (z in
     metres of the background). `box` becomes the window (v0, v1, u0, u1, ends excluded) of the kept pixels, in padded

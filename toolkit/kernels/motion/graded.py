@@ -127,8 +127,7 @@ def _skip(
 def distinct_hits(
     cost: np.ndarray, start: np.ndarray, document_starts: np.ndarray, threshold: float, most: int
 ) -> np.ndarray:
-    """Return the cheapest hits of a distance function over many documents: document, first and last column, int64 (H,
-    3).
+    """Return the cheapest hits of a distance function: document, first and last column, int64 (H, 3).
 
     Hits end in local minima of the cost. They are processed in order of cost (the earlier on ties); a hit of which more
     than half is covered by earlier hits is dropped.

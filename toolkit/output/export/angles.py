@@ -52,8 +52,7 @@ def export_angles(path: str | Path, person: Person) -> None:
 
 
 def export_mot(path: str | Path, person: Person) -> None:
-    """Write the motion as OpenSim coordinates (`.mot`), and `<stem>_markers.xml` with the markers of an exported
-    `.trc`.
+    """Write OpenSim coordinates (`.mot`), and `<stem>_markers.xml` with the markers of an exported `.trc`.
 
     Names and signs are those of the generic full-body model (Rajagopal 2016): ground X forwards for a person who faces
     the camera, Y up, Z to their right; degrees and metres. Frames without the person are left out.

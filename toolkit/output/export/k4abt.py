@@ -21,8 +21,7 @@ NONE, LOW, MEDIUM = 0, 1, 2
 
 
 def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
-    """Write all people in the format of the SDK's offline processor: depth camera frame, millimetres, quaternions w, x,
-    y, z.
+    """Write all people as the SDK's offline processor does: depth camera frame, millimetres, quaternions wxyz.
 
     `frames` holds all frames of the recording, `bodies` the people in each, `body_id` their id in `people.json`. Each
     body has the additional key `confidence_level` (none 0, low 1, medium 2), which the offline processor omits. A lost

@@ -16,8 +16,7 @@ from toolkit.tracks.runs import Person
 
 
 def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
-    """Return the axes, and for each person the intervals (first and last frame, from 0) without the person or with a
-    lost one."""
+    """Return the axes, and for each person the intervals (frames from 0) without the person or with a lost one."""
     return {
         "axes": origin.note(),
         "people": [

@@ -45,8 +45,7 @@ class JointTree:
         return np.where(self.parents[:, None] < 0, self.rest, self.rest - self.rest[self.parents])
 
     def vectors(self, poses: np.ndarray) -> np.ndarray:
-        """Return the rotation vectors of the joints relative to their parents for poses (T, P): float64 (T, N, 3),
-        radians."""
+        """Return the joints' rotation vectors relative to their parents for poses (T, P): float64 (T, N, 3)."""
         own = np.zeros((len(poses), len(skeleton.JOINTS), 3))
         own[:, skeleton.DOF_JOINT, skeleton.DOF_AXIS] = poses[:, 3:]
         return np.where((self.turns >= 0)[:, None], own[:, self.turns], 0.0)

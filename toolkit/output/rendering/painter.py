@@ -124,8 +124,7 @@ class FramePainter:
         self._far = float(np.percentile(depths, 95)) + far_share
 
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
-        """Return the picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames must be in
-        order."""
+        """Return the RGB picture of frame `i` from its depth, uint16 (H, W) millimetres, frames in order."""
         cloud = self._cloud(i, depth_mm)
         draw = {"depth": self._draw_depth, "body": self._draw_body}
         if self._pictures:

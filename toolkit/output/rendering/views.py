@@ -35,8 +35,7 @@ class Window:
     scale: float
 
     def cut(self, image: np.ndarray, beyond: tuple[int, int, int]) -> np.ndarray:
-        """Return the crop of an RGB image (H, W, 3), enlarged without smoothing, with the colour `beyond` outside the
-        image."""
+        """Return the crop of an RGB image (H, W, 3), enlarged without smoothing, `beyond` outside the image."""
         import cv2
 
         # Pixel centres are integers: picture pixel p shows image pixel (p + 0.5) / scale - 0.5 + corner.
@@ -91,8 +90,7 @@ class OutsideView:
 
 
 def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) -> OutsideView:
-    """Return the view "side" or "plan" of `size` (width, height) pixels with all joints (..., 3), level frame,
-    metres."""
+    """Return the view "side" or "plan" of `size` (width, height) pixels with all joints (..., 3), level frame."""
     rotation = R_LEVEL_VIEW[view]
     low, high = np.percentile(joints_level.reshape(-1, 3) @ rotation, (0.5, 99.5), axis=0)
     extent = (high - low) * (1 + 2 * WINDOW_MARGIN)

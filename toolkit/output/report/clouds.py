@@ -97,12 +97,9 @@ def thinned(mask: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pack(points: np.ndarray) -> bytes:
-    """Encode points (N, 3), int16, as compressible bytes: differences of neighbours by coordinate, all low bytes before
-    all high bytes.
-    """
-    steps = np.diff(points.astype(np.int32), axis=0, prepend=0).astype(
-        "<i2"
-    )  # wraps around, as do the sums of the decoder
+    """Encode points (N, 3), int16, as compressible bytes: differences of neighbours, low bytes before high bytes."""
+    # The differences wrap around, as do the sums of the decoder.
+    steps = np.diff(points.astype(np.int32), axis=0, prepend=0).astype("<i2")
     halves = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2)
     return halves.T.tobytes()
 

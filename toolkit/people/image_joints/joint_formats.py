@@ -40,8 +40,7 @@ COCO_17 = _both((3, 4), shoulder=(5, 6), elbow=(7, 8), wrist=(9, 10), hip=(11, 1
 
 
 def reported_rows(found: np.ndarray, points: Points) -> np.ndarray:
-    """Convert keypoints (K, 3), u, v, confidence (0 = unknown), to the reported joints: float32 (20, 3), NaN if
-    unknown.
+    """Convert keypoints (K, 3), u, v, confidence (0 = unknown), to joints float32 (20, 3), NaN if unknown.
 
     Only known keypoints count: one ear is visible from the side.
     """

@@ -23,8 +23,7 @@ def matches(path: Path) -> bool:
 
 
 def frame_files(path: Path) -> list[Path]:
-    """Return the files of the frames, sorted: the file itself, or all files of the folder with the suffix of a
-    frame."""
+    """Return the files of the frames, sorted: the file itself, or the files of the folder with a frame's suffix."""
     if path.is_file():
         return [path]
     files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]

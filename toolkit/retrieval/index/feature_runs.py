@@ -34,9 +34,7 @@ class RunLists:
 
     @classmethod
     def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
-        """Return runs and lists of the frames' feature vectors (N,), of documents that start at `document_starts` (D +
-        1,).
-        """
+        """Return runs and lists of feature vectors (N,), of documents that start at `document_starts` (D + 1,)."""
         run_starts, run_vectors, document_runs = runs_of(vectors, document_starts)
         order = np.argsort(run_vectors, kind="stable").astype(np.int32)
         vectors, first = np.unique(run_vectors[order], return_index=True)
@@ -44,9 +42,7 @@ class RunLists:
         return cls(run_starts, run_vectors, document_runs, vectors, offsets, order)
 
     def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray, int]:
-        """Return first and last frames of the maximal segments with `v & mask == value`, and the number of listed
-        runs.
-        """
+        """Return first and last frames of the segments with `v & mask == value`, and the number of listed runs."""
         return keyframe_list(
             self.vectors, self.list_offsets, self.list_runs, self.run_starts, self.document_runs,
             self.vectors.dtype.type(mask), self.vectors.dtype.type(value),

@@ -190,9 +190,7 @@ class Breeder:
         return Individual.of(keyframes, [self.tolerance(b[0] - a[0]) for a, b in pairwise(keyframes)])
 
     def tolerance(self, distance: int) -> tuple[int, int]:
-        """Return random admissible distances around a template distance (Algorithm 2, lines 8 to 10), rounded
-        outwards.
-        """
+        """Return random admissible distances around a template distance (Algorithm 2, lines 8 to 10)."""
         half = distance / 2
         down, up = 2.0 * self.rng.random(), 2.0 * self.rng.random()
         return max(0, floor(half - round(half * down))), ceil(half + round(half * up))

@@ -105,8 +105,7 @@ def by_example(
 def by_class(
     index: KeyframeIndex, model: MotionModel, labels: Sequence[str] | None = None, doubt: float = 0.8
 ) -> list[SearchReport]:
-    """Return the places of a motion model's classes, the most probable first: one report per class, with doubts as
-    costs.
+    """Return the places of a motion model's classes: one report per class, the most probable first.
 
     Parameters
     ----------

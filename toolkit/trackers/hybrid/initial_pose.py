@@ -74,8 +74,7 @@ def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothes
 
 
 def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """Return the hypothesis with the lowest cost among those at least `APART` from the facing of the best one, or
-    None."""
+    """Return the best hypothesis that faces at least `APART` away from the best one of all, or None."""
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(each.hypothesis.pose)) - yaw for each in scored]
     apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]

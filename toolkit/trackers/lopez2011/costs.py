@@ -55,8 +55,7 @@ class ParticleImage(NamedTuple):
         return self._within(np.array([0, height, 0, width]))
 
     def tile(self, points: np.ndarray, margin: float) -> kernel.Tile:
-        """Return the part of the image within `margin` metres of points (N, 3), camera frame; empty outside the
-        image."""
+        """Return the part of the image within `margin` metres of points (N, 3), camera frame; empty outside it."""
         fx, fy, cx, cy = self.intrinsics
         height, width = self.seen.shape
         ahead = points[points[:, 2] > kernel.NEAREST]
@@ -95,8 +94,7 @@ class ParticleFrame(NamedTuple):
 
 
 def likelihood(costs: np.ndarray) -> np.ndarray:
-    """Return weights (N,), with sum 1, of particles by their costs (N,) (Eq. 3); a constant in all costs has no
-    effect."""
+    """Return the weights (N,), sum 1, of costs (N,) (Eq. 3); a constant in all costs has no effect."""
     weights = np.exp(-(costs - costs.min()))
     return weights / weights.sum()
 

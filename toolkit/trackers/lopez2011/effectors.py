@@ -130,8 +130,7 @@ def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
 
 
 def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
-    """Return the nodes of the summits of geodesic distance with an area of at least `SMALLEST_AREA`, by decreasing
-    dynamics."""
+    """Return the nodes of summits of geodesic distance of at least `SMALLEST_AREA`, by decreasing dynamics."""
     count = len(graph)
     distances = extrema.from_source
     reached = np.flatnonzero(distances != geodesic.UNREACHED)
@@ -163,8 +162,7 @@ def direction(path: np.ndarray, prong: float) -> float:
 
 
 def find_fork(effectors: Effectors, settings: EffectorSettings | None = None) -> Fork | None:
-    """Return head and hands by the fork of their paths, with the head between the hands (Lopez-Mendez 2011, 3), or
-    None.
+    """Return head and hands by the fork of their paths, the head in the middle (Lopez-Mendez 2011, 3), or None.
 
     Valid for a person who faces the camera. Of several forks the one with the most prominent candidates is selected.
     The paper requires cosines in [0.5, 0.9] for all three pairs of prongs, which a fork with prongs at 45 degrees

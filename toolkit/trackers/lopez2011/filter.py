@@ -45,8 +45,7 @@ class Filtered:
 
 
 def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return resampled particles, int64 (N,), by their costs (N,); the negative log weights are `SHARPNESS` times the
-    costs."""
+    """Return resampled particles, int64 (N,), with the log weights minus `SHARPNESS` times the costs (N,)."""
     chosen = np.empty(len(costs), dtype=np.int64)
     systematic(likelihood(SHARPNESS * costs), rng.random(), chosen)
     return chosen
@@ -105,8 +104,7 @@ class UpperFilter:
         return Filtered(poses, estimate, mean_cost(upper, estimate, frame))
 
     def _bases(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the most frequent of the resampled `poses` (N, P), and the index of the representative of each
-        pose."""
+        """Return the most frequent of the resampled `poses` (N, P), and the index of each pose's representative."""
         distinct, member = np.unique(poses, axis=0, return_inverse=True)
         member = member.reshape(-1)
         bases = 16  # maximum number of different trunks after the first layer

@@ -83,8 +83,7 @@ def initial_pose(
     settings: InitialSettings,
     rng: np.random.Generator,
 ) -> InitialPose | None:
-    """Return the first pose: the model moved to the head, arms by inverse kinematics, filtered on the frame, and its
-    probability (Eq. 7).
+    """Return the first pose: model at the head, arms by inverse kinematics, filtered, with its score (Eq. 7).
 
     Crown and hands of the fork enter Eq. 7 by their distances. Independent of a fork, which may be one of shoulders,
     each of the highest points is tried as the head of a person with various angles and leans; the arms of the most

@@ -46,8 +46,7 @@ def diffusion() -> np.ndarray:
 
 
 def by_inverse_kinematics(count: int, alpha: float) -> np.ndarray:
-    """Return which particles use inverse kinematics, bool (count,): the fraction 1 - alpha, evenly spaced (Lopez-Mendez
-    2011, 2.2)."""
+    """Return the particles that use inverse kinematics, bool (count,): 1 - alpha of them (Lopez-Mendez 2011, 2.2)."""
     steps = np.floor(np.arange(count + 1) * (1.0 - alpha) + 1e-9)
     return np.diff(steps) > 0
 
@@ -117,8 +116,7 @@ class UpperProposals:
         return poses, reached, costs_near_arm(upper, poses, side, pose, frame)
 
     def candidate_weights(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
-        """Return weights (N, M), with sum 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq.
-        5)."""
+        """Return weights (N, M), with sum 1, of `candidates` (M, 3) for one arm of `poses` (N, P) (Eq. 5)."""
         s = self.settings
         own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
         holding = 0.15  # distance at which the other hand occupies a candidate, metres

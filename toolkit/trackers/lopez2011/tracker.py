@@ -285,8 +285,7 @@ class MeasuredBody:
 
 
 class ParticleTracker:
-    """Tracker of Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see
-    `Tracker`.
+    """Tracker of Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter.
 
     Legs are not tracked: they hang straight down with confidence 0.
 

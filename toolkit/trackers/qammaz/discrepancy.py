@@ -107,8 +107,7 @@ class SmallImage(NamedTuple):
 def small_image(
     depth: np.ndarray, unobserved: np.ndarray | None, intrinsics: np.ndarray, shape: tuple[int, int]
 ) -> SmallImage:
-    """Resample the box around a person's `depth` (H, W), metres, 0 elsewhere, widened by a quarter, to `shape` pixels
-    (h, w).
+    """Resample the box around a person's `depth` (H, W), metres, widened by a quarter, to `shape` pixels (h, w).
 
     Nearest-neighbour sampling avoids mixed depths; `unobserved` (H, W) pixels and pixels outside the image are NaN.
     """
