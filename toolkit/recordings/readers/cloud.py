@@ -25,9 +25,6 @@ from toolkit.sensing.recording import FrameSource, Recording
 
 SUFFIXES = (".pcd", ".ply")
 GRID_POINTS = 100  # minimum number of points for a fit of four intrinsics
-FIELD = np.array(
-    [0.56, 0.42]
-)  # minimum field of view of a virtual camera (slopes of a Kinect), because people move after the first frame
 
 
 def matches(path: Path) -> bool:
@@ -195,7 +192,8 @@ def _virtual_camera(points: np.ndarray) -> Camera:
     # On a grid all gaps are equal, and pixels slightly wider than one gap suffice; at random, twice the mean leaves 2 %
     # holes.
     pitch = 1.2 * wide * (wide / usual if usual > 0 else 1.0)
-    low, high = np.minimum(slopes.min(axis=0), -FIELD), np.maximum(slopes.max(axis=0), FIELD)
+    field = np.array([0.56, 0.42])  # least slopes of the border, those of a Kinect: people move after the first frame
+    low, high = np.minimum(slopes.min(axis=0), -field), np.maximum(slopes.max(axis=0), field)
     largest_side = 640  # pixels of a virtual camera
     pitch = max(float(pitch), float((high - low).max()) / (largest_side - 1))
     width, height = (int(s) for s in np.ceil((high - low) / pitch) + 1)
