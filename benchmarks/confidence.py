@@ -253,7 +253,7 @@ def regressions(rows: Sequence[Rows]) -> dict[str, Any]:
             content[name][group] = fitted(features[:, :count], labels, weights, SIGNS[:count]).round(4).tolist()
         table = content["network"][group]
         odds, both = table[0] + features @ table[1:], np.isfinite(apart)
-        pairs = np.stack([odds, model.bounded(apart, model.APART)], axis=1)[both]
+        pairs = np.stack([odds, model.bounded(apart, model.SCALES["apart"])], axis=1)[both]
         content["passes"][group] = fitted(pairs, labels[both], weights[both], (1, -1)).round(4).tolist()
     return content
 

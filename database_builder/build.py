@@ -28,7 +28,7 @@ from toolkit.kernels.linear import lengths
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 
-THRESHOLD = 0.009
+SAMPLING_THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the
 error stays the same and only the lookup gets slower."""
 MANY_FILES, MANY_POSES = 16, 4000
@@ -51,7 +51,7 @@ class Sampling:
         seldom holds
     """
 
-    threshold: float = THRESHOLD
+    threshold: float = SAMPLING_THRESHOLD
     max_poses: int | None = None
     mirror: bool = True
     seated: bool = True

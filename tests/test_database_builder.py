@@ -28,7 +28,7 @@ CLIPS = [moving_clip("a", 1), moving_clip("b", 2)]
 
 
 def build_database(
-    sources: Sequence[Path | PoseClip] | None, output: Path, *, threshold: float = build.THRESHOLD,
+    sources: Sequence[Path | PoseClip] | None, output: Path, *, threshold: float = build.SAMPLING_THRESHOLD,
     max_poses: int | None = None, mirror: bool = False, seated: bool = False, **options: Any,
 ) -> build.BuildReport:  # fmt: skip
     """Build without mirror images and seated people unless a test sets them."""

@@ -6,9 +6,9 @@ import pytest
 from tests.placed_bodies import normal, pose
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.joint_evidence import CAP, ESTIMATE_TOLERANCE, OUT_OF_VIEW, EstimatedJoints, links_out_of_view
+from toolkit.fitting.joint_evidence import CAP, OUT_OF_VIEW, EstimatedJoints, links_out_of_view
 from toolkit.fitting.placed import PlacedBody, Placer
-from toolkit.landmarks.joint_network import JointEstimate
+from toolkit.landmarks.joint_network import RELIABLE_WITHIN, JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 
 BODY = load_body("neutral")
@@ -32,7 +32,7 @@ def estimate(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEst
 
 
 def test_within_ten_centimetres_an_estimate_has_no_pull() -> None:
-    evidence = EstimatedJoints(estimate({HEAD: np.array([0.0, 0.9 * ESTIMATE_TOLERANCE, 0.0])}), LEVEL, 30.0)
+    evidence = EstimatedJoints(estimate({HEAD: np.array([0.0, 0.9 * RELIABLE_WITHIN, 0.0])}), LEVEL, 30.0)
     assert evidence.cost(placed()) == 0.0
     assert not normal(evidence, placed()).vector.any()
 
@@ -40,7 +40,7 @@ def test_within_ten_centimetres_an_estimate_has_no_pull() -> None:
 def test_a_pose_costs_what_its_sure_joints_are_too_far_on_average() -> None:
     shifts = {HEAD: np.array([0.0, 0.15, 0.0]), HAND: np.array([2.0, 0.0, 0.0])}
     assert EstimatedJoints(estimate(shifts), LEVEL, 1.0).cost(placed()) == pytest.approx(
-        (0.15 - ESTIMATE_TOLERANCE + CAP) / 2
+        (0.15 - RELIABLE_WITHIN + CAP) / 2
     )
 
 

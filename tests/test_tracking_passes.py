@@ -61,7 +61,7 @@ from toolkit.tracking.stature import (  # fmt: skip
     statures_of,
     too_small,
 )
-from toolkit.tracking.trajectory_choice import APART, Direction, Step, TrajectoryStore, better_parts, result_of
+from toolkit.tracking.trajectory_choice import SWITCH_COST, Direction, Step, TrajectoryStore, better_parts, result_of
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracks.runs import load_people
 from toolkit.tracks.track_writer import row_type
@@ -81,8 +81,8 @@ def test_of_two_trajectories_the_cheapest_path_is_taken(
     def total(path: tuple[int, ...]) -> float:
         padded = [path[0] if begins else 0, *path]
         spent = sum(costs[way, t] for t, way in enumerate(path))
-        spent += APART * sum(apart[t] for t in range(count) if padded[t] != padded[t + 1])
-        return float(spent) + (0.0 if ends or path[-1] == 0 else APART * apart[-1])
+        spent += SWITCH_COST * sum(apart[t] for t in range(count) if padded[t] != padded[t + 1])
+        return float(spent) + (0.0 if ends or path[-1] == 0 else SWITCH_COST * apart[-1])
 
     found = better_parts(costs[0], costs[1], apart, (begins, ends))
     assert total(tuple(found.astype(int).tolist())) == pytest.approx(min(map(total, product((0, 1), repeat=count))))

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from database_builder.build import THRESHOLD, Sampling, build_database
+from database_builder.build import SAMPLING_THRESHOLD, Sampling, build_database
 from tests.support.casting import Actor, Scene, listed
 from toolkit.body.body import Body
 from toolkit.datasets.folder import data_folder
@@ -138,7 +138,7 @@ def motion_files(motion: str) -> list[Path]:
     return list(MOCAP.glob(f"hdm05/HDM_{actor}_{name}*_{number}_120.amc"))
 
 
-def database(work: Path, threshold: float = THRESHOLD, progress: Progress = silent) -> Path:
+def database(work: Path, threshold: float = SAMPLING_THRESHOLD, progress: Progress = silent) -> Path:
     """Return the path of the suite's pose database, made if missing."""
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
     path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold)}.npz"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import THRESHOLD, Distances, ErrorSegment, distances, errors_of, runs_above
+from toolkit.inertial.distance import ERROR_DEGREES, Distances, ErrorSegment, distances, errors_of, runs_above
 from toolkit.inertial.sensor_limbs import PARTS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import MAX_OFFSET
@@ -41,7 +41,7 @@ class RunCheck:
     distances: tuple[Distances, ...]
     errors: tuple[ErrorSegment, ...]
     truth: tuple[Segment, ...] | None = None
-    threshold: float = THRESHOLD
+    threshold: float = ERROR_DEGREES
 
     def segments(self, errors: Sequence[ErrorSegment] | None = None) -> list[Segment]:
         """Return the errors as labelled segments that end at their last frame."""
@@ -81,7 +81,7 @@ def check_runs(
     *,
     calibration: str | Path | Calibration | None = None,
     truth: str | Path | None = None,
-    threshold: float = THRESHOLD,
+    threshold: float = ERROR_DEGREES,
     max_offset: float = MAX_OFFSET,
 ) -> list[RunCheck]:
     """Check runs with their sensors (`depthmocap inertial check`).

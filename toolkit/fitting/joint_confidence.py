@@ -38,10 +38,15 @@ FEATURES = ("surface", "support", "observed", "uncovered", "energy", "spread", "
 """Inputs of a regression, see `joint_features`."""
 WITHOUT_NETWORK = len(FEATURES) - 2
 """Number of leading features that need no joint network."""
-SCALES: dict[str, float] = {"surface": 0.03, "uncovered": 0.05, "energy": 0.01, "spread": 0.1, "estimate": 0.1}
+SCALES: dict[str, float] = {
+    "surface": 0.03,
+    "uncovered": 0.05,
+    "energy": 0.01,
+    "spread": 0.1,
+    "estimate": 0.1,
+    "apart": 0.1,
+}
 """Value at which an input x / (x + scale) is one half: metres, a share of the samples, an energy."""
-APART = 0.1
-"""The same of the distance between the trajectories of both passes, metres."""
 
 
 class JointConfidence:
@@ -74,7 +79,7 @@ class JointConfidence:
         """Return the probabilities (20,) of joints that another pass has `apart` (20,) metres away, given their own."""
         likely = np.clip(confidence.astype(np.float64), 1e-6, 1.0 - 1e-6)
         odds = np.array([math.log(p / (1.0 - p)) for p in likely])
-        return _probabilities(self._tables["passes"], np.stack([odds, bounded(apart, APART)], axis=1))
+        return _probabilities(self._tables["passes"], np.stack([odds, bounded(apart, SCALES["apart"])], axis=1))
 
 
 @cache

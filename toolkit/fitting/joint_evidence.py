@@ -11,7 +11,7 @@ from toolkit.body.body import BELOW
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 from toolkit.fitting.terms import CARRIED, CARRIERS, carried, pull
 from toolkit.kernels import linear
-from toolkit.landmarks.joint_network import JointEstimate
+from toolkit.landmarks.joint_network import RELIABLE_WITHIN, JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D
 
@@ -21,8 +21,6 @@ RAY_TOLERANCE = 0.05
 """Distance from the ray of its pixel within which a joint has no cost, metres: the error of detectors."""
 PULL = 20.0
 """Weight of a joint with confidence 1 relative to one correspondence, equal to that of the vertices around it."""
-ESTIMATE_TOLERANCE = 0.1
-"""Error for which the reliability of an estimate is defined, metres; a pose within it has no cost."""
 OUT_OF_VIEW = 0.2
 """Probability of being in view below which a joint counts as out of view."""
 
@@ -119,7 +117,7 @@ class EstimatedJoints:
         point = carried(placed, *CARRIERS[row])
         away = point - self._targets[row]
         length = math.hypot(*away)
-        return point, away * max(1.0 - ESTIMATE_TOLERANCE / max(length, ESTIMATE_TOLERANCE), 0.0)
+        return point, away * max(1.0 - RELIABLE_WITHIN / max(length, RELIABLE_WITHIN), 0.0)
 
 
 def links_out_of_view(in_view: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from toolkit.io.errors import InertialError
 from toolkit.io.spans import spans
 
 ERROR, TWIST = "error", "twist"
-THRESHOLD = 45.0
+ERROR_DEGREES = 45.0
 """Degrees, `tau` of Eq. 7.16: distance of a tracking error."""
 
 
@@ -114,7 +114,7 @@ def _distances(limb: str, take: CalibrationSequence, world: np.ndarray, mounting
     )
 
 
-def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[ErrorSegment]:
+def errors_of(found: Distances, threshold: float = ERROR_DEGREES) -> list[ErrorSegment]:
     """Return the segments above a threshold in degrees, with hysteresis, without short gaps and short segments."""
     runs = runs_above(found.full, found.times, threshold)
     errors = []

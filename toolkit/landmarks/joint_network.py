@@ -24,9 +24,8 @@ from toolkit.sensing.exact_network import ExactNetwork
 ASSET = Path(__file__).parent / "assets" / "joints.onnx"
 SIZE, STRIDE = 96, 8
 """Side of the crop and distance between its anchors, pixels."""
-WITHIN, RELIABILITY = 0.1, 1.4
-"""Metres: the error below which a joint counts as right, with probability 1 - exp(-RELIABILITY (WITHIN / scale)**1.5):
-fitted between 800 held-out simulated crops and UTD-MHAD without the mean offset of each joint, see `docs/models.md`."""
+RELIABLE_WITHIN = 0.1
+"""Error below which a joint counts as right, metres."""
 
 _ARMS = [
     row for row, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("shoulder", "elbow", "wrist", "hand")
@@ -156,9 +155,14 @@ def _down(rotation: np.ndarray) -> np.ndarray:
 
 
 def _reliability(scale: np.ndarray, sides: np.ndarray) -> np.ndarray:
-    """Return the probability (20,) of an error below `WITHIN`, by scale (20,) and probability (2,) of the sides."""
-    ratio = WITHIN / scale
-    near = 1.0 - np.array([joint_crop.exponential(-RELIABILITY * r * math.sqrt(r)) for r in ratio])
+    """Return the probability (20,) that joints are right, by scale (20,) and the probability (2,) of the sides.
+
+    It is 1 - exp(-steepness (RELIABLE_WITHIN / scale)**1.5), fitted between 800 held-out simulated crops and UTD-MHAD
+    without the mean offset of each joint, see `docs/models.md`.
+    """
+    ratio = RELIABLE_WITHIN / scale
+    steepness = 1.4
+    near = 1.0 - np.array([joint_crop.exponential(-steepness * r * math.sqrt(r)) for r in ratio])
     for rows, side in zip(PAIRS, sides, strict=True):
         near[rows] *= side
     return near

@@ -18,7 +18,7 @@ from toolkit.io.safe_open import open_file
 from toolkit.tracks import FrameResult
 from toolkit.tracks.track_writer import check_rows, row_type
 
-APART = 1.0
+SWITCH_COST = 1.0
 """Cost of a switch between two trajectories per metre between them: ten frames in which the better one is 3 cm nearer
 to the measurements outweigh a jump of 30 cm.
 """
@@ -163,8 +163,7 @@ def better_parts(
     Parameters
     ----------
     first, second : float64 (T,), metres, cost of each frame on either trajectory
-    gaps : float64 (T,), metres, between the trajectories in each frame; a switch at a frame costs `APART` times as
-        much
+    gaps : float64 (T,), metres, between the trajectories in each frame, for the cost of a switch
     ends : if the path may begin and end on the second trajectory; otherwise it does on the first one
 
     Returns
@@ -174,11 +173,11 @@ def better_parts(
     costs = np.stack([first, second], axis=1)
     best, came = np.array([0.0, 0.0 if ends[0] else np.inf]), np.zeros((len(costs), 2), dtype=np.int64)
     for t, cost in enumerate(costs):
-        switched = best[::-1] + APART * gaps[t]
+        switched = best[::-1] + SWITCH_COST * gaps[t]
         came[t] = np.where(switched < best, [1, 0], [0, 1])
         best = np.minimum(best, switched) + cost
     if not ends[1]:
-        best[1] += APART * gaps[-1]
+        best[1] += SWITCH_COST * gaps[-1]
     taken, chosen = int(np.argmin(best)), np.zeros(len(costs), dtype=np.bool_)
     for t in range(len(costs) - 1, -1, -1):
         chosen[t] = taken == 1

@@ -38,7 +38,7 @@ def build(
     ] = False,
 ) -> None:
     """Read motion capture, sample its poses evenly and write a pose database."""
-    from database_builder.build import THRESHOLD, Sampling, build_database
+    from database_builder.build import SAMPLING_THRESHOLD, Sampling, build_database
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.body.shape import load_body
 
@@ -46,7 +46,7 @@ def build(
         report = build_database(
             sources or None,
             output,
-            Sampling(THRESHOLD if threshold is None else threshold, max_poses, mirror, seated),
+            Sampling(SAMPLING_THRESHOLD if threshold is None else threshold, max_poses, mirror, seated),
             body=load_body(body),
             workers=workers,
             strict=strict,

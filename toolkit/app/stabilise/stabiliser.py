@@ -34,7 +34,7 @@ from toolkit.tracks import Track
 
 SOURCE = "prior"
 """Entry of `Track.source_names` for frames with an exchanged limb."""
-THRESHOLD = 0.1
+ALIGNMENT_THRESHOLD = 0.1
 """Fraction of differing features from which an alignment with a template is rejected; the thesis has 0.07 for tracks of
 another sensor."""
 
@@ -104,7 +104,7 @@ class Stabilised:
 def stabilise(
     source: SourceRun,
     classes: Sequence[MotionClass],
-    threshold: float = THRESHOLD,
+    threshold: float = ALIGNMENT_THRESHOLD,
     *,
     segments: Sequence[Segment] | None = None,
     progress: Progress = silent,
@@ -130,7 +130,7 @@ def stabilise(
         The threshold is out of range.
     """
     if not 0.0 < threshold <= 1.0:
-        raise SettingsError(f"threshold {threshold} is not in (0, 1]; try {THRESHOLD}")
+        raise SettingsError(f"threshold {threshold} is not in (0, 1]; try {ALIGNMENT_THRESHOLD}")
     track = source.track
     gaps = find_gaps(track.confidence, source.present)
     context, annotation, labelled = _context(source, gaps, classes, segments, threshold)

@@ -9,7 +9,7 @@ from pathlib import Path
 from toolkit.app.pipeline.run_writer import CONFIG_FILE
 from toolkit.app.stabilise.result_page import write_page
 from toolkit.app.stabilise.source_run import SourceRun, open_source
-from toolkit.app.stabilise.stabiliser import THRESHOLD, Stabilised, stabilise
+from toolkit.app.stabilise.stabiliser import ALIGNMENT_THRESHOLD, Stabilised, stabilise
 from toolkit.io.errors import RetrievalError, TrackError, UsageError
 from toolkit.io.files import check_output, locked, save_json, save_text
 from toolkit.io.progress import Progress, silent
@@ -29,7 +29,7 @@ def stabilise_run(
     classes: str | Path,
     output: str | Path,
     *,
-    threshold: float = THRESHOLD,
+    threshold: float = ALIGNMENT_THRESHOLD,
     segments: str | Path | None = None,
     recording: str | Path | None = None,
     database: str | Path | None = None,

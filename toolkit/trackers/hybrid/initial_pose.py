@@ -20,7 +20,7 @@ from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, cost_of
 
-APART = math.radians(60.0)
+MIN_TURN = math.radians(60.0)
 """Minimum angle between two facings that no refinement connects."""
 
 
@@ -74,10 +74,10 @@ def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothes
 
 
 def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """Return the best hypothesis that faces at least `APART` away from the best one of all, or None."""
+    """Return the best hypothesis that faces at least `MIN_TURN` away from the best one of all, or None."""
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(each.hypothesis.pose)) - yaw for each in scored]
-    apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
+    apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= MIN_TURN]
     return sorted(apart, key=cost_of)[:1]
 
 
