@@ -75,7 +75,7 @@ class Job(NamedTuple):
         """Return the finder of the people."""
         return finder_of(self.recording, self.people, self.tracker.settings.sensing, judge_of(self.tracker))
 
-    def crowd(self) -> MultiPersonTracker:
+    def people_tracker(self) -> MultiPersonTracker:
         """Return the multi-person tracker of the first pass."""
         recording = self.recording
         return MultiPersonTracker(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
@@ -225,29 +225,31 @@ def _first_pass(
 ) -> tuple[dict[int, Body], int]:
     """Run the first pass; return the bodies of the people and the number of frames."""
     recording, tracker = job.recording, job.tracker
-    crowd = _restored(folder, sink, job)
+    people_tracker = _restored(folder, sink, job)
     if second is not None:
-        crowd.sightings = second.sightings(crowd.frames)
-    if warm_up and (crowd.frames or not tracker.learning_seconds):
+        people_tracker.sightings = second.sightings(people_tracker.frames)
+    if warm_up and (people_tracker.frames or not tracker.learning_seconds):
         _warm_up(job, report)  # otherwise body estimation comes first and is not timed
-    logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
+    logger.info("%s: tracking frames %d to %d", recording.name, people_tracker.frames, len(recording))
     if watcher is not None:
-        watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
+        watcher.begin(_frame_rate(recording), people_tracker.bodies.get(1), sink.past())
     try:
-        _follow(recording, crowd, sink, report, stop, watcher)
+        _follow(recording, people_tracker, sink, report, stop, watcher)
     except RecordingError:
-        if crowd.settled and sink.begun:
-            sink.finish(crowd.bodies, complete=False)
+        if people_tracker.settled and sink.begun:
+            sink.finish(people_tracker.bodies, complete=False)
         raise
-    bodies, complete = crowd.bodies, crowd.frames == len(recording)
+    bodies, complete = people_tracker.bodies, people_tracker.frames == len(recording)
     if complete:
-        sink.judge(crowd.finder.evidence)
-        bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
-    if second is not None and crowd.sightings is not None and complete:
-        before = list(sightings_before(recording, crowd.finder, crowd.sightings, bodies))
-        crowd.sightings.close()  # flush the rows before a state that depends on them
-        second.begin(bodies, crowd.finder.evidence, before)
-    return bodies, crowd.frames
+        sink.judge(people_tracker.finder.evidence)
+        bodies = {
+            person: body for person, body in bodies.items() if person not in furniture(people_tracker.finder.evidence)
+        }
+    if second is not None and people_tracker.sightings is not None and complete:
+        before = list(sightings_before(recording, people_tracker.finder, people_tracker.sightings, bodies))
+        people_tracker.sightings.close()  # flush the rows before a state that depends on them
+        second.begin(bodies, people_tracker.finder.evidence, before)
+    return bodies, people_tracker.frames
 
 
 def _second_pass(
@@ -284,7 +286,7 @@ def _warm_up(job: Job, report: RecordingProgress) -> None:
 
 def _follow(
     recording: Recording,
-    crowd: MultiPersonTracker,
+    people_tracker: MultiPersonTracker,
     sink: RunSink,
     report: RecordingProgress,
     stop: threading.Event,
@@ -292,38 +294,39 @@ def _follow(
 ) -> None:
     """Track from the next frame to the last one, or until a stop is requested."""
     total, remembered = len(recording), time.monotonic()
-    report(recording.name, "tracking" if crowd.frames else "learning", crowd.frames, total)
-    measured = crowd.frames > 0
-    for frame in recording.stream(crowd.frames, color=crowd.joints.needs_color):
+    report(recording.name, "tracking" if people_tracker.frames else "learning", people_tracker.frames, total)
+    measured = people_tracker.frames > 0
+    for frame in recording.stream(people_tracker.frames, color=people_tracker.joints.needs_color):
         if stop.is_set():
             break
         measured = measured or bool(frame.depth_mm.any())
-        _write(sink, crowd, crowd.step(frame), watcher)
-        report(recording.name, "tracking" if crowd.settled else "learning", crowd.frames, total)
-        if crowd.settled and time.monotonic() - remembered > MEMORY_SECONDS:
-            _remember(sink, crowd)
+        _write(sink, people_tracker, people_tracker.step(frame), watcher)
+        report(recording.name, "tracking" if people_tracker.settled else "learning", people_tracker.frames, total)
+        if people_tracker.settled and time.monotonic() - remembered > MEMORY_SECONDS:
+            _remember(sink, people_tracker)
             remembered = time.monotonic()
-    if crowd.settled and crowd.frames < total:
-        _remember(sink, crowd)
+    if people_tracker.settled and people_tracker.frames < total:
+        _remember(sink, people_tracker)
     # During body estimation there is no state to resume from: `resume` computes these rows again.
-    _write(sink, crowd, crowd.finish(), watcher)
+    _write(sink, people_tracker, people_tracker.finish(), watcher)
     if not measured and not stop.is_set():
         raise RecordingError(
             f"no frame of {recording.name} holds a measurement, only 0 or 65535; record it again, or see its unit"
         )
     if watcher is not None and not stop.is_set():
         watcher.end()
-    if not stop.is_set() and crowd.frames < total:
+    if not stop.is_set() and people_tracker.frames < total:
         raise RecordingError(
-            f"{recording.name} ended after {crowd.frames} of {total} frames; copy it again and continue with --resume"
+            f"{recording.name} ended after {people_tracker.frames} of {total} frames; "
+            "copy it again and continue with --resume"
         )
 
 
-def _write(sink: RunSink, crowd: MultiPersonTracker, rows: list[Row], watcher: EventStream | None) -> None:
+def _write(sink: RunSink, people_tracker: MultiPersonTracker, rows: list[Row], watcher: EventStream | None) -> None:
     sink.write(rows)
     if watcher is not None:
         for row in rows:
-            watcher.row(row.result, row.timestamp, crowd.bodies[row.person])
+            watcher.row(row.result, row.timestamp, people_tracker.bodies[row.person])
 
 
 def _frame_rate(recording: Recording) -> float:
@@ -332,11 +335,11 @@ def _frame_rate(recording: Recording) -> float:
     return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
-def _remember(sink: RunSink, crowd: MultiPersonTracker) -> None:
+def _remember(sink: RunSink, people_tracker: MultiPersonTracker) -> None:
     sink.keep()
-    if crowd.sightings is not None:
-        crowd.sightings.flush()
-    save_checkpoint(sink.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
+    if people_tracker.sightings is not None:
+        people_tracker.sightings.flush()
+    save_checkpoint(sink.run / STATE_FILE, people_tracker.tracker.settings.tracker, people_tracker.export_state())
 
 
 def _restored(folder: Path, sink: RunSink, job: Job) -> MultiPersonTracker:
@@ -345,17 +348,17 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> MultiPersonTracker:
     If rows before the state are missing, for example after a power failure, all rows are computed again.
     """
     recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
-    crowd = job.crowd()
+    people_tracker = job.people_tracker()
     if sink.begun and os.path.lexists(path):
         nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
         try:
-            crowd.restore_state(state)
+            people_tracker.restore_state(state)
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise TrackError(f"cannot resume from {path} ({error}); {HINT}") from error
-        if crowd.timestamps != recording.timestamps[: crowd.frames].tolist():
+        if people_tracker.timestamps != recording.timestamps[: people_tracker.frames].tolist():
             raise TrackError(f"{path} is of another recording; {HINT}")
-        if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):
+        if people_tracker.bodies and people_tracker.frames > sink.rows(people_tracker.bodies):
             job.joints.restore_state(nothing)
-            crowd = job.crowd()
-    sink.cut(crowd.frames, crowd.bodies)
-    return crowd
+            people_tracker = job.people_tracker()
+    sink.cut(people_tracker.frames, people_tracker.bodies)
+    return people_tracker
