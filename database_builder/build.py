@@ -112,7 +112,7 @@ def build_database(
     sources : mocap files (BVH, AMC), folders of them, or clips of our body; None = the bundled motions
     output : the database file (`.npz`)
     sampling : selection of the poses
-    body : whose poses, joints and features they become; None = the neutral adult
+    body : body of the poses, joints and features; None = the neutral adult
     workers : processes; None = as many as there are processors
     strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
     progress : called as stages advance

@@ -64,7 +64,7 @@ class Objective:
     ----------
     placer : places bodies before that camera
     settings : thresholds of visible and of explained points
-    pose_terms : whose energy is part of a comparison
+    pose_terms : terms with an energy that is part of a comparison
     regressions : regressions of the confidence; default: those of the package
     """
 

@@ -63,9 +63,9 @@ class SearchingTracker(ABC):
         self._known_body: Body | None = None
         self._first_body = load_body("neutral")
         if body is not None:
-            self.know(body)
+            self.set_body(body)
 
-    def know(self, body: Body) -> None:
+    def set_body(self, body: Body) -> None:
         """Set the body of all people tracked from now on; none is learnt."""
         self._known_body = self._first_body = body
 
@@ -138,7 +138,7 @@ class SearchingTracker(ABC):
 
     @property
     def passes(self) -> int:
-        """See `LooksBack.passes`."""
+        """See `TwoPassTracker.passes`."""
         return 1
 
     def planner(
@@ -151,7 +151,7 @@ class SearchingTracker(ABC):
         first_pass: np.ndarray,
         floor: float | None = None,
     ) -> Planner:
-        """See `LooksBack.planner`."""
+        """See `TwoPassTracker.planner`."""
         maker = self if len(timestamps) > 1 else self.of_still()
         learner = maker.learner(camera, level_rotation, floor)
         follower = maker.follower(camera, level_rotation, body)
@@ -170,7 +170,7 @@ class SearchingTracker(ABC):
         plan: Plan,
         first_pass: np.ndarray,
     ) -> BidirectionalTracker:
-        """See `LooksBack.bidirectional`."""
+        """See `TwoPassTracker.bidirectional`."""
         maker = self if len(timestamps) > 1 else self.of_still()
         follower = maker.follower(camera, level_rotation, plan.body)
         return BidirectionalTracker(follower, seen, timestamps, trajectory, plan, self.stage_names, first_pass)

@@ -129,10 +129,10 @@ class BodyLearner(Protocol):
 
 
 @runtime_checkable
-class TakesBody(Protocol):
+class AcceptsBody(Protocol):
     """Tracker that accepts the person's own body."""
 
-    def know(self, body: Body) -> None:
+    def set_body(self, body: Body) -> None:
         """Set the body of all people tracked from now on; none is learnt."""
         ...
 
@@ -191,7 +191,7 @@ class Tracker(Protocol):
 
 
 @runtime_checkable
-class JudgesPeople(Protocol):
+class ClassifiesPeople(Protocol):
     """Tracker that can separate people from furniture.
 
     Attributes
@@ -207,11 +207,11 @@ class JudgesPeople(Protocol):
 
 def judge_of(tracker: Tracker) -> PersonClassifier | None:
     """Return the tracker's classifier of people and furniture, None if it has none."""
-    return tracker.judge if isinstance(tracker, JudgesPeople) else None
+    return tracker.judge if isinstance(tracker, ClassifiesPeople) else None
 
 
 @runtime_checkable
-class LooksBack(Tracker, Protocol):
+class TwoPassTracker(Tracker, Protocol):
     """Tracker with a second pass over the people of a recording.
 
     Attributes

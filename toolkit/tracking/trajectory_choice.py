@@ -164,7 +164,7 @@ def better_parts(
     ----------
     first, second : float64 (T,), metres, cost of each frame on either trajectory
     gaps : float64 (T,), metres, between the trajectories in each frame, for the cost of a switch
-    ends : if the path may begin and end on the second trajectory; otherwise it does on the first one
+    ends : True if the path may begin and end on the second trajectory, else it does on the first one
 
     Returns
     -------

@@ -17,7 +17,7 @@ from toolkit.io.checkpoint import check_state, load_checkpoint, save_checkpoint
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.planning import Plan
 from toolkit.tracking.sightings import PersonSightings, SightingFile
-from toolkit.tracking.tracker_protocol import LooksBack
+from toolkit.tracking.tracker_protocol import TwoPassTracker
 from toolkit.tracking.trajectory_choice import TrajectoryStore
 
 BEFORE_FOUND = "before"
@@ -57,7 +57,7 @@ class PersonTask:
         """File of the plan and of the steps so far."""
         return self.folder / f"person_{self.person}.npz"
 
-    def trajectory(self, tracker: LooksBack) -> TrajectoryStore:
+    def trajectory(self, tracker: TwoPassTracker) -> TrajectoryStore:
         """Return the store of the person's steps."""
         path = self.folder / f"trajectory_{self.person}"
         return TrajectoryStore(path, len(tracker.stage_names), len(tracker.source_names))
@@ -69,7 +69,7 @@ class PersonTask:
         both = [stack.enter_context(closing(SightingFile(folder, self.camera, frames))) for folder in folders]
         return both[0].of(self.person, both[1].of(self.person))
 
-    def run(self, tracker: LooksBack) -> Iterator[tuple[int, Plan | None]]:
+    def run(self, tracker: TwoPassTracker) -> Iterator[tuple[int, Plan | None]]:
         """Plan and follow, from where an unfinished run stopped; yield the frames done with the plan after each step.
 
         The caller may stop between two steps. Without a plan at the end too little was seen.
@@ -102,7 +102,7 @@ class PersonTask:
             yield len(times) - 1, plan
 
 
-_TRACKERS: dict[str, LooksBack] = {}
+_TRACKERS: dict[str, TwoPassTracker] = {}
 """Tracker of this worker process by its recipe."""
 
 
@@ -111,7 +111,7 @@ def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Plan | No
     key = repr(recipe)
     if key not in _TRACKERS:
         tracker = recipe.build()
-        assert isinstance(tracker, LooksBack), "only trackers with two passes have tasks"
+        assert isinstance(tracker, TwoPassTracker), "only trackers with two passes have tasks"
         _TRACKERS[key] = tracker
     plan = None
     with stop_request() as stop:

@@ -41,7 +41,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
-from toolkit.tracking.tracker_protocol import LooksBack, Tracker, judge_of
+from toolkit.tracking.tracker_protocol import Tracker, TwoPassTracker, judge_of
 from toolkit.tracks import RunInfo
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ def _second_pass(
 ) -> SecondPass | None:
     """Return the second pass, or None for a tracker with one pass."""
     tracker, recording = job.tracker, job.recording
-    if not isinstance(tracker, LooksBack) or tracker.passes < 2:
+    if not isinstance(tracker, TwoPassTracker) or tracker.passes < 2:
         return None
     camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
     rotation, floor = level_rotation(recording.up_camera), floor_of(recording)

@@ -41,7 +41,7 @@ class RunSink:
     Parameters
     ----------
     run : the run folder, made if it is missing
-    tracker : whose rows these are
+    tracker : tracker of the rows
     info : content of `run.json`; the shape is replaced by that of each person at the end
     several : True if each person has their own folder
     resume : continue an unfinished run

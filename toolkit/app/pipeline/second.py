@@ -27,7 +27,7 @@ from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.planning import Plan
 from toolkit.tracking.sightings import PersonSightings, SightingFile, StoredSighting
 from toolkit.tracking.state import body_of, body_state
-from toolkit.tracking.tracker_protocol import LooksBack
+from toolkit.tracking.tracker_protocol import TwoPassTracker
 from toolkit.tracking.trajectory_choice import TrajectoryStore
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
@@ -47,7 +47,7 @@ class SecondPass:
     Parameters
     ----------
     run : the run folder, in which the sightings of the first pass lie
-    tracker : that of the first pass
+    tracker : tracker of the first pass
     camera, level_rotation : those of the sightings
     timestamps : float64 (T,), seconds, of all frames
     floor : y of the floor, metres, level frame, None where it is not known
@@ -64,7 +64,7 @@ class SecondPass:
     def __init__(
         self,
         run: Path,
-        tracker: LooksBack,
+        tracker: TwoPassTracker,
         camera: Camera,
         level_rotation: np.ndarray,
         timestamps: np.ndarray,

@@ -23,7 +23,7 @@ class TrackerRecipe:
     Attributes
     ----------
     config, overrides : settings, see `config.load_settings`; the default tracker is `hybrid`
-    database : file of the pose database, for trackers that look poses up
+    database : file of the pose database, for trackers with a database lookup
     body : body file of the person; None = estimated from the recording
     sensors : file of the inertial sensors that guide it
     """
@@ -55,7 +55,7 @@ class TrackerRecipe:
             raise UsageError(f"the tracker {settings.tracker!r} needs a pose database; name one")
         else:
             tracker = self._registration().build(settings, PoseDatabase.load(self.database), str(self.database))
-        return _guided(_embodied(tracker, self.body), guide)
+        return _with_guide(_with_body(tracker, self.body), guide)
 
     def settings(self) -> TrackerSettings:
         """Return the settings of the tracker; raises SettingsError as `build`."""
@@ -85,20 +85,20 @@ class TrackerRecipe:
         return registered(self.tracker)
 
 
-def _embodied(tracker: Tracker, body: str | Path | None) -> Tracker:
+def _with_body(tracker: Tracker, body: str | Path | None) -> Tracker:
     if body is None:
         return tracker
     from toolkit.body.personal import load_body_file
-    from toolkit.tracking.tracker_protocol import TakesBody
+    from toolkit.tracking.tracker_protocol import AcceptsBody
 
     own = load_body_file(body)
-    if not isinstance(tracker, TakesBody):
+    if not isinstance(tracker, AcceptsBody):
         raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no body; leave --body out")
-    tracker.know(own)
+    tracker.set_body(own)
     return tracker
 
 
-def _guided(tracker: Tracker, guide: Guide | None) -> Tracker:
+def _with_guide(tracker: Tracker, guide: Guide | None) -> Tracker:
     if guide is None:
         return tracker
     from toolkit.trackers.hybrid.tracker import HybridTracker

@@ -35,7 +35,7 @@ def head_scores(
         chest and shoulders
     tolerances : (4,), metres: depth of a head, depth by which its surroundings lie behind it at the least, depth
         between head and shoulders, radius of the sphere that a head is flatter than
-    unmeasured : what a place beside the head counts, 0 to 1, where nothing was measured
+    unmeasured : value of an unmeasured place beside the head, 0 to 1
     scores : float32 (H, W); becomes 0 for what is no head, else the mean of three shares in 0 to 1: of the places
         around that lie behind the head or were not measured, of the shoulders' places at the head's depth, and of the
         roundness that a sphere would have

@@ -44,7 +44,7 @@ class ExportJob:
     ----------
     people : in the frame of the origin
     origin : place of (0, 0, 0)
-    rig : whose joint names are written
+    rig : rig with the written joint names
     run : the run folder, None for people in memory
     recording : new place of the recording
     model : model of OpenSim that is scaled, None for none

@@ -22,7 +22,7 @@ def joint_columns(person: Person, *, level: bool) -> dict[str, np.ndarray]:
 
     Parameters
     ----------
-    person : whose track it is
+    person : person with the track
     level : use the level frame (y up); else the camera frame
     """
     track, there, names = person.track, person.there[:, None], skeleton.REPORTED

@@ -34,7 +34,7 @@ class DepthPainter:
 
     Parameters
     ----------
-    recording : whose frames are painted in order
+    recording : recording of the frames, which are painted in order
     settings : height of the picture; panels of people are left out
     """
 

@@ -107,7 +107,7 @@ class PoseModel:
     Parameters
     ----------
     content : content of the model's file
-    threads : that it uses
+    threads : number of threads
     """
 
     def __init__(self, content: bytes, threads: int = 1) -> None:

@@ -28,7 +28,7 @@ class AimedArms:
     ----------
     objective, refiner : compare the found poses with the frame, and refine them
     settings : see `ArmSettings`
-    bodies : whose arms are aimed
+    bodies : bodies with the arms
     """
 
     def __init__(self, objective: Objective, refiner: Refiner, settings: ArmSettings, bodies: UpperBodies) -> None:

@@ -87,7 +87,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def passes(self) -> int:
-        """See `LooksBack.passes`."""
+        """See `TwoPassTracker.passes`."""
         return self.settings.passes
 
     @property
@@ -97,7 +97,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def judge(self) -> PersonClassifier | None:
-        """See `JudgesPeople.judge`: the person network."""
+        """See `ClassifiesPeople.judge`: the person network."""
         return person_network() if "joints" in self.settings.hypotheses else None
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:

@@ -49,7 +49,7 @@ class HeadHandSearch:
     ----------
     settings : see `HeadHandSettings`
     objective, refiner : compare the answers with the frame, and refine
-    bodies : that are filtered
+    bodies : upper bodies of the filter
     """
 
     name = "head_hands"

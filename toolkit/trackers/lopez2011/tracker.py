@@ -309,8 +309,8 @@ class ParticleTracker:
         """See `Tracker.learning_seconds`."""
         return self.settings.measured_seconds if self._known_body is None else 0.0
 
-    def know(self, body: Body) -> None:
-        """See `TakesBody.know`."""
+    def set_body(self, body: Body) -> None:
+        """See `AcceptsBody.set_body`."""
         self._known_body = body
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> MeasuredBody:
