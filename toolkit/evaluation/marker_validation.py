@@ -49,7 +49,7 @@ class Validation:
     frames : frames of the track that have a reference
     tracked : share of them in which the person is tracked
     joints, angles, strides : statistics
-    times : float64 (T,), seconds of the frames in which both systems know something
+    times : float64 (T,), seconds of the frames in which both systems have joints
     curves : angle -> (track, reference), each float64 (T,), degrees
     notes : remarks about the result
     """
