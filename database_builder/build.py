@@ -189,8 +189,8 @@ class _Build:
         poses = selected.rows.poses
         self.report("sample", 1, 1)
         self.end("sample")
-        offsets = self.look(poses)
-        self.end("look")
+        offsets = self.observe(poses)
+        self.end("observe")
         prior = learn_prior(poses, self.body)
         self.end("prior")
         chosen = self.sampling
@@ -204,7 +204,7 @@ class _Build:
             prior=prior,
         )  # fmt: skip
 
-    def look(self, poses: np.ndarray) -> np.ndarray:
+    def observe(self, poses: np.ndarray) -> np.ndarray:
         """Return offsets (N, 4) of the selected poses, a chunk of them at a time."""
         chunk = 500  # poses that a process receives at once, about a quarter of a second
         chunks = [poses[i : i + chunk] for i in range(0, len(poses), chunk)]
@@ -212,7 +212,7 @@ class _Build:
         with process_pool(self.processes if len(poses) >= MANY_POSES else 1) as mapped:
             for part in mapped(partial(observed_offsets, self.body), chunks):
                 offsets.append(part)
-                self.report("look", len(offsets), len(chunks))
+                self.report("observe", len(offsets), len(chunks))
         return np.concatenate(offsets)
 
 

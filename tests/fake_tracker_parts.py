@@ -46,7 +46,7 @@ def observation(extrema: int = 20, estimate: Any = None, **others: Any) -> Any:
         "network_evidence": lambda _joints, before: before,
         "cloud": SimpleNamespace(rotation=np.diag([1.0, -1.0, -1.0])),
         "timestamp": 0.0,
-        "look": lambda: None,
+        "prepare": lambda: None,
     }
     return SimpleNamespace(**(seen | others))
 

@@ -25,7 +25,7 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
 from toolkit.tracking.search.arm_search import ITERATIONS, ArmSearch
-from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_asked
+from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_due
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
@@ -252,8 +252,8 @@ def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost(
     turns = [state(pose_at(), turn=turn) for turn in range(6)]
     waits = [False, False, True, False, False, True]
     assert [search.propose(observation(), now, RNG, BEST) is NOTHING for now in turns] == waits
-    assert [is_asked(now, 3) for now in turns] == waits
-    assert all(is_asked(replace(now, lost=1), 2) for now in turns)
+    assert [is_due(now, 3) for now in turns] == waits
+    assert all(is_due(replace(now, lost=1), 2) for now in turns)
     assert search.propose(observation(), replace(turns[2], lost=1), RNG, BEST) is not NOTHING
     always = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
     assert always.propose(observation(), turns[2], RNG, BEST) is not NOTHING

@@ -170,7 +170,7 @@ class Follower(FollowedPerson):
         if state.centre is not None and not connected(state.centre, observation.centre, state.elapsed(timestamp)):
             state = forgotten(state)
             observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
-        observation.look()
+        observation.prepare()
         clock.record("landmarks")
 
         # 5.4.1 and 5.4.3: hypotheses of the local optimisation and of the database lookup, and their costs.

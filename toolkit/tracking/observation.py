@@ -190,7 +190,7 @@ class Observation:
             now = self.estimate.in_view
         return now if before is None else before + (1.0 - math.exp(-self.elapsed / VIEW_TIME)) * (now - before)
 
-    def look(self) -> None:
+    def prepare(self) -> None:
         """Compute the parts that each frame needs; the others are computed on demand."""
         for part in ("scene", "facing", "in_view"):
             getattr(self, part)

@@ -225,7 +225,7 @@ class Planner:
 
     def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
         """Return the body that explains the frames around the best of these moments, whose head `stood` so high."""
-        belief = yield from self._believed(moments, stood)
+        belief = yield from self._size_belief(moments, stood)
         likeliest = belief.bodies[belief.likely[0]]
         detector = FrameDetector(self._follower, likeliest, self._seen, self._timestamps, self._stages, self._heading)
         costs: dict[int, float] = {}
@@ -271,7 +271,7 @@ class Planner:
         context = StepContext(learner.follower.sizes, self._heading[frame])
         return min(learner.take(self._sighting(frame), float(self._timestamps[frame]), context), NOTHING_FOUND)
 
-    def _believed(self, moments: list[int], stood: float) -> Generator[None, None, StatureBelief]:
+    def _size_belief(self, moments: list[int], stood: float) -> Generator[None, None, StatureBelief]:
         """Return the probability of each size, from detections with all of them."""
         follower, unknown = self._learner.follower, self._learner.state
         belief = StatureBelief.of(tuple(follower.sizes), stood)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 from toolkit.io.errors import UsageError
 
 FOLDER = Path(__file__).resolve().parents[3] / "benchmarks"
@@ -54,7 +54,7 @@ def bench(
     """Measure a figure: run a benchmark script, all of them with --all, or list them without a name."""
     name = "all" if name == "--all" else name
     if name in ("", "-h", "--help"):
-        say("\n".join(benchmarks()) or NO_CHECKOUT)
+        print_lines("\n".join(benchmarks()) or NO_CHECKOUT)
         return
     _run_benchmark(name, context.args)
 

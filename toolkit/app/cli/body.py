@@ -9,7 +9,7 @@ import typer
 
 from toolkit.app.cli.options import Output, given, numbers
 from toolkit.app.cli.reading import SegmentOption
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 app = typer.Typer(help="Learn the body of a person.", no_args_is_help=True)
 
@@ -38,7 +38,7 @@ def scan(
     yaws = None if yaw is None else numbers(yaw, len(views), "--yaw")
     found = scan_recordings(views, yaws, SensingSettings(**given(segment=segment)))
     save_body(found.body, output)
-    say(
+    print_lines(
         f"{output}: {found.body.height:.2f} m tall, {100 * found.seen.mean():.0f} % of the skin seen, "
         f"median distance to the measured points {1000 * found.residual:.1f} mm"
     )

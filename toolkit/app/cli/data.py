@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 if TYPE_CHECKING:
     from toolkit.datasets.registry import DataSet
@@ -34,7 +34,7 @@ def list_data(
 
     root = data or data_folder()
     if names:
-        say("\n\n".join(_described(data_set_of(name), root) for name in names))
+        print_lines("\n\n".join(_described(data_set_of(name), root) for name in names))
         return
     from rich.table import Table
 
@@ -63,8 +63,8 @@ def fetch(
     for data_set in data_sets:
         with progress_bars() as bars:
             place = fetch_data_set(data_set, data, progress=bars)
-        say(place)
-        say(f"licence: {data_set.licence}; cite: {data_set.citation}")
+        print_lines(place)
+        print_lines(f"licence: {data_set.licence}; cite: {data_set.citation}")
 
 
 @app.command()
@@ -79,7 +79,7 @@ def where(
 
     root = data or data_folder()
     if name is None:
-        say(root)
+        print_lines(root)
         return
     data_set = data_set_of(name)
     if missing := data_set.missing(root):
@@ -87,7 +87,7 @@ def where(
             f"{len(missing)} of the {len(data_set.files)} files of {name} are not in {root}, or are others; "
             f"type: depthmocap data fetch {name}"
         )
-    say(root / data_set.folder)
+    print_lines(root / data_set.folder)
 
 
 def _described(data_set: DataSet, root: Path) -> str:

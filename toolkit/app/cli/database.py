@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import Output
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 app = typer.Typer(help="Build a pose database from motion capture, or describe one.", no_args_is_help=True)
 
@@ -52,7 +52,7 @@ def build(
             strict=strict,
             progress=bars,
         )
-    say(report.text())
+    print_lines(report.text())
 
 
 @app.command()
@@ -63,4 +63,4 @@ def info(
     from database_builder.build_report import database_text
     from toolkit.database.database import PoseDatabase
 
-    say(database_text(PoseDatabase.load(database)))
+    print_lines(database_text(PoseDatabase.load(database)))

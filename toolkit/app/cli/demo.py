@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from toolkit.app.cli.terminal import next_commands, say
+from toolkit.app.cli.terminal import next_commands, print_lines
 from toolkit.io.errors import DataError, UsageError
 from toolkit.io.progress import Progress, silent
 
@@ -167,7 +167,9 @@ def demo(
         if data is not None:
             raise UsageError("--data belongs to --real; add it or leave --data out")
         page = _demo_simulated(output, seed or 0)
-    say(f"{time.monotonic() - start:.0f} seconds; open {page} in a browser for the film, the 3-D view and the plots")
+    print_lines(
+        f"{time.monotonic() - start:.0f} seconds; open {page} in a browser for the film, the 3-D view and the plots"
+    )
     recording = output / REAL / "images_n40" if real else output / "take.npz"
     people = ("--people", "all") if real else ()
     next_commands(
@@ -191,9 +193,9 @@ def _demo_simulated(output: Path, seed: int) -> Path:
     with progress_bars() as bars:
         result = run_demo(output, seed=seed, show=bars)
     print_table(result.table.to_rich("simulated recording, compared with its exact joint positions"))
-    say("milliseconds a frame (median): ", result.summary.text())
+    print_lines("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
-        say(path)
+        print_lines(path)
     return result.files[-1]
 
 
@@ -206,8 +208,8 @@ def _demo_real(output: Path, data: Path | None) -> Path:
             result = run_real_demo(output, data=data, show=bars)
     except DataError as error:
         raise DataError(f"{error}. Without a network, `depthmocap demo` tracks a simulated recording") from error
-    say(result.summary.text())
-    say(result.people.text())
+    print_lines(result.summary.text())
+    print_lines(result.people.text())
     for path in result.files:
-        say(path)
+        print_lines(path)
     return result.files[-1]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from toolkit.app.cli.options import MovedRecording
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -79,10 +79,10 @@ def evaluate(
         )
     print_table(table.to_rich())
     if output is None:
-        say("all figures as files and plots: --output FOLDER", file=sys.stderr)
+        print_lines("all figures as files and plots: --output FOLDER", file=sys.stderr)
         return
     for path in write_evaluation(table, output):
-        say(path)
+        print_lines(path)
 
 
 def _validate(
@@ -103,15 +103,15 @@ def _validate(
             check_output(output / name, references)
     found = validate(load_persons(runs[0]), references[0], marker_set=markers, lag=lag)
     for line in page.summary(found):
-        say(line)
+        print_lines(line)
     for head, rows in ((page.JOINT_HEAD, page.joint_rows(found)), (page.ANGLE_HEAD, page.angle_rows(found))):
         if rows:
             print_table(_rich(head, rows))
     if output is None:
-        say("page with curves: --output FOLDER", file=sys.stderr)
+        print_lines("page with curves: --output FOLDER", file=sys.stderr)
         return
     for path in page.write_validation(found, output):
-        say(path)
+        print_lines(path)
 
 
 def _rich(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:

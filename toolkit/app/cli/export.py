@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import MovedRecording, Output, Run
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 
 def export(
@@ -60,4 +60,4 @@ def export(
         unit=unit,
     )  # fmt: skip
     for path in written:
-        say(path)
+        print_lines(path)

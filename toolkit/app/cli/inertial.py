@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import Output, given
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 app = typer.Typer(
     help="Check a track with inertial sensors: read files, calibrate, detect errors.",
@@ -90,9 +90,9 @@ def calibrate(
         table.add_row(limb, s.status, *figures, s.reason)
     print_table(table)
     for name, take in found.takes.items():
-        say(f"{name}: t_sensor = t_camera {take.offset:+.4f} s")
+        print_lines(f"{name}: t_sensor = t_camera {take.offset:+.4f} s")
     for note in found.notes:
-        say(note)
+        print_lines(note)
 
 
 @app.command()
@@ -132,10 +132,10 @@ def check(
             )
         for limb, sensor in found.calibration.sensors.items():
             if sensor.status == "refused":
-                say(f"{found.name}: {limb} is left out: {sensor.reason}")
+                print_lines(f"{found.name}: {limb} is left out: {sensor.reason}")
         for name, s in found.scores().items():
-            say(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
+            print_lines(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
     if table.row_count:
         print_table(table)
     else:
-        say(f"no disagreement above {threshold:g} degrees")
+        print_lines(f"no disagreement above {threshold:g} degrees")

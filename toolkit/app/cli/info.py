@@ -10,7 +10,7 @@ import typer
 from toolkit.app.cli.groups import spread
 from toolkit.app.cli.options import given
 from toolkit.app.cli.reading import Reading, SegmentOption
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 
 @spread
@@ -37,7 +37,7 @@ def info(
     opened = open_upright(recording, judge, **reading.options())
     look = describe(opened, SensingSettings(**given(segment=segment)), judge)
     save_picture(look, target)
-    say("\n".join(look.lines))
+    print_lines("\n".join(look.lines))
     for concern in look.concerns:
-        say(f"doubt: {concern.text}; {HELP}")
-    say(f"picture: {target} (frame {look.frame})")
+        print_lines(f"doubt: {concern.text}; {HELP}")
+    print_lines(f"picture: {target} (frame {look.frame})")

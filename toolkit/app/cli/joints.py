@@ -10,7 +10,7 @@ import typer
 from toolkit.app.cli.groups import spread
 from toolkit.app.cli.options import given
 from toolkit.app.cli.reading import Joints, Reading, SegmentOption, people_of
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 from toolkit.io.errors import UsageError
 
 
@@ -31,7 +31,7 @@ def joints(
     if fetch:
         from toolkit.people.image_joints.fetch import fetch_pose_model
 
-        say(fetch_pose_model(wheel))
+        print_lines(fetch_pose_model(wheel))
         return
     if recording is None or output is None:
         raise UsageError("name a RECORDING and the NPZ file with --output, or get the network with --fetch")
@@ -52,4 +52,4 @@ def joints(
             progress=lambda done, total: bars("joints", done, total),
         )
     found = sum(bool(stored.joints_2d(i)) for i in range(len(stored)))
-    say(f"joints in {found} of {len(stored)} frames: {output}")
+    print_lines(f"joints in {found} of {len(stored)} frames: {output}")

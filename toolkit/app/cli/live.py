@@ -11,7 +11,7 @@ import typer
 
 from toolkit.app.cli.groups import spread
 from toolkit.app.cli.reading import Reading, people_of
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 from toolkit.app.cli.track import Tracking
 
 
@@ -69,14 +69,14 @@ def live(
         writer = None
         if record is not None:
             writer = RecordingWriter(record, camera.first.camera, background=camera.first.background)
-        say(f"tracking {camera.name}; Ctrl-C ends it", file=sys.stderr)
+        print_lines(f"tracking {camera.name}; Ctrl-C ends it", file=sys.stderr)
         try:
             summary = track_live(camera, tracker, people=count, writer=writer, outputs=outputs)
         finally:  # a camera that was unplugged has a recording, too
             if writer is not None and writer.frames:
-                say(f"writing {record}", file=sys.stderr)
+                print_lines(f"writing {record}", file=sys.stderr)
                 with interrupts_deferred():
                     writer.close()
-    say(summary.text())
+    print_lines(summary.text())
     if poses is not None and poses.lost:
-        say(f"{poses.lost} datagrams of the stream were not taken; is a program listening?", file=sys.stderr)
+        print_lines(f"{poses.lost} datagrams of the stream were not taken; is a program listening?", file=sys.stderr)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from toolkit.app.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def render(
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),
         )
-    say(written)
+    print_lines(written)
 
 
 def _axes(run: Path, sensors: Path, calibration: Path | None) -> LimbAxes:

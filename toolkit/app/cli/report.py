@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 
 def report(
@@ -38,7 +38,7 @@ def report(
         page = write_report(
             runs, output, recording=recording, references=references or (), frames=chosen, progress=bars
         )
-    say(page)
+    print_lines(page)
 
 
 def view(
@@ -70,6 +70,6 @@ def _view_page(run: Path, recording: Path | None) -> None:
     if older or not page.exists():
         with progress_bars() as bars:
             write_report([run], page, recording=recording, progress=bars)
-    say(page)
+    print_lines(page)
     if not webbrowser.open(page.resolve().as_uri()):
-        say("no browser could be opened; open the page yourself")
+        print_lines("no browser could be opened; open the page yourself")

@@ -10,7 +10,7 @@ import typer
 
 from toolkit.app.cli.groups import spread
 from toolkit.app.cli.options import LabelTable, Motions, Output, Pattern, Seed
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
@@ -35,7 +35,7 @@ def index(
 
     with progress_bars() as bars:
         made = index_motions(motions, output, workers=workers, progress=bars)
-    say(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
+    print_lines(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExampl
     for match, motion in zip(matches, stretches(matches, mocap), strict=True):
         titled.append((f"{match.document}\n{match.start:.1f} to {match.end:.1f} s", motion))
     if titled:
-        say(film_of_motions(film, titled))
+        print_lines(film_of_motions(film, titled))
 
 
 def _show(report: SearchReport, limit: int) -> None:
@@ -221,7 +221,9 @@ def learn(
     if templates:
         with progress_bars() as bars:
             learned = learn_templates(classes, output, bars)
-        say(f"{output}: {len(learned)} classes ({', '.join(c.label for c in learned)}) from {len(classes)} clips")
+        print_lines(
+            f"{output}: {len(learned)} classes ({', '.join(c.label for c in learned)}) from {len(classes)} clips"
+        )
     elif output.suffix.lower() == ".npz":
         _learn_model(tags, output, others or [], seed)
     else:
@@ -283,17 +285,19 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
     if learned.left_out:
         print_table(table)
     else:
-        say(f"{output}: {len(learned.clips)} classes of one clip each; no clip could be left out for a test")
+        print_lines(f"{output}: {len(learned.clips)} classes of one clip each; no clip could be left out for a test")
     if not several:
-        say("The clips name no performer, so the table does not cover other people; see --pattern.")
+        print_lines("The clips name no performer, so the table does not cover other people; see --pattern.")
     for first, second, ratio in learned.alike:
-        say(
+        print_lines(
             f"{first} is hard to distinguish from {second}: the distance is only {ratio:.2f} times "
             "the distance to its own clips."
         )
     if not others:
-        say("Without --others the model has only its own classes and labels all similar motions as one of them;")
-        say("add motions of no class, for example walking, sitting, standing.")
+        print_lines(
+            "Without --others the model has only its own classes and labels all similar motions as one of them;"
+        )
+        print_lines("add motions of no class, for example walking, sitting, standing.")
 
 
 def _scores_shown(frames: Scores, segments: Scores) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import typer
 
 from toolkit.app.cli.groups import spread
 from toolkit.app.cli.options import Output, numbers
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ def simulate(
     with progress_bars() as bars:
         recording = simulate_scene(people, output, shot, progress=lambda done, total: bars("simulating", done, total))
     size = f"{recording.camera.width}x{recording.camera.height}"
-    say(f"{output}: {len(recording)} frames of {size} pixels")
+    print_lines(f"{output}: {len(recording)} frames of {size} pixels")
 
 
 def each(values: Sequence[T] | None, count: int, option: str, default: T) -> list[T]:

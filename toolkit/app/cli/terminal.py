@@ -24,7 +24,7 @@ MINUTE = 60.0
 """Seconds between two lines of progress in a pipe or a log."""
 
 
-def say(*texts: object, sep: str = " ", file: TextIO | None = None) -> None:
+def print_lines(*texts: object, sep: str = " ", file: TextIO | None = None) -> None:
     """Print lines with control characters escaped, because file names may contain them."""
     lines = sep.join(map(str, texts)).split("\n")
     print("\n".join(map(printable, lines)), file=file or sys.stdout, flush=True)
@@ -36,7 +36,7 @@ class LogLines:
     def __init__(self, every: float = MINUTE) -> None:
         self._latest: tuple[str, int, int] | None = None
         self._every, self._begun, self._over = every, time.monotonic(), threading.Event()
-        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread = threading.Thread(target=self._print_line, daemon=True)
         self._thread.start()
 
     def __call__(self, doing: str, done: int, total: int) -> None:
@@ -48,7 +48,7 @@ class LogLines:
         self._over.set()
         self._thread.join()
 
-    def _tell(self) -> None:
+    def _print_line(self) -> None:
         while not self._over.wait(self._every):
             if self._latest is not None:
                 doing, done, total = self._latest

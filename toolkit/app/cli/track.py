@@ -13,7 +13,7 @@ from toolkit.app.cli.groups import spread
 from toolkit.app.cli.guiding import SensorGuideOptions
 from toolkit.app.cli.options import SettingOption, given
 from toolkit.app.cli.reading import Joints, Reading, SegmentOption, people_of
-from toolkit.app.cli.terminal import say
+from toolkit.app.cli.terminal import print_lines
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Tracking:
         recipe = TrackerRecipe(self.config, self.overrides(), self.database, self.body, sensors)
         if not recipe.needs_database():
             if self.database is not None:
-                say(f"{self.database} is not used: this tracker has no database lookup", file=sys.stderr)
+                print_lines(f"{self.database} is not used: this tracker has no database lookup", file=sys.stderr)
             return replace(recipe, database=None)
         return recipe if self.database else replace(recipe, database=default_database_path())
 
@@ -131,7 +131,7 @@ def track(
         folders.keep_finished(output)
     tracking.check()
     for path, reason in unreadable(recordings, options).items():  # before expensive work
-        say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
+        print_lines(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
     if batch:
         _track_batch(recordings, output, tracking, guiding, folders, {**how, "reader_options": options})
     else:
@@ -208,7 +208,7 @@ def _track_batch(
         if row.status == DONE:
             print_done(row.text, Path(row.run))
         else:
-            say(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
+            print_lines(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
     if any(row.status != DONE for row in rows):
         raise typer.Exit(1)
     if not all(row.tracked for row in rows):
@@ -227,9 +227,9 @@ def print_done(text: str, run: Path, file: TextIO | None = None) -> None:
     from toolkit.tracks import TRACK_FILE, Track
     from toolkit.tracks.runs import PEOPLE_FILE, load_people, person_runs
 
-    say(text, file=file)
+    print_lines(text, file=file)
     if (run / PEOPLE_FILE).exists():
-        say(load_people(run).text(), file=file)
+        print_lines(load_people(run).text(), file=file)
     for person in [person for person in person_runs(run) if (person / TRACK_FILE).exists()]:
         who = "" if person == run else f" of {person.name}"
-        say(f"uncertain limbs{who}: {uncertain_text(Track.load(person))}", file=file)
+        print_lines(f"uncertain limbs{who}: {uncertain_text(Track.load(person))}", file=file)

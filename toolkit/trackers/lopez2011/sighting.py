@@ -75,7 +75,7 @@ class UpperViewer:
         self._camera = camera.subsampled(self._step)
         self._lens = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 
-    def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
+    def observe(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
         """Return the observation of an upper body; `crown` is the height of its head, metres, level frame.
 
         The default crown is the highest head in the image; without a head the whole cloud is used.

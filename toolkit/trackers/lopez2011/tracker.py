@@ -126,7 +126,7 @@ class ParticleFollower(FollowedPerson):
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """See `PersonFollower.step`: the three layers of the filter, or a first pose by the fork."""
-        seen = None if sighting is None else self._viewer.look(sighting, self._crown())
+        seen = None if sighting is None else self._viewer.observe(sighting, self._crown())
         clock.record("prepare")
         if seen is None or seen.points < max(self.settings.smallest_person, 1):
             self.state = replace(self.state, previous=None, timestamp=timestamp)
@@ -250,7 +250,7 @@ class MeasuredBody:
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
         """See `BodyLearner.observe`."""
-        seen = self._viewer.look(sighting)
+        seen = self._viewer.observe(sighting)
         if seen.points >= max(self._settings.smallest_person, 1):
             self._seen.append(seen)
 

@@ -40,7 +40,7 @@ def exchanged(seen: SeenJoints) -> SeenJoints:
     return SeenJoints(*(part[list(skeleton.OTHER_SIDE)] for part in seen))
 
 
-def looks_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
+def sides_exchanged(seen: SeenJoints, previous: np.ndarray) -> bool:
     """Return whether the detector exchanged left and right, by `previous` joints (20, 3), camera frame, metres."""
     weights = np.where(CARRIED, JOINT_WEIGHTS * seen.confidence, 0.0)
     if not weights.any():

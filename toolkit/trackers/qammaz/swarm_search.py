@@ -14,7 +14,7 @@ from toolkit.fitting.terms import JointTerm
 from toolkit.io.errors import SettingsError
 from toolkit.kernels import linear
 from toolkit.trackers.qammaz.discrepancy import Discrepancy, DiscrepancySettings, SeenJoints, SmallImage, small_image
-from toolkit.trackers.qammaz.observed_pixels import exchanged, first_poses, gap, looks_exchanged, seen_joints
+from toolkit.trackers.qammaz.observed_pixels import exchanged, first_poses, gap, seen_joints, sides_exchanged
 from toolkit.trackers.qammaz.swarm import SwarmSettings, minimise
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
@@ -131,8 +131,8 @@ class SwarmSearch:
         # Minimum time between two unsuccessful global searches, seconds; their cause usually lasts longer.
         least_rest = 0.3
         if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
-            restart, judged = self.global_search(frame, state.body, rng)
-            if judged < self._judged(frame, state.body, nearest):
+            restart, score = self.global_search(frame, state.body, rng)
+            if score < self._score_of(frame, state.body, nearest):
                 hypothesis = Hypothesis("joints", restart.pose, restart.comparison, improves=best)
                 return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
             rest = least_rest
@@ -145,7 +145,7 @@ class SwarmSearch:
         seen = seen_joints(observation, on_skin=s.published)
         if seen is not None and state.previous is not None and self._settings.sides is not None:
             doubts = _remembered(state, "doubts")
-            wrong = looks_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
+            wrong = sides_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
             doubts = doubts + observation.elapsed if wrong else 0.0
             if wrong:
                 seen = exchanged(seen)
@@ -177,12 +177,12 @@ class SwarmSearch:
         unless joints are used as given.
         """
         best = self._anywhere(frame, body, rng)
-        least, other = self._judged(frame, body, best), frame.exchanged()
+        least, other = self._score_of(frame, body, best), frame.exchanged()
         if other is not None and self._settings.sides is not None:
             found = self._anywhere(other, body, rng)
-            judged = self._judged(other, body, found) + self._settings.sides
-            if judged < least:
-                best, least = found, judged
+            score = self._score_of(other, body, found) + self._settings.sides
+            if score < least:
+                best, least = found, score
         return best, least
 
     def _anywhere(self, frame: _Frame, body: Body, rng: np.random.Generator) -> _Found:
@@ -200,9 +200,9 @@ class SwarmSearch:
             limits = self._window(starts[0], half)
             for _ in range(s.tries):
                 found.append(self._finished(frame, body, costs, self._searched(costs, starts, limits, rng)))
-        best = min(found, key=lambda rival: self._judged(frame, body, rival))
+        best = min(found, key=lambda rival: self._score_of(frame, body, rival))
         again = self._follow(frame, body, best.pose[None], [], rng)
-        return min([best, again], key=lambda rival: self._judged(frame, body, rival))
+        return min([best, again], key=lambda rival: self._score_of(frame, body, rival))
 
     def _window(self, position: np.ndarray, half: np.ndarray) -> np.ndarray:
         """Return limits (P, 2) of the positions within `half` of one and within the joint limits."""
@@ -243,7 +243,7 @@ class SwarmSearch:
         limit = self._settings.disagreement
         return limit > 0.0 and frame.gap(body, found.pose) > limit
 
-    def _judged(self, frame: _Frame, body: Body, found: _Found) -> float:
+    def _score_of(self, frame: _Frame, body: Body, found: _Found) -> float:
         """Return the score of a pose with its joints, metres; E of Eq. 2 if joints are used as given."""
         if self._settings.sides is None:
             costs = frame.discrepancy(body, found.pose, self._discrepancy)

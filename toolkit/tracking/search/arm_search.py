@@ -13,7 +13,7 @@ from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.database_lookup import is_asked
+from toolkit.tracking.search.database_lookup import is_due
 from toolkit.tracking.search.search_protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
@@ -76,7 +76,7 @@ class ArmSearch:
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """Propose arms, see `Search.propose`."""
-        queried = self._period > 1 and not state.lost and is_asked(state, self._period)
+        queried = self._period > 1 and not state.lost and is_due(state, self._period)
         if state.previous is None or best is None or queried:
             return NOTHING
         body, scene = best.body, observation.scene

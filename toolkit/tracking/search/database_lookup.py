@@ -60,7 +60,7 @@ class LookupBudget:
     period: int
 
 
-def is_asked(state: PersonState, period: int) -> bool:
+def is_due(state: PersonState, period: int) -> bool:
     """Return True if the database is queried: after a loss, else in one of `period` frames."""
     return bool(state.lost) or (state.turn + 1) % period == 0
 
@@ -99,7 +99,7 @@ class DatabaseLookup:
             return Proposal(tuple(first for first in firsts if first is not None))
         bound = np.inf if best is None else self._budget.promising * best.comparison.distance
         nearest, chosen, found = bound, None, None
-        for query in self._asked(state):
+        for query in self._due_queries(state):
             for pose in query.poses(observation, state.previous, state.body, self._budget.candidates):
                 distance = self._objective.compare(state.body, pose, observation.scene, nearest).distance
                 if distance < nearest:
@@ -108,11 +108,11 @@ class DatabaseLookup:
             return NOTHING
         return Proposal((Hypothesis(chosen.source, self._refined(chosen, found, observation, state.body)),))
 
-    def _asked(self, state: PersonState) -> tuple[Query, ...]:
+    def _due_queries(self, state: PersonState) -> tuple[Query, ...]:
         """Return the queries of this frame: one or none in turn while tracking, else all."""
         if state.lost or not self._queries:
             return self._queries
-        if not is_asked(state, self._budget.period):
+        if not is_due(state, self._budget.period):
             return ()
         return (self._queries[(state.turn + 1) // self._budget.period % len(self._queries)],)
 
