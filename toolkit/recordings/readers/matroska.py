@@ -11,20 +11,53 @@ import os
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import IntEnum
 from pathlib import Path
 from typing import IO, NamedTuple
 
 from toolkit.io.safe_open import open_file
 
-EBML, SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO = (
-    0x1A45DFA3, 0x18538067, 0x1F43B675, 0x1654AE6B, 0x1941A469, 0x1549A966
-)  # fmt: skip
-TRACK_ENTRY, TRACK_NUMBER, CODEC, CODEC_PRIVATE, NAME, VIDEO, WIDTH, HEIGHT = (
-    0xAE, 0xD7, 0x86, 0x63A2, 0x536E, 0xE0, 0xB0, 0xBA
-)  # fmt: skip
-CLUSTER_TIME, SIMPLE_BLOCK, BLOCK_GROUP, BLOCK, TIME_SCALE = 0xE7, 0xA3, 0xA0, 0xA1, 0x2AD7B1
-ATTACHED_FILE, FILE_NAME, FILE_DATA = 0x61A7, 0x466E, 0x465C
-PARENTS = frozenset({SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO, TRACK_ENTRY, VIDEO, BLOCK_GROUP, ATTACHED_FILE})
+
+class Element(IntEnum):
+    """Identifiers of the elements."""
+
+    EBML = 0x1A45DFA3
+    SEGMENT = 0x18538067
+    CLUSTER = 0x1F43B675
+    TRACKS = 0x1654AE6B
+    ATTACHMENTS = 0x1941A469
+    INFO = 0x1549A966
+    TRACK_ENTRY = 0xAE
+    TRACK_NUMBER = 0xD7
+    CODEC = 0x86
+    CODEC_PRIVATE = 0x63A2
+    NAME = 0x536E
+    VIDEO = 0xE0
+    WIDTH = 0xB0
+    HEIGHT = 0xBA
+    CLUSTER_TIME = 0xE7
+    SIMPLE_BLOCK = 0xA3
+    BLOCK_GROUP = 0xA0
+    BLOCK = 0xA1
+    TIME_SCALE = 0x2AD7B1
+    ATTACHED_FILE = 0x61A7
+    FILE_NAME = 0x466E
+    FILE_DATA = 0x465C
+
+
+PARENTS = frozenset(
+    {
+        Element.SEGMENT,
+        Element.CLUSTER,
+        Element.TRACKS,
+        Element.ATTACHMENTS,
+        Element.INFO,
+        Element.TRACK_ENTRY,
+        Element.VIDEO,
+        Element.BLOCK_GROUP,
+        Element.ATTACHED_FILE,
+    }
+)
 """Identifiers of the elements that contain relevant elements."""
 
 
@@ -67,7 +100,7 @@ class Matroska:
         self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
         weakref.finalize(self, self._stream.close)
         identifier, *_ = self._element_at(0)
-        if identifier != EBML:
+        if identifier != Element.EBML:
             raise ValueError("it has no Matroska header")
         self._walk(0, self._size, 0)
         for track in self.tracks:
@@ -92,13 +125,13 @@ class Matroska:
             raise ValueError("its elements are nested too deep")
         while place < end:
             identifier, start, stop = self._element_at(place)
-            if stop > end and not (identifier in (SEGMENT, CLUSTER) and stop == self._size):
+            if stop > end and not (identifier in (Element.SEGMENT, Element.CLUSTER) and stop == self._size):
                 raise ValueError(f"it ends within an element at byte {place}")
-            if identifier == TRACK_ENTRY:
+            if identifier == Element.TRACK_ENTRY:
                 self.tracks.append(MatroskaTrack())
             if identifier in PARENTS:
                 self._walk(start, stop, depth + 1)
-            elif identifier in (SIMPLE_BLOCK, BLOCK):
+            elif identifier in (Element.SIMPLE_BLOCK, Element.BLOCK):
                 self._add_block(start, stop)
             elif identifier in LEAVES:
                 LEAVES[identifier](self, _exactly(self._stream, start, self._bounded(identifier, stop - start)))
@@ -161,16 +194,16 @@ def _text(data: bytes) -> str:
 
 
 LEAVES: dict[int, Callable[[Matroska, bytes], None]] = {
-    TRACK_NUMBER: Matroska._set_number,
-    CODEC: _of_track("codec", _text),
-    CODEC_PRIVATE: _of_track("private", bytes),
-    NAME: _of_track("name", _text),
-    WIDTH: _of_track("width", _whole),
-    HEIGHT: _of_track("height", _whole),
-    CLUSTER_TIME: Matroska._set_time,
-    TIME_SCALE: Matroska._set_scale,
-    FILE_NAME: Matroska._set_file_name,
-    FILE_DATA: Matroska._add_file,
+    Element.TRACK_NUMBER: Matroska._set_number,
+    Element.CODEC: _of_track("codec", _text),
+    Element.CODEC_PRIVATE: _of_track("private", bytes),
+    Element.NAME: _of_track("name", _text),
+    Element.WIDTH: _of_track("width", _whole),
+    Element.HEIGHT: _of_track("height", _whole),
+    Element.CLUSTER_TIME: Matroska._set_time,
+    Element.TIME_SCALE: Matroska._set_scale,
+    Element.FILE_NAME: Matroska._set_file_name,
+    Element.FILE_DATA: Matroska._add_file,
 }
 """Identifier -> handler of the elements that are read immediately."""
 
