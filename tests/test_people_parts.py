@@ -126,13 +126,13 @@ def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, 
 
 
 @pytest.mark.parametrize(
-    ("rested", "unlikely", "dropped"), [(6, 0.05, True), (5, 0.05, False), (6, 0.03, False), (6, 0.0, False)]
+    ("rested", "unlikely", "lifeless"), [(6, 0.05, True), (5, 0.05, False), (6, 0.03, False), (6, 0.0, False)]
 )
-def test_a_motionless_object_of_no_posture_is_furniture_of_any_shape(rested, unlikely, dropped):
-    own = Evidence(6, 6, 15.0, rested, unlikely)
-    assert own.lifeless == dropped and (furniture({2: own}) == {2}) == dropped
-    assert own.log_odds == pytest.approx(Evidence(6, 6, 15.0).log_odds - 12.0 * dropped)
-    assert ("motionless in an improbable pose" in own.text()) == dropped
+def test_a_motionless_object_in_an_improbable_pose_is_furniture_unless_the_network_is_sure(rested, unlikely, lifeless):
+    own, person = (Evidence(6, 6, 6 * judged, rested, unlikely) for judged in (2.0, 4.0))
+    assert own.lifeless == lifeless and (furniture({2: own}) == {2}) == lifeless and not furniture({2: person})
+    assert own.log_odds == pytest.approx(Evidence(6, 6, 12.0).log_odds - 7.0 * lifeless)
+    assert ("motionless in an improbable pose" in own.text()) == lifeless
     assert restore_evidence(export_evidence({2: own})) == {2: own}
     assert [Evidence(n, n, 2.5 * n, n, 0.05).lifeless for n in range(6)] == [False] * 4 + [True] * 2
 

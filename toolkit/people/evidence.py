@@ -57,7 +57,7 @@ class Evidence:
         if self.looks == 0:
             return followed
         shaped = 6.0  # log odds between a track that never has a person's shape and one that always has it
-        lifeless = 12.0  # log odds against a motionless track in an improbable pose: more than shape and pixels can add
+        lifeless = 7.0  # log odds against a motionless track in an improbable pose: less than a sure network adds
         pixel_weight = 0.8  # weight of the classifier's mean log odds, whose pixels are correlated
         pixels = pixel_weight * self.judged / self.looks
         return followed + shaped * (self.shaped / self.looks - 0.5) + pixels - lifeless * self.lifeless
