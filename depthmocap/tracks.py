@@ -234,14 +234,14 @@ def track(
         The recording, or the track, is probably not what was meant (`docs/troubleshooting.md`).
     """
     from toolkit.app.pipeline import track_recording
-    from toolkit.tracking.tracker_protocol import judge_of
+    from toolkit.people.person_network import person_network
 
     if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
         raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
     given = {"intrinsics": intrinsics, "frame_rate": frame_rate, **options}
     tracker = tracker_of(database, config, settings)
     recording = _recording(
-        depth, timestamps, background, {k: v for k, v in given.items() if v is not None}, judge_of(tracker)
+        depth, timestamps, background, {k: v for k, v in given.items() if v is not None}, person_network()
     )
     count = None if people == "all" else people
     with TemporaryDirectory(prefix="depthmocap-") as run:

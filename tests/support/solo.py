@@ -7,6 +7,7 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.people.joint_masks import GivenJoints
+from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PeopleFinder, Sighting
 from toolkit.people.survey import find_person
 from toolkit.sensing.camera import level_rotation
@@ -14,7 +15,7 @@ from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.tracker_protocol import Tracker, judge_of
+from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import FrameResult
 
 
@@ -59,7 +60,7 @@ class Solo:
         return self.follower.step(sighting, timestamp, clock)
 
     def _new_finder(self, recording: Recording) -> PeopleFinder:
-        return find_person(recording, self._tracker.settings.sensing, judge_of(self._tracker))
+        return find_person(recording, self._tracker.settings.sensing, person_network())
 
     def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
         finder = self._new_finder(recording)

@@ -8,7 +8,6 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.io.parts import Parts
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -188,26 +187,6 @@ class Tracker(Protocol):
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
         """Return a follower of one person, with the body of a `learner` if there is one."""
         ...
-
-
-@runtime_checkable
-class ClassifiesPeople(Protocol):
-    """Tracker that can separate people from furniture.
-
-    Attributes
-    ----------
-    judge : person classifier of pixels, or None
-    """
-
-    @property
-    def judge(self) -> PersonClassifier | None:
-        """See above."""
-        ...
-
-
-def judge_of(tracker: Tracker) -> PersonClassifier | None:
-    """Return the tracker's classifier of people and furniture, None if it has none."""
-    return tracker.judge if isinstance(tracker, ClassifiesPeople) else None
 
 
 @runtime_checkable

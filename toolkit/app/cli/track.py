@@ -146,8 +146,8 @@ def _track_one(
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recording
     from toolkit.io.workers import usable_processors
+    from toolkit.people.person_network import person_network
     from toolkit.recordings.opening import open_upright
-    from toolkit.tracking.tracker_protocol import judge_of
 
     guide, watcher = guiding.guide([path]), guiding.watcher([path])
     if watcher is not None:  # events are written in the first pass
@@ -158,7 +158,7 @@ def _track_one(
         tracker = recipe.build(guide)
         bars(preparing, 1, 1)
         summary = track_recording(
-            open_upright(path, judge_of(tracker), **options),
+            open_upright(path, person_network(), **options),
             tracker,
             run,
             resume=resume,

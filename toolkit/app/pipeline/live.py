@@ -19,6 +19,7 @@ from toolkit.fitting.placed import Placer
 from toolkit.io.errors import DepthMocapError
 from toolkit.output.pose_stream import LiveOutput, LiveUpdate
 from toolkit.people.live_room import live_finder
+from toolkit.people.person_network import person_network
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.live_sources import LiveSource
 from toolkit.recordings.writer import RecordingWriter
@@ -27,7 +28,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.sensing.stream import Frame
 from toolkit.tracking.live_people import LivePeople, LivePose
-from toolkit.tracking.tracker_protocol import Tracker, judge_of
+from toolkit.tracking.tracker_protocol import Tracker
 
 
 def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePeople:
@@ -44,7 +45,7 @@ def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePe
     SegmentationError
         The setting of the segmentation needs a whole recording.
     """
-    sensing, judge = tracker.settings.sensing, judge_of(tracker)
+    sensing, judge = tracker.settings.sensing, person_network()
     finder = live_finder(first, sensing, people, judge)
     live_finder(first, sensing, people, judge).find(first.depth(0), 0.0, {})
     _warm_up(tracker, first.camera, first.up_camera)

@@ -31,6 +31,7 @@ from toolkit.io.progress import RecordingProgress, silent
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.joint_masks import JointSource
+from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
@@ -41,7 +42,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
-from toolkit.tracking.tracker_protocol import Tracker, TwoPassTracker, judge_of
+from toolkit.tracking.tracker_protocol import Tracker, TwoPassTracker
 from toolkit.tracks import RunInfo
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class Job(NamedTuple):
 
     def finder(self) -> PeopleFinder:
         """Return the finder of the people."""
-        return finder_of(self.recording, self.people, self.tracker.settings.sensing, judge_of(self.tracker))
+        return finder_of(self.recording, self.people, self.tracker.settings.sensing, person_network())
 
     def people_tracker(self) -> MultiPersonTracker:
         """Return the multi-person tracker of the first pass."""
@@ -180,7 +181,7 @@ def _track(
     sink = RunSink(folder, tracker, info, several=several, resume=resume)
     try:
         with log_file(folder), stop_request() as stop:
-            _warn_of(recording, tracker)
+            _warn_of(recording)
             second = _second_pass(job, folder, sink, workers, shared) if watcher is None else None
             frames = len(recording)
             if second is not None and resume and second.restore():
@@ -206,9 +207,9 @@ def _track(
     return summary
 
 
-def _warn_of(recording: Recording, tracker: Tracker) -> None:
+def _warn_of(recording: Recording) -> None:
     """Warn of a recording that is not plausible, on the screen and in the run's log."""
-    for concern in plausibility(recording, judge_of(tracker)):
+    for concern in plausibility(recording, person_network()):
         logger.warning("%s: %s", recording.name, concern.text)
         warnings.warn(concern.warning(recording.name), stacklevel=5)
 

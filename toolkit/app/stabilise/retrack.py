@@ -13,12 +13,12 @@ from toolkit.body import skeleton
 from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.priors import LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
+from toolkit.people.person_network import person_network
 from toolkit.people.survey import find_person
 from toolkit.retrieval.priors.gap_trajectories import PRIOR_SPREAD, RETRACKED, GapCandidates
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guide import NoGuide
-from toolkit.tracking.tracker_protocol import judge_of
 from toolkit.tracks import FrameResult
 
 
@@ -88,7 +88,7 @@ def retrack(source: SourceRun, candidates: Sequence[GapCandidates], guide: GapGu
     """
     tracker, recording, poses = source.tracker, source.recording, source.track.pose
     tracker.guide = guide
-    finder = find_person(recording, tracker.settings.sensing, judge_of(tracker))
+    finder = find_person(recording, tracker.settings.sensing, person_network())
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
     explained = np.full(len(poses), np.inf)

@@ -15,8 +15,6 @@ from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.landmarks.joint_network import JointNetwork, joint_network
-from toolkit.people.hypothesis import PersonClassifier
-from toolkit.people.person_network import person_network
 from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.initial_pose import InitialPoseVerifier
@@ -94,11 +92,6 @@ class HybridTracker(SearchingTracker):
     def joints_wanted(self) -> Wanted:
         """See `Tracker.joints_wanted`: initial poses of the swarm, and evidence in each frame."""
         return "offered" if self._swarm else "none"
-
-    @property
-    def judge(self) -> PersonClassifier | None:
-        """See `ClassifiesPeople.judge`: the person network."""
-        return person_network() if "joints" in self.settings.hypotheses else None
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """Return the searches of the settings in their order of execution."""
