@@ -74,12 +74,12 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
 def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Return probabilities and truth of the pixels and surfaces of one view."""
     frame, simulation = view(kind, poses, rng)
-    lens = CoarseCamera(simulation.sensor.camera, np.array(DEFAULT_UP), SensingSettings())
-    depth = lens.coarse(frame.depth)
-    odds = network.log_odds(depth, lens.camera)
+    coarse = CoarseCamera(simulation.sensor.camera, np.array(DEFAULT_UP), SensingSettings())
+    depth = coarse.downsampled(frame.depth)
+    odds = network.log_odds(depth, coarse.camera)
     pixels = np.flatnonzero(depth > 0)
     found = 1.0 / (1.0 + np.exp(-odds.ravel()[pixels].astype(np.float64)))
-    truth = frame.person[:: lens.step, :: lens.step].ravel()[pixels] >= 0
+    truth = frame.person[:: coarse.step, :: coarse.step].ravel()[pixels] >= 0
     rows, columns = np.divmod(pixels, depth.shape[1])
     patch = np.where(truth, 0, 1 + rows // PATCH * depth.shape[1] + columns // PATCH)
     _, number = np.unique(patch, return_inverse=True)

@@ -320,7 +320,7 @@ class RoomFinder:
     """Finder of people that keeps the rooms that it receives, and what it is asked for."""
 
     camera = CAMERA
-    lens = SimpleNamespace(coarse=lambda depth: depth)
+    coarse = SimpleNamespace(downsampled=lambda depth: depth)
 
     def __init__(self) -> None:
         self.rooms: list[Any] = []

@@ -223,7 +223,7 @@ def test_a_room_is_known_from_its_empty_scene_or_learnt_from_people_who_walk(tmp
 @pytest.mark.data("realsense")
 def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(data_folder):
     recording = open_recording(data_folder / "depth/realsense/images_n40")
-    finder = find_people(recording, judge=person_network())
+    finder = find_people(recording, classifier=person_network())
     ids = [tuple(s.id for s in finder.find(recording.depth(i), i / 30, {})) for i in range(0, len(recording), 3)]
     assert set(ids) == {(1, 2)}
 
@@ -304,7 +304,7 @@ def test_furniture_that_touches_a_person_is_separated_once_the_body_is_known():
     chair &= who == 0
     depth[chair] = 2600
     sees = CoarseCamera(KINECT, UP, SensingSettings())
-    background = sees.coarse(np.where(who | chair, 0, depth).astype(np.uint16))
+    background = sees.downsampled(np.where(who | chair, 0, depth).astype(np.uint16))
     room = Surroundings(False, True, background, np.full(background.shape, 0.05, np.float32), background == 0)
     finder = MultiPersonFinder(KINECT, UP, room)
     without = finder.find(depth, 0.0, {})[0].depth > 0

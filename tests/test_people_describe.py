@@ -53,7 +53,7 @@ def test_a_camera_on_its_side_is_noticed(tmp_path):
     upright = scene(KINECT, ((0.0, 2.6),), height=1.5, wall=4.0, floor=True)[0]
     path = recorded(tmp_path, [np.rot90(upright)], KINECT.rotated(3))
     classifier = person_network()
-    look = describe(open_recording(path), judge=classifier)
+    look = describe(open_recording(path), classifier=classifier)
     assert "give --rotate 90" in look.concerns[0].text and "--rotate" not in look.lines[4]
     assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]
 

@@ -29,13 +29,13 @@ HEAD_HEIGHT = 1.63  # of the neutral body above the floor
 
 def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[CoarseCamera, View]:
     """Return a frame in which all measured pixels are foreground."""
-    lens = CoarseCamera(camera, up, SensingSettings())
-    depth = lens.coarse(depth_mm)
-    return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
+    coarse = CoarseCamera(camera, up, SensingSettings())
+    depth = coarse.downsampled(depth_mm)
+    return coarse, coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
 
 
-def whole(who: np.ndarray, lens: CoarseCamera) -> np.ndarray:
-    return who[:: lens.step, :: lens.step]
+def whole(who: np.ndarray, coarse: CoarseCamera) -> np.ndarray:
+    return who[:: coarse.step, :: coarse.step]
 
 
 # The floor.
@@ -72,21 +72,21 @@ def test_a_table_with_the_floor_below_it_is_not_the_floor():
 
 def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
     depth_mm, _ = scene(KINECT, ((0.0, 2.5),))
-    lens, view = view_of(depth_mm)
+    coarse, view = view_of(depth_mm)
     head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.45])
-    assert shaped_alone(view, lens, head)
-    assert not shaped_alone(view, lens, head - (0.0, 1.2, 0.0))
+    assert shaped_alone(view, coarse, head)
+    assert not shaped_alone(view, coarse, head - (0.0, 1.2, 0.0))
     board = np.where(np.arange(KINECT.height)[:, None] > 40, np.full(KINECT.shape, 2500), 0).astype(np.uint16)
-    lens, view = view_of(board)
-    assert not shaped_alone(view, lens, head)
+    coarse, view = view_of(board)
+    assert not shaped_alone(view, coarse, head)
 
 
 @pytest.mark.parametrize(("depth", "mirrored"), [(4.0, True), (4.8, False), (2.0, False)])
 def test_a_head_behind_a_wall_at_the_mirror_image_of_another_is_none(depth, mirrored):
-    lens, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
+    coarse, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
     wall = Plane(np.array([0.0, 0.0, -1.0]), 3.0, 4.0)  # 3 m before the camera
     before, behind = np.array([0.2, 0.3, -2.0]), np.array([0.2, 0.3, -depth])
-    assert in_a_mirror(behind, [before], [wall], lens) == mirrored
+    assert in_a_mirror(behind, [before], [wall], coarse) == mirrored
 
 
 # Seeds.
@@ -101,10 +101,10 @@ def predicted(x: float, distance: float, up: np.ndarray = LEVEL) -> PredictedBod
 def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_claims_nothing():
     people = ((-0.1, 2.5), (0.25, 3.2))
     depth_mm, who = scene(KINECT, people)
-    lens, view = view_of(depth_mm)
-    truth, seeds = whole(who, lens), np.zeros(view.depth.shape, dtype=np.int32)
+    coarse, view = view_of(depth_mm)
+    truth, seeds = whole(who, coarse), np.zeros(view.depth.shape, dtype=np.int32)
     bodies = {4 + k: predicted(*place) for k, place in enumerate(people)}
-    body_seeds(view, lens, bodies, seeds)
+    body_seeds(view, coarse, bodies, seeds)
     for number in (1, 2):
         own = seeds[truth == number]
         assert (own == 3 + number).mean() > 0.97
@@ -130,11 +130,11 @@ class FakeJudge:
 @pytest.mark.parametrize(("odds", "sides"), [(3.0, [-1, 1]), (-9.0, [1])])
 def test_two_people_are_two_and_a_negative_score_is_furniture(odds, sides):
     depth_mm, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)))
-    lens, view = view_of(depth_mm)
-    people, furniture, labels = people_and_furniture(view, lens, cut_out=True, judge=FakeJudge(odds))
+    coarse, view = view_of(depth_mm)
+    people, furniture, labels = people_and_furniture(view, coarse, cut_out=True, classifier=FakeJudge(odds))
     assert sorted(np.sign(place[0]) for place in people) == sides
     assert [np.sign(place[0]) for place in furniture] == ([] if odds > 0 else [-1])
-    truth = whole(who, lens)
+    truth = whole(who, coarse)
     for number, place in enumerate([*people, *furniture], start=1):  # furniture keeps its pixels
         assert (labels[truth == (1 if place[0] < 0 else 2)] == number).mean() > 0.9
 
@@ -151,19 +151,19 @@ class FakePeople:
     def __init__(
         self, frames: Sequence[Mapping[int, tuple[slice, float]]] = (), heights: Sequence[float] = (0.4, 0.4, 0.4)
     ) -> None:
-        self.frames, self.told, self.lens = list(frames), {}, view_of(np.zeros(KINECT.shape, dtype=np.uint16))[0]
+        self.frames, self.told, self.coarse = list(frames), {}, view_of(np.zeros(KINECT.shape, dtype=np.uint16))[0]
         none, never = np.zeros(3), -1e9
         self.people = [KnownPerson(k, none, none, never, never, h, none, 0.5) for k, h in enumerate(heights, start=1)]
 
     def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
-        return int(v) // self.lens.step, int(u) // self.lens.step
+        return int(v) // self.coarse.step, int(u) // self.coarse.step
 
     def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
         """Return bands of columns of the image, 20 rows high, by person, at a distance."""
-        labels, depth = np.zeros(self.lens.camera.shape, dtype=np.int32), np.zeros(self.lens.camera.shape)
+        labels, depth = np.zeros(self.coarse.camera.shape, dtype=np.int32), np.zeros(self.coarse.camera.shape)
         for number, (columns, distance) in self.frames[round(timestamp * 10)].items():
             labels[20:40, columns], depth[20:40, columns] = number, distance
-            x = distance * (0.5 * (columns.start + columns.stop) - self.lens.camera.cx) / self.lens.camera.fx
+            x = distance * (0.5 * (columns.start + columns.stop) - self.coarse.camera.cx) / self.coarse.camera.fx
             known = self.people[number - 1]
             first = known.first if known.first >= 0.0 else timestamp
             head = np.array([x, known.tallest, -distance])
@@ -212,7 +212,7 @@ def test_two_people_are_refused_before_a_long_recording_is_followed_to_its_end()
 def test_a_seed_selects_the_person_at_its_pixel_in_the_first_frame_with_people():
     frames = [{}, {1: (SMALL, 3.0), 2: (LARGE, 3.0)}, {1: (LARGE, 3.0)}]
     recording = Frames(np.arange(3) / 10)
-    step = FakePeople().lens.step
+    step = FakePeople().coarse.step
     for column, meant in ((20, 1), (80, 2)):
         sensing = SensingSettings(segment=f"seed:{step * column},{step * 30}")
         assert meant_person(recording, FakePeople(frames), sensing) == {meant}

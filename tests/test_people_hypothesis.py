@@ -33,15 +33,15 @@ def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
 
 
 @pytest.mark.parametrize(
-    "glimpse",
+    "sample",
     [
         EvidenceSample(True, moved=1.0),
         EvidenceSample(True, moved=0.0, judged=2.0),
     ],
     ids=["moved", "judged"],
 )
-def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(glimpse):
-    assert log_odds([glimpse] * 40) > 0
+def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(sample):
+    assert log_odds([sample] * 40) > 0
 
 
 def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_only_if_it_moves():
@@ -56,19 +56,19 @@ def test_a_person_shape_in_each_of_few_frames_is_a_person():
     assert log_odds([person] * 10) == log_odds([person] * 40) > 0
 
 
-def lens_of(camera=KINECT):
+def coarse_camera_of(camera=KINECT):
     return CoarseCamera(camera, UP, SensingSettings())
 
 
-def coarse(frames):
-    return [lens_of().coarse(depth) for depth in frames]
+def downsampled(frames):
+    return [coarse_camera_of().downsampled(depth) for depth in frames]
 
 
 def test_a_motionless_sitter_is_background_unless_the_classifier_disagrees():
-    frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
-    lens = lens_of()
-    furniture, person = (learnt(frames, lens, judge) for judge in (None, Sure(2.0)))
-    v, u = lens.camera.height // 2, lens.camera.width // 2
+    frames = downsampled([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
+    coarse = coarse_camera_of()
+    furniture, person = (learnt(frames, coarse, classifier) for classifier in (None, Sure(2.0)))
+    v, u = coarse.camera.height // 2, coarse.camera.width // 2
     assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and len(furniture.figures) == 1
     assert person.background[v, u] == 0.0 and len(person.figures) == 0
     assert person.still[v, u], "a chair's back that flows together with them is found by it"
@@ -83,8 +83,8 @@ def test_a_person_who_moves_in_place_with_a_head_measured_at_times_is_no_backgro
         if k >= 10:
             depth[: int(v.min() + 0.3 * np.ptp(v))] = 0
         frames.append(depth)
-    room = learnt(coarse(frames), lens_of(), Sure(2.0))
-    camera = lens_of().camera
+    room = learnt(downsampled(frames), coarse_camera_of(), Sure(2.0))
+    camera = coarse_camera_of().camera
     assert room.background[camera.height // 2, camera.width // 2] == 0.0
 
 
@@ -107,12 +107,12 @@ def seated_on_a_block():
     block &= who == 0
     depth[block] = 2500
     own, block = ((mask[::2, ::2]) for mask in (who == 1, block))
-    return coarse([depth] * 12), own, block
+    return downsampled([depth] * 12), own, block
 
 
 def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_rejects_it():
     frames, own, block = seated_on_a_block()
-    one, two = (learnt(frames, lens_of(), judge) for judge in (Sure(2.0), Likes(own)))
+    one, two = (learnt(frames, coarse_camera_of(), classifier) for classifier in (Sure(2.0), Likes(own)))
     assert (one.background[block] == 0).mean() > 0.7, "the block flows together with them"
     assert (two.background[block] > 0).mean() > 0.7 and (two.background[own] == 0).mean() > 0.7
     assert two.owned[own].mean() > 0.7 and two.resting[own].mean() > 0.7 and not two.resting[two.background > 0].any()
@@ -121,7 +121,7 @@ def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_re
 
 def test_a_person_has_connected_pixels_that_are_not_rejected_and_likely_ones_below_the_head():
     frames, own, block = seated_on_a_block()
-    view = lens_of().view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
+    view = coarse_camera_of().view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
     place = (view.points[own][np.argmax(view.points[own][:, 1])] - (0.0, 0.1, 0.0)).astype(np.float64)
     aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
     near, block, nothing = own & (aside < 0.35), block & (aside > 0.45), np.zeros(own.shape, dtype=bool)
@@ -136,14 +136,14 @@ def test_a_person_has_connected_pixels_that_are_not_rejected_and_likely_ones_bel
 
 def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_classifier():
     frames = [scene(KINECT, ((0.1 * k, 2.5),), **ROOM)[0] for k in range(8)]
-    judge = Sure(2.0)
-    followed = MultiPersonFinder(KINECT, UP, judge=judge)
+    classifier = Sure(2.0)
+    followed = MultiPersonFinder(KINECT, UP, classifier=classifier)
     assert len(followed.find(frames[0], 0.0, {})) == 1
-    judge.odds = 0.5
+    classifier.odds = 0.5
     for k, depth in enumerate(frames):
         assert [s.id for s in followed.find(depth, 0.1 * (k + 1), {})] == [1]
         assert followed.people[0].head[0] == pytest.approx(0.1 * k, abs=0.05)
-    assert not MultiPersonFinder(KINECT, UP, judge=judge).find(frames[-1], 0.0, {})
+    assert not MultiPersonFinder(KINECT, UP, classifier=classifier).find(frames[-1], 0.0, {})
 
 
 def test_a_desk_that_people_pass_is_no_part_of_them():
@@ -154,7 +154,7 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
         desk = np.s_[150:220, 150:200]
         depth[desk] = np.where(depth[desk] < 2500, depth[desk], 2500)
         frames.append(depth)
-    room = learnt(coarse(frames), lens_of(), None)
+    room = learnt(downsampled(frames), coarse_camera_of(), None)
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.5, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
@@ -162,9 +162,9 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
 def test_the_classifier_rejects_person_like_furniture_in_a_still():
     depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
     for odds, count in ((2.0, 1), (-2.0, 0)):
-        judge = Sure(odds)
-        assert len(MultiPersonFinder(KINECT, UP, judge=judge).find(depth, 0.0, {})) == count
-        assert judge.asked > 0
+        classifier = Sure(odds)
+        assert len(MultiPersonFinder(KINECT, UP, classifier=classifier).find(depth, 0.0, {})) == count
+        assert classifier.asked > 0
 
 
 HEAD = np.array([0.2, 0.1, -2.5])

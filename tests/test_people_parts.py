@@ -20,7 +20,7 @@ from toolkit.people.hypothesis import (  # fmt: skip
     lowness,
 )
 from toolkit.people.joint_masks import GivenJoints
-from toolkit.people.known_people import known_again, match_heads
+from toolkit.people.known_people import match_heads, re_identified
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.sighting import Sighting
 from toolkit.people.surroundings import Surroundings
@@ -61,9 +61,9 @@ def test_heads_go_to_people_by_least_total_distance():
 
 def test_a_returning_person_is_the_best_height_match_and_none_taller():
     people = [somebody((0.0, 0.3, -2.5), 1), somebody((0.1, 0.1, -2.5), 2)]
-    assert known_again(people, np.array([0.2, 0.28, -2.5]), 5.0).id == 1
-    assert known_again(people, np.array([0.2, 0.12, -2.5]), 5.0).id == 2
-    assert known_again(people, np.array([0.2, 0.40, -2.5]), 5.0) is None
+    assert re_identified(people, np.array([0.2, 0.28, -2.5]), 5.0).id == 1
+    assert re_identified(people, np.array([0.2, 0.12, -2.5]), 5.0).id == 2
+    assert re_identified(people, np.array([0.2, 0.40, -2.5]), 5.0) is None
 
 
 # Unattached surfaces.
@@ -115,12 +115,12 @@ class Says:
 def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
-    finder = MultiPersonFinder(KINECT, UP, room, judge=Says(odds))
+    finder = MultiPersonFinder(KINECT, UP, room, classifier=Says(odds))
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
     assert furniture(finder.evidence) == dropped
     assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
-    again = MultiPersonFinder(KINECT, UP, room, judge=Says(odds))
+    again = MultiPersonFinder(KINECT, UP, room, classifier=Says(odds))
     again.restore_state(finder.export_state())
     assert again.evidence == finder.evidence
 
@@ -163,7 +163,7 @@ def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_withou
     states = {1: TRACKED, 2: TRACKED, 3: EMPTY}
     for frame in range(3):
         sink.write([Row(person, frame, frame / 30, row(state)) for person, state in states.items()])
-    sink.judge({1: Evidence(3, 0, -9.0), 2: Evidence(4, 4, 8.0)})
+    sink.remove_furniture({1: Evidence(3, 0, -9.0), 2: Evidence(4, 4, 8.0)})
     tracks = sink.finish(dict.fromkeys((2, 3), load_body("neutral")), complete=True)
     assert [int(track.state[0]) for track in tracks] == [TRACKED, EMPTY]
     assert sorted(path.name for path in (tmp_path / "run").glob("person_*")) == ["person_01", "person_02"]

@@ -21,9 +21,9 @@ ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 @pytest.fixture(scope="module")
 def seen() -> tuple[np.ndarray, np.ndarray, Camera]:
     """Return the coarse depth of a person in a room, the person's pixels, and the camera."""
-    lens = CoarseCamera(KINECT, UP, SensingSettings())
+    coarse = CoarseCamera(KINECT, UP, SensingSettings())
     depth, who = scene(KINECT, ((0.3, 2.5),), **ROOM)
-    return lens.coarse(depth), who[:: lens.step, :: lens.step] == 1, lens.camera
+    return coarse.downsampled(depth), who[:: coarse.step, :: coarse.step] == 1, coarse.camera
 
 
 def test_pixels_of_a_person_have_higher_log_odds_than_the_room(seen: tuple[np.ndarray, np.ndarray, Camera]) -> None:

@@ -70,28 +70,28 @@ def test_the_person_is_detected_again_after_a_cut_in_a_film() -> None:
 
 @pytest.mark.parametrize("room", [{}, {"wall": 4.5, "floor": True, "height": 1.4}])
 def test_a_walk_and_a_sprint_are_films(room: dict[str, Any]) -> None:
-    judge = person_network()
+    classifier = person_network()
     for step in (0.0, 0.05, 0.3):  # metres a frame: 0, 1.5 and 9 m/s
         depth = np.stack([scene(KINECT, ((x * step - 0.6, 3.4),), **room)[0] for x in range(4)])
-        assert not are_unconnected(recording_of(depth, intrinsics=CENTRED), judge)
+        assert not are_unconnected(recording_of(depth, intrinsics=CENTRED), classifier)
 
 
 def test_photographs_of_people_in_rooms_are_told_from_a_film() -> None:
-    judge = person_network()
+    classifier = person_network()
     views = [((-1.0, 2.4), 4.5, 1.4), ((1.0, 3.8), 5.5, 1.2), ((-0.9, 3.0), 3.6, 1.0)]
     depth = np.stack(
         [scene(KINECT, (place,), wall=wall, floor=True, height=height)[0] for place, wall, height in views]
     )
-    recording = upright_quietly(depth, judge)
-    assert recording.options["frame_rate"] == UNCONNECTED and plausibility(recording, judge) == ()
-    room = survey(recording, SensingSettings(), judge)
+    recording = upright_quietly(depth, classifier)
+    assert recording.options["frame_rate"] == UNCONNECTED and plausibility(recording, classifier) == ()
+    room = survey(recording, SensingSettings(), classifier)
     assert not room.known and not room.cut_out  # of one frame, and decided again in the next
 
 
-def upright_quietly(depth: np.ndarray, judge: Any) -> Any:
+def upright_quietly(depth: np.ndarray, classifier: Any) -> Any:
     """Return the recording of depth as the library opens it."""
     with pytest.warns(PlausibilityWarning, match="as a photograph"):
-        return upright(lambda **more: recording_of(depth, intrinsics=CENTRED, **more), judge)
+        return upright(lambda **more: recording_of(depth, intrinsics=CENTRED, **more), classifier)
 
 
 def test_a_step_of_a_sprinter_connects_and_a_longer_one_does_not() -> None:

@@ -58,8 +58,8 @@ def kinds(depth: np.ndarray, classifier: PersonClassifier | None, **options: Any
 
 @pytest.mark.parametrize("room", [ALONE, ROOM])
 def test_a_plausible_recording_raises_no_concern(classifier: PersonClassifier, room: dict[str, Any]) -> None:
-    for judge in (classifier, None):
-        assert kinds(frames(room), judge) == {}
+    for used in (classifier, None):
+        assert kinds(frames(room), used) == {}
 
 
 @pytest.mark.parametrize(

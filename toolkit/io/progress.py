@@ -12,5 +12,5 @@ RecordingProgress = Callable[[str, str, int, int], None]
 """Callback with a recording's name, the operation ("compiling", "learning", "tracking"), frames done and all frames."""
 
 
-def silent(*told: object) -> None:
+def silent(*amounts: object) -> None:
     """Ignore any progress."""

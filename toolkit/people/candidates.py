@@ -22,18 +22,18 @@ from toolkit.people.view import CoarseCamera, View
 # Places are (3,), level frame, metres.
 
 
-def shaped_alone(view: View, lens: CoarseCamera, place: np.ndarray) -> bool:
+def shaped_alone(view: View, coarse: CoarseCamera, place: np.ndarray) -> bool:
     """Return True if the surface below a head has a person's shape; other people are ignored."""
-    return looks_like_person(view, lens, _surface_of(view, lens, place), place)
+    return looks_like_person(view, coarse, _surface_of(view, coarse, place), place)
 
 
-def above_trunks(view: View, lens: CoarseCamera, heads: Sequence[Head]) -> list[Head]:
+def above_trunks(view: View, coarse: CoarseCamera, heads: Sequence[Head]) -> list[Head]:
     """Return the heads of people in a frame that shows nothing but people, each with a trunk below.
 
     Of several candidates on one connected surface, those without a trunk below are fists, feet or elbows. Where none
     has one, the surface is one person, whose head is the first.
     """
-    masks = [_surface_of(view, lens, head.place) for head in heads]
+    masks = [_surface_of(view, coarse, head.place) for head in heads]
     trunks = [_trunk_below(view, mask, head.place) for mask, head in zip(masks, heads, strict=True)]
     near = [near_head(view, head.place) for head in heads]
     kept = []
@@ -44,11 +44,11 @@ def above_trunks(view: View, lens: CoarseCamera, heads: Sequence[Head]) -> list[
     return kept
 
 
-def _surface_of(view: View, lens: CoarseCamera, place: np.ndarray) -> np.ndarray:
+def _surface_of(view: View, coarse: CoarseCamera, place: np.ndarray) -> np.ndarray:
     """Return the surface in reach of a head, other people ignored: bool (h, w)."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, [place], seeds)
-    return share_out(view, lens, seeds, [place], bridge=BRIDGE_CUT) == 1
+    return share_out(view, coarse, seeds, [place], bridge=BRIDGE_CUT) == 1
 
 
 def _trunk_below(view: View, mask: np.ndarray, place: np.ndarray) -> bool:
@@ -75,13 +75,13 @@ def apart(head: np.ndarray, other: np.ndarray) -> bool:
     return aside >= (SHOULDER_DISTANCE if level else knee_reach)
 
 
-def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: CoarseCamera) -> bool:
+def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], coarse: CoarseCamera) -> bool:
     """Return True if a head is behind a wall, at the mirror image of one of the `places` before it."""
     # Metres behind a wall, and metres from the mirror image of a head before it, for a head to be that mirror image;
     # walls are known to a few degrees.
     mirror_depth, mirror_gate = 0.3, 0.4
     for plane in planes:
-        normal = lens.to_level(plane.normal[None])[0]
+        normal = coarse.to_level(plane.normal[None])[0]
         behind = linear.dot(normal, place) + plane.offset
         if behind < -mirror_depth:
             image = place - 2 * behind * normal

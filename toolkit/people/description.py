@@ -45,9 +45,9 @@ class FirstLook:
 
 
 def describe(
-    recording: Recording, sensing: SensingSettings | None = None, judge: PersonClassifier | None = None
+    recording: Recording, sensing: SensingSettings | None = None, classifier: PersonClassifier | None = None
 ) -> FirstLook:
-    """Describe the first seconds of a recording; `judge` classifies people and furniture.
+    """Describe the first seconds of a recording; `classifier` classifies people and furniture.
 
     Raises
     ------
@@ -55,8 +55,8 @@ def describe(
         A frame cannot be read.
     """
     sensing = sensing or SensingSettings()
-    surroundings = survey(recording, sensing, judge)
-    finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, judge=judge)
+    surroundings = survey(recording, sensing, classifier)
+    finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, classifier=classifier)
     first_seconds = 3.0
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + first_seconds))
     frames = 45  # maximum number of examined frames
@@ -68,9 +68,9 @@ def describe(
             best = (int(i), sightings)
     frame, sightings = best[0], tuple(s for s in best[1] if s.id not in furniture(finder.evidence))
     depth = recording.depth(frame)
-    lens = CoarseCamera(recording.camera.undistorted(), recording.up_camera, sensing)
-    people = [person_text(s, lens, finder.evidence.get(s.id)) for s in sightings]
-    concerns = plausibility(recording, judge)
+    coarse = CoarseCamera(recording.camera.undistorted(), recording.up_camera, sensing)
+    people = [person_text(s, coarse, finder.evidence.get(s.id)) for s in sightings]
+    concerns = plausibility(recording, classifier)
     advice = _advice(recording, surroundings, sightings)
     lines = (
         _camera_line(recording),
@@ -79,13 +79,13 @@ def describe(
         f"people: {len(people)} in the first {first_seconds:g} s" + "".join(f"\n  {text}" for text in people),
         f"advice: {'; '.join(advice) if advice else 'none, the defaults fit' if not concerns else 'see the doubts'}",
     )
-    camera = lens.camera
-    heads = lens.from_level(surroundings.figures)
+    camera = coarse.camera
+    heads = coarse.from_level(surroundings.figures)
     figures = np.column_stack([camera.fx * heads[:, 0], camera.fy * heads[:, 1]]) / heads[:, 2:] + (
         camera.cx,
         camera.cy,
     )
-    return FirstLook(lines, frame, depth, sightings, figures * lens.step, concerns)
+    return FirstLook(lines, frame, depth, sightings, figures * coarse.step, concerns)
 
 
 def _camera_line(recording: Recording) -> str:
@@ -117,17 +117,17 @@ def _room_line(surroundings: Surroundings) -> str:
     return f"room: {how}, {len(surroundings.planes)} walls and floors{figures}"
 
 
-def person_text(sighting: Sighting, lens: CoarseCamera, evidence: Evidence | None = None) -> str:
+def person_text(sighting: Sighting, coarse: CoarseCamera, evidence: Evidence | None = None) -> str:
     """Return number, distance, truncation by the image border, and the evidence that it is a person."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
     height, width = sighting.depth.shape
     border_pixels = 3
-    border = border_pixels * max(1, lens.step)
+    border = border_pixels * max(1, coarse.step)
     cuts = []
     border_share = 0.05  # fraction of a person's width or height on such a border
     if np.count_nonzero(v >= height - border) > border_share * np.ptp(u):
-        cuts.append(f"cut off at the {_cut_at(sighting, lens)}")
+        cuts.append(f"cut off at the {_cut_at(sighting, coarse)}")
     if np.count_nonzero(v < border) > border_share * np.ptp(u):
         cuts.append("cut off above")
     if min(u.min(), width - 1 - u.max()) < border:
@@ -149,13 +149,13 @@ def largest_surface(depth: np.ndarray) -> np.ndarray:
     return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
 
 
-def _cut_at(sighting: Sighting, lens: CoarseCamera) -> str:
+def _cut_at(sighting: Sighting, coarse: CoarseCamera) -> str:
     """Return the body part at the lower image border, by the height from there to the top of the head."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     z = sighting.depth[v, u].astype(np.float64)
     camera: Camera = sighting.camera
     points = np.column_stack([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z])
-    heights = points[:, 0] * lens.up[0] + points[:, 1] * lens.up[1] + points[:, 2] * lens.up[2]
+    heights = points[:, 0] * coarse.up[0] + points[:, 1] * coarse.up[1] + points[:, 2] * coarse.up[2]
     drop = float(np.percentile(heights, 98) - np.percentile(heights, 1)) - 0.1
     return next((name for limit, name in CUTS if drop < limit), "shins")
 

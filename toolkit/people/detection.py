@@ -43,7 +43,7 @@ class Head:
     small: bool
 
 
-def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
+def find_heads(view: View, coarse: CoarseCamera, *, cut_out: bool) -> list[Head]:
     """Return the heads in a frame, the highest first; of several on one body only the highest.
 
     `cut_out`: unmeasured pixels are background, so they count as space beside a head.
@@ -55,7 +55,7 @@ def find_heads(view: View, lens: CoarseCamera, *, cut_out: bool) -> list[Head]:
         places = (size * INSIDE, size * AROUND, body * SHOULDERS)
         unmeasured = 1.0 if cut_out else 0.5
         head_scores(
-            view.depth, view.foreground, lens.camera.intrinsics, lens.up, *places, TOLERANCES, unmeasured, scaled
+            view.depth, view.foreground, coarse.camera.intrinsics, coarse.up, *places, TOLERANCES, unmeasured, scaled
         )
         small |= (scaled >= least) & (scores < head_score) & (size < 1)
         np.maximum(scores, np.where(scaled >= least, scaled, 0), out=scores)
@@ -105,7 +105,7 @@ def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> No
 
 
 def share_out(
-    view: View, lens: CoarseCamera, seeds: np.ndarray, heads: Sequence[np.ndarray], *, bridge: float
+    view: View, coarse: CoarseCamera, seeds: np.ndarray, heads: Sequence[np.ndarray], *, bridge: float
 ) -> np.ndarray:
     """Assign the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = background.
 
@@ -126,7 +126,7 @@ def share_out(
     limits = np.array([reach_up, reach_down])
     bridge_cost = 3.0  # cost of a step across a gap relative to one on the surface
     upright_cost = 0.5  # cost of a vertical step relative to a horizontal one when people share pixels
-    steps = np.array([SURFACE_GAP, lens.quantisation, bridge, bridge_cost, upright_cost])
+    steps = np.array([SURFACE_GAP, coarse.quantisation, bridge, bridge_cost, upright_cost])
     measured = np.where(view.foreground, view.depth, np.float32(0))
     longest_way = 2.5  # m over the surface from head to toe or fingertip
     grow(view.points, measured, seeds, np.array(heads), reach, limits, steps, longest_way, labels, distances)
@@ -134,12 +134,12 @@ def share_out(
     return labels
 
 
-def looks_like_person(view: View, lens: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
+def looks_like_person(view: View, coarse: CoarseCamera, mask: np.ndarray, head: np.ndarray) -> bool:
     """Return True if a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
     planar = 0.8  # fraction of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
     open_share = 0.7  # fraction of the outline of head and chest, left and right, with farther depth behind it
-    return shaped and _open_outline(view, mask, head) >= open_share and planar_share(view, lens, mask) < planar
+    return shaped and _open_outline(view, mask, head) >= open_share and planar_share(view, coarse, mask) < planar
 
 
 def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:
@@ -186,13 +186,13 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
     return ends / max(total, 1)
 
 
-def planar_share(view: View, lens: CoarseCamera, mask: np.ndarray) -> float:
+def planar_share(view: View, coarse: CoarseCamera, mask: np.ndarray) -> float:
     """Return the fraction of a surface's pixels in one plane, 0 to 1; 0 where noise makes every surface flat."""
     v, u = np.nonzero(mask)
     planar_samples, planar_triples = 800, 200
     picked = np.linspace(0, len(v) - 1, min(planar_samples, len(v))).astype(np.int64)
     points = view.points[v[picked], u[picked]].astype(np.float64)
-    tolerances = 0.02 + lens.quantisation / 2 * (points**2).sum(axis=1)
+    tolerances = 0.02 + coarse.quantisation / 2 * (points**2).sum(axis=1)
     flattest = 0.04  # m of tolerance, at 3.8 m; beyond, people are as flat as doors
     if np.median(tolerances) > flattest:
         return 0.0

@@ -48,12 +48,14 @@ def lowness(place: np.ndarray, floor: float | None) -> float:
     return 0.0 if floor is None else float(np.clip((SEATED - (place[1] - floor)) / (SEATED - LOWEST), 0.0, 1.0))
 
 
-def judged_head(view: View, lens: CoarseCamera, place: np.ndarray, judge: PersonClassifier | None) -> float | None:
-    """Return the mean log odds of a person around a head (3,), level frame; None without judge or pixel."""
+def head_log_odds(
+    view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier | None
+) -> float | None:
+    """Return the mean log odds of a person around a head (3,), level frame; None without classifier or pixel."""
     near = near_head(view, place) & view.foreground
-    if judge is None or not near.any():
+    if classifier is None or not near.any():
         return None
-    return float(judge.log_odds(view.depth, lens.camera)[near].mean(dtype=np.float64))
+    return float(classifier.log_odds(view.depth, coarse.camera)[near].mean(dtype=np.float64))
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class EvidenceSample:
     low: float = 0.0
 
 
-def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
+def log_odds(samples: Sequence[EvidenceSample]) -> float:
     """Return the log odds of a person against furniture from at least one sample."""
 
     def mean(values: list[float]) -> float:
@@ -82,7 +84,7 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
 
     # Mean log odds without evidence: a head candidate looks more like a person than the walls of the training images.
     undecided = 1.3
-    judged = [g.judged - undecided for g in glimpses if g.judged is not None]
+    judged = [g.judged - undecided for g in samples if g.judged is not None]
     # Log odds:
     prior = -1.8  # of a head candidate without other evidence: rooms hold more candidates than people
     moved = 4.0  # weight of the fraction of frames in which the candidate stood elsewhere
@@ -91,9 +93,9 @@ def log_odds(glimpses: Sequence[EvidenceSample]) -> float:
     pixel_weight = 0.9  # of the classifier's mean log odds
     return float(
         prior
-        + moved * mean([g.moved for g in glimpses])
-        + shaped * (mean([g.shaped for g in glimpses]) - 0.5)
-        - low * mean([g.low for g in glimpses])
+        + moved * mean([g.moved for g in samples])
+        + shaped * (mean([g.shaped for g in samples]) - 0.5)
+        - low * mean([g.low for g in samples])
         + pixel_weight * mean(judged or [0.0])
     )
 

@@ -37,8 +37,8 @@ def quarter_turns(recording: Recording, classifier: PersonClassifier | None = No
         return 0
     depth, camera = recording.depth(0), recording.camera
     scene = depth if recording.background is None else recording.background
-    lens = CoarseCamera(camera.undistorted(), np.array(DEFAULT_UP), SensingSettings())
-    if recording.background is None and is_cut_out(lens.coarse(depth), lens):
+    coarse = CoarseCamera(camera.undistorted(), np.array(DEFAULT_UP), SensingSettings())
+    if recording.background is None and is_cut_out(coarse.downsampled(depth), coarse):
         return better_turns(sampled_frames(recording), camera, classifier)
     if _standing(depth, camera, 0):
         return 0
@@ -56,8 +56,8 @@ def quarter_turns(recording: Recording, classifier: PersonClassifier | None = No
 
 def _standing(depth_mm: np.ndarray, camera: Camera, turns: int) -> list[np.ndarray]:
     """Return the points (N, 3), camera frame, metres, of each person who stands after `turns` quarter turns."""
-    lens = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
-    people = people_axes(lens.coarse(_turned(depth_mm, turns)), lens)
+    coarse = CoarseCamera(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
+    people = people_axes(coarse.downsampled(_turned(depth_mm, turns)), coarse)
     up = np.array(DEFAULT_UP)
     return [points for axis, trust, points in people if trust == "standing" and linear.dot(axis, up) > CLEARLY]
 

@@ -30,7 +30,7 @@ class KnownPeople:
 
     Parameters
     ----------
-    lens : coarse camera of the frames in which they are found
+    coarse : coarse camera of the frames in which they are found
     most : maximum number of tracked people; later ones are left out
 
     Attributes
@@ -38,9 +38,9 @@ class KnownPeople:
     people : by rising id
     """
 
-    def __init__(self, lens: CoarseCamera, most: int) -> None:
+    def __init__(self, coarse: CoarseCamera, most: int) -> None:
         self.people: list[KnownPerson] = []
-        self._lens, self._most, self._left_out = lens, most, False
+        self._coarse, self._most, self._left_out = coarse, most, False
 
     def present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[KnownPerson]:
         """Return the people seen within `PATIENCE`, with stature and head of their predicted bodies (by id)."""
@@ -48,7 +48,7 @@ class KnownPeople:
         for k, person in enumerate(present):
             if person.id in predicted:
                 body = predicted[person.id]
-                head = UNKNOWN if body.head is None else self._lens.to_level(body.head[None])[0]
+                head = UNKNOWN if body.head is None else self._coarse.to_level(body.head[None])[0]
                 present[k] = replace(person, stature=float(body.stature), body_head=head)
         return present
 
@@ -84,7 +84,7 @@ class KnownPeople:
         middle, area : as in `KnownPerson`
         back : those who may come back; who does is taken from the list
         """
-        again = known_again(back, place, timestamp)
+        again = re_identified(back, place, timestamp)
         if again is not None:
             back.remove(again)
             return self.keep(replace(again, head=place).seen(place, middle, area, timestamp))
@@ -108,7 +108,7 @@ class KnownPeople:
         """Mark people who left the image: unseen in this frame and expected outside or at the border of the image."""
         half_width = 0.25  # m from a head to a shoulder: half of a person whose head is so near the border is outside
         for k, person in enumerate(self.people):
-            unseen = person.last < timestamp and not self._lens.shows(person.expected(timestamp), half_width)
+            unseen = person.last < timestamp and not self._coarse.shows(person.expected(timestamp), half_width)
             self.people[k] = replace(person, gone=person.gone or unseen)
 
     def export_state(self) -> dict[str, Any]:
@@ -162,7 +162,7 @@ def match_heads(people: Sequence[KnownPerson], heads: Sequence[np.ndarray], time
     return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
 
 
-def known_again(absent: Sequence[KnownPerson], head: np.ndarray, timestamp: float) -> KnownPerson | None:
+def re_identified(absent: Sequence[KnownPerson], head: np.ndarray, timestamp: float) -> KnownPerson | None:
     """Return the absent person who may have returned with this head: the one whose height fits best, or None.
 
     A returning person may sit but is not taller than before, and had enough time to get there.

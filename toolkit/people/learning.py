@@ -17,7 +17,7 @@ from toolkit.people.detection import near_head
 from toolkit.people.hypothesis import (
     EvidenceSample,
     PersonClassifier,
-    judged_head,
+    head_log_odds,
     log_odds,
     lowness,
     possible_height,
@@ -41,50 +41,50 @@ class HeadTrack:
     frame : number of the sample
     place : float64 (3,), the middle of the head, level frame, metres
     own : bool (h, w), pixels of the person if it is one, see `person_pixels`
-    glimpse : evidence sample
+    sample : evidence sample
     """
 
     frame: int
     place: np.ndarray
     own: np.ndarray
-    glimpse: EvidenceSample
+    sample: EvidenceSample
 
 
 def learnt(
     frames: Sequence[np.ndarray],
-    lens: CoarseCamera,
-    judge: PersonClassifier | None,
+    coarse: CoarseCamera,
+    classifier: PersonClassifier | None,
     floor: float | None = None,
 ) -> Surroundings:
     """Learn the background from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
 
     `floor` is the y of the floor, metres, level frame, None if unknown.
     """
-    return whole(learnt_parts(frames, lens, judge, floor))
+    return whole(learnt_parts(frames, coarse, classifier, floor))
 
 
 def learnt_parts(
     frames: Sequence[np.ndarray],
-    lens: CoarseCamera,
-    judge: PersonClassifier | None,
+    coarse: CoarseCamera,
+    classifier: PersonClassifier | None,
     floor: float | None = None,
 ) -> Parts[Surroundings]:
     """Compute the same as `learnt` in parts: two for each frame, and some for all."""
     if len(frames) < FEWEST:
-        return room_of(frames[0], lens)
+        return room_of(frames[0], coarse)
     stack = np.stack(frames)
-    rough = farthest_lasting(stack, LASTING, lens)
-    rough_margin, same = _margins(stack, rough, lens)
+    rough = farthest_lasting(stack, LASTING, coarse)
+    rough_margin, same = _margins(stack, rough, coarse)
     still_share = 0.98  # of samples with the same depth in a pixel without motion
     still = (same.sum(axis=0) >= still_share * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
     moved = (stack > 0) & (rough - stack > rough_margin)
-    tolerance = tolerances(rough, lens)
+    tolerance = tolerances(rough, coarse)
     yield
-    planes = find_planes(rough, lens.rays, tolerance)
+    planes = find_planes(rough, coarse.rays, tolerance)
     seen: list[HeadTrack] = []
     for k in range(len(stack)):
         yield
-        heads = yield from _seen(k, stack, moved, planes, lens, judge, floor)
+        heads = yield from _seen(k, stack, moved, planes, coarse, classifier, floor)
         seen += [s for s in heads if possible_height(s.place, floor)]
     yield
     occupied, furniture = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
@@ -92,18 +92,18 @@ def learnt_parts(
     moving = 0.5  # minimum fraction of a head's pixels that move
     figure_share = 0.5  # minimum fraction of samples in which a motionless figure has a person's shape
     for figure in _figures(seen):
-        glimpses = [s.glimpse for s in figure]
-        moves = np.mean([g.moved for g in glimpses]) > moving
-        if log_odds(glimpses) > 0 or moves:
+        samples = [s.sample for s in figure]
+        moves = np.mean([g.moved for g in samples]) > moving
+        if log_odds(samples) > 0 or moves:
             for s in figure:
                 occupied[s.frame] |= s.own
             if moves and FEWEST <= len(figure) <= MOSTLY * len(stack):
                 in_place.append(figure)
-        elif sum(g.shaped for g in glimpses) > figure_share * len(stack):
+        elif sum(g.shaped for g in samples) > figure_share * len(stack):
             furniture.append(np.mean([[s.place for s in figure]], axis=1))
-    background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, lens)
+    background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, coarse)
     yield
-    margin, near = _margins(stack, background, lens)
+    margin, near = _margins(stack, background, coarse)
     background[(near & occupied).sum(axis=0) > MOSTLY * near.sum(axis=0)] = 0.0
     for figure in in_place:  # people who move, with a head in at most half of the samples
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
@@ -127,30 +127,30 @@ def person_pixels(view: View, connected: np.ndarray, place: np.ndarray, odds: np
     return np.asarray((connected & (odds > rejected)) | (below & (odds > 0)))
 
 
-def camera_moved(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
+def camera_moved(frames: Sequence[np.ndarray], coarse: CoarseCamera) -> bool:
     """Return True if the two halves of coarse frames float32 (h, w), metres, show different rooms."""
     if len(frames) < 2 * FEWEST:
         return False
     stack = np.stack(frames)
     halves = (stack[: len(stack) // 2], stack[len(stack) // 2 :])
-    before, after = (farthest_lasting(half, LASTING, lens) for half in halves)
-    return _another_room(before, after, lens)
+    before, after = (farthest_lasting(half, LASTING, coarse) for half in halves)
+    return _another_room(before, after, coarse)
 
 
-def rooms_differ(frames: Sequence[np.ndarray], lens: CoarseCamera) -> bool:
+def rooms_differ(frames: Sequence[np.ndarray], coarse: CoarseCamera) -> bool:
     """Return True if most pairs of consecutive coarse frames float32 (h, w), metres, show different rooms."""
-    changed = [_another_room(before, after, lens) for before, after in pairwise(frames)]
+    changed = [_another_room(before, after, coarse) for before, after in pairwise(frames)]
     return 2 * sum(changed) > len(changed)
 
 
-def _another_room(before: np.ndarray, after: np.ndarray, lens: CoarseCamera) -> bool:
+def _another_room(before: np.ndarray, after: np.ndarray, coarse: CoarseCamera) -> bool:
     both = (before > 0) & (after > 0)
-    margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
+    margin = 2 * np.maximum(tolerances(before, coarse), tolerances(after, coarse))
     changed_share = 0.5  # of the pixels of two images with different depth, above which they show different rooms
     return share_of(np.abs(before - after) > margin, both) > changed_share
 
 
-def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.ndarray:
+def farthest_lasting(stack: np.ndarray, share: float, coarse: CoarseCamera) -> np.ndarray:
     """Return the farthest depth that at least `share` of a pixel's samples, and 2, agree on: float32 (h, w), 0 = none.
 
     `stack` float32 (K, h, w), metres, 0 = no sample.
@@ -161,14 +161,14 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: CoarseCamera) -> np.
     found = np.zeros(stack.shape[1:], dtype=np.float32)
     for last in range(count - 1, needed - 2, -1):
         far, near = ordered[last], ordered[last - needed + 1]
-        agree = (found == 0) & (near > 0) & (far - near <= 2 * tolerances(far, lens))
+        agree = (found == 0) & (near > 0) & (far - near <= 2 * tolerances(far, coarse))
         found = np.where(agree, ordered[last - needed // 2], found)
     return found
 
 
-def _margins(stack: np.ndarray, background: np.ndarray, lens: CoarseCamera) -> tuple[np.ndarray, np.ndarray]:
+def _margins(stack: np.ndarray, background: np.ndarray, coarse: CoarseCamera) -> tuple[np.ndarray, np.ndarray]:
     """Return the noise margin of the background (h, w), metres, and the samples that show it, bool (K, h, w)."""
-    tolerance = tolerances(background, lens)
+    tolerance = tolerances(background, coarse)
     near = (stack > 0) & (np.abs(stack - background) <= 2 * tolerance)
     count = np.maximum(near.sum(axis=0), 1)
     spread = np.sqrt((np.where(near, stack - background, np.float32(0)) ** 2).sum(axis=0) / count)
@@ -182,23 +182,23 @@ def _seen(
     stack: np.ndarray,
     moved: np.ndarray,
     planes: list[Plane],
-    lens: CoarseCamera,
-    judge: PersonClassifier | None,
+    coarse: CoarseCamera,
+    classifier: PersonClassifier | None,
     floor: float | None,
 ) -> Parts[list[HeadTrack]]:
     """Return the head candidates of one sample. `moved` bool (K, h, w): surfaces before the rough background."""
     depth = stack[frame]
-    on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
-    view = lens.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
-    people, others, labels = people_and_furniture(view, lens)
+    on = on_planes(depth, coarse.rays, tolerances(depth, coarse), planes)
+    view = coarse.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
+    people, others, labels = people_and_furniture(view, coarse)
     found = []
     yield
-    odds = None if judge is None else judge.log_odds(depth, lens.camera)
+    odds = None if classifier is None else classifier.log_odds(depth, coarse.camera)
     for k, place in enumerate([*people, *others], start=1):
         head = near_head(view, place) & view.foreground
-        judged, low = judged_head(view, lens, place, judge), lowness(place, floor)
-        glimpse = EvidenceSample(k <= len(people), share_of(moved[frame], head), judged, low)
-        found.append(HeadTrack(frame, place, person_pixels(view, labels == k, place, odds), glimpse))
+        judged, low = head_log_odds(view, coarse, place, classifier), lowness(place, floor)
+        sample = EvidenceSample(k <= len(people), share_of(moved[frame], head), judged, low)
+        found.append(HeadTrack(frame, place, person_pixels(view, labels == k, place, odds), sample))
     return found
 
 

@@ -33,7 +33,7 @@ LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 
 
 def live_finder(
-    first: Recording, sensing: SensingSettings, people: int | None, judge: PersonClassifier | None
+    first: Recording, sensing: SensingSettings, people: int | None, classifier: PersonClassifier | None
 ) -> PeopleFinder:
     """Return a finder of one person, of several or with None of all people, for the frames that follow `first`.
 
@@ -42,7 +42,7 @@ def live_finder(
     first : a recording of the first frame, with the background if there is one
     sensing : settings of segmentation and depth filter
     people : number of people, None = all
-    judge : person classifier
+    classifier : person classifier
 
     Raises
     ------
@@ -52,18 +52,18 @@ def live_finder(
     mode = SegmentationMode.parse(sensing.segment).name
     cut_out, look = mode not in ("auto", "person") or first.background is not None, None
     if not cut_out:
-        lens = MultiPersonFinder(first.camera, first.up_camera, None, sensing).lens
-        depth = lens.coarse(DepthFilter(first.camera, sensing).checked(first.depth(0)))
-        look = first_look(depth, lens)
+        coarse = MultiPersonFinder(first.camera, first.up_camera, None, sensing).coarse
+        depth = coarse.downsampled(DepthFilter(first.camera, sensing).checked(first.depth(0)))
+        look = first_look(depth, coarse)
         cut_out = mode == "auto" and look.cut_out
     if cut_out and people == 1:
         return SinglePersonSegmenter.of(first, sensing)
     if cut_out:
-        return find_people(first, sensing, most=people, judge=judge)
+        return find_people(first, sensing, most=people, classifier=classifier)
     most = MOST_PEOPLE if people in (None, 1) else people
-    finder = MultiPersonFinder(first.camera, first.up_camera, look, sensing, most, judge)
+    finder = MultiPersonFinder(first.camera, first.up_camera, look, sensing, most, classifier)
     height = floor_height(first)
-    learning = RoomLearningFinder(finder, sensing, first, judge, None if height is None else -height)
+    learning = RoomLearningFinder(finder, sensing, first, classifier, None if height is None else -height)
     return FirstPersonFinder(learning) if people == 1 else learning
 
 
@@ -75,17 +75,17 @@ class RoomLearningFinder(WrappedFinder):
     finder : finder of all people, before its first frame
     sensing : settings of the depth filter
     first : recording with the camera of the frames
-    judge : person classifier
+    classifier : person classifier
     floor : y of the floor, metres, level frame, None where it is not known
     """
 
     _finder: MultiPersonFinder
 
     def __init__(
-        self, finder: MultiPersonFinder, sensing: SensingSettings, first: Recording, judge: PersonClassifier | None,
-        floor: float | None,
+        self, finder: MultiPersonFinder, sensing: SensingSettings, first: Recording,
+        classifier: PersonClassifier | None, floor: float | None,
     ) -> None:  # fmt: skip
-        self._finder, self._judge, self._floor = finder, judge, floor
+        self._finder, self._classifier, self._floor = finder, classifier, floor
         self._filter = DepthFilter(first.camera, sensing)
         self.camera = finder.camera
         self._samples: list[np.ndarray] = []
@@ -122,10 +122,10 @@ class RoomLearningFinder(WrappedFinder):
         """Store a sample, and start learning when it is due and the room of fewer samples is known."""
         sample_seconds = 0.5  # interval of the room samples: the `SAMPLES` of a recording take 20 s
         self._due = timestamp + sample_seconds
-        self._samples.append(self._finder.lens.coarse(self._filter.checked(depth_mm)))
+        self._samples.append(self._finder.coarse.downsampled(self._filter.checked(depth_mm)))
         if len(self._samples) in LEARNED_AFTER:
             frames = list(self._samples)
-            self._learning = learnt_parts(frames, self._finder.lens, self._judge, self._floor)
+            self._learning = learnt_parts(frames, self._finder.coarse, self._classifier, self._floor)
 
     def _learn(self, learning: Parts[Surroundings]) -> None:
         """Compute the next part, and use the room after the last one."""

@@ -28,7 +28,7 @@ from toolkit.people.evidence import Evidence
 from toolkit.people.hypothesis import (
     EvidenceSample,
     PersonClassifier,
-    judged_head,
+    head_log_odds,
     log_odds,
     lowness,
     possible_height,
@@ -62,12 +62,12 @@ class MultiPersonFinder:
     surroundings : background model; None decides with the first frame
     sensing : settings of the depth filter
     most : maximum number of tracked people
-    judge : person classifier; None for none
+    classifier : person classifier; None for none
 
     Attributes
     ----------
     camera : camera of the sightings
-    lens : makes the coarse frames
+    coarse : makes the coarse frames
     """
 
     def __init__(
@@ -77,19 +77,19 @@ class MultiPersonFinder:
         surroundings: Surroundings | None = None,
         sensing: SensingSettings | None = None,
         most: int = MOST_PEOPLE,
-        judge: PersonClassifier | None = None,
+        classifier: PersonClassifier | None = None,
     ) -> None:
         sensing = sensing or SensingSettings()
-        self._made_of = camera, up_camera, sensing, most, judge
+        self._made_of = camera, up_camera, sensing, most, classifier
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
-        self.lens = CoarseCamera(self._polisher.flat_camera, up_camera, sensing)
+        self.coarse = CoarseCamera(self._polisher.flat_camera, up_camera, sensing)
         self._surroundings = surroundings
-        self._judge = judge
-        self._known = KnownPeople(self.lens, most)
+        self._classifier = classifier
+        self._known = KnownPeople(self.coarse, most)
         self._newcomers = Newcomers()
-        self._labels = np.zeros(self.lens.camera.shape, dtype=np.int32)
-        self._depth = np.zeros(self.lens.camera.shape, dtype=np.float32)
+        self._labels = np.zeros(self.coarse.camera.shape, dtype=np.int32)
+        self._depth = np.zeros(self.coarse.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
         self._fine = np.zeros(camera.shape, dtype=np.int32)
         self._furniture: list[np.ndarray] = []
@@ -128,7 +128,7 @@ class MultiPersonFinder:
     def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
         """Return row and column in the images of `follow` for a pixel of a frame."""
         height, width = self._labels.shape
-        return min(round(v / self.lens.step), height - 1), min(round(u / self.lens.step), width - 1)
+        return min(round(v / self.coarse.step), height - 1), min(round(u / self.coarse.step), width - 1)
 
     def _follow(
         self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody], *, searches: bool = True
@@ -152,7 +152,7 @@ class MultiPersonFinder:
         touching = [touches and bool(self.people) for touches in touching]
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
         walls, everywhere = surroundings.planes, [*places, *candidates]
-        fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens)]
+        fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.coarse)]
         if fresh:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[near_head(view, candidates[i]) & view.foreground] = k
@@ -170,8 +170,8 @@ class MultiPersonFinder:
 
     def redetect(self) -> MultiPersonFinder:
         """Return a finder for the same room, see `PeopleFinder.redetect`."""
-        camera, up_camera, sensing, most, judge = self._made_of
-        return MultiPersonFinder(camera, up_camera, self._surroundings, sensing, most, judge)
+        camera, up_camera, sensing, most, classifier = self._made_of
+        return MultiPersonFinder(camera, up_camera, self._surroundings, sensing, most, classifier)
 
     @property
     def people(self) -> list[KnownPerson]:
@@ -197,7 +197,7 @@ class MultiPersonFinder:
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state, see `PeopleFinder.restore_state`."""
-        shape = self.lens.camera.shape
+        shape = self.coarse.camera.shape
         columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
         check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
         self._known.restore_state(state["people"])
@@ -209,30 +209,31 @@ class MultiPersonFinder:
         self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
 
     def _look(self, flat: np.ndarray, timestamp: float) -> tuple[View, Surroundings]:
-        lens, surroundings = self.lens, self._surroundings
-        depth = lens.coarse(flat)
+        coarse, surroundings = self.coarse, self._surroundings
+        depth = coarse.downsampled(flat)
         seen = max((person.last for person in self.people), default=timestamp)
         if surroundings is None or (not surroundings.known and timestamp - seen > HELD):
-            surroundings = first_look(depth, lens)
+            surroundings = first_look(depth, coarse)
         if depth.any():
             self._surroundings = surroundings
-        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
-        return lens.view(depth, foreground, surroundings.unclaimed), surroundings
+        foreground = surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse))
+        return coarse.view(depth, foreground, surroundings.unclaimed), surroundings
 
     def _heads(
         self, view: View, surroundings: Surroundings, *, searches: bool
     ) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
         """Return head places, a flag for heads of a small child's size, and places of furniture; see `find`."""
         if surroundings.known:
-            heads = find_heads(view, self.lens, cut_out=surroundings.cut_out)
+            heads = find_heads(view, self.coarse, cut_out=surroundings.cut_out)
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
             if surroundings.cut_out:
-                heads = above_trunks(view, self.lens, heads)
+                heads = above_trunks(view, self.coarse, heads)
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
         if not searches:
             return [], [], self._furniture
-        people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge, floor=surroundings.floor)
+        floor = surroundings.floor
+        people, furniture, _ = people_and_furniture(view, self.coarse, classifier=self._classifier, floor=floor)
         self._furniture = furniture
         return people, [False] * len(people), furniture
 
@@ -265,14 +266,14 @@ class MultiPersonFinder:
         bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
         if not bodies:
             return view
-        body_seeds(view, self.lens, bodies, seeds)
+        body_seeds(view, self.coarse, bodies, seeds)
         if len(bodies) < len(present):
             return view
         return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
 
     def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
         """Return True if a body's surface is near the place (3,) of the person's head."""
-        head = self.lens.from_level(place[None])[0]
+        head = self.coarse.from_level(place[None])[0]
         return bool(((body.vertices - head) ** 2).sum(axis=1).min() < HEAD_DISTANCE**2)
 
     def _stayed(
@@ -306,13 +307,13 @@ class MultiPersonFinder:
         everything = seeds.copy()
         for k, place in enumerate(furniture, start=len(places) + 1):
             everything[near_head(view, place) & view.foreground & (everything == 0)] = k
-        labels = share_out(view, self.lens, everything, [*places, *furniture], bridge=bridge)
-        if not surroundings.known and limbs and self._judge is not None:
-            labels = attach_limbs(view, self.lens, labels, len(places), self._judge)
+        labels = share_out(view, self.coarse, everything, [*places, *furniture], bridge=bridge)
+        if not surroundings.known and limbs and self._classifier is not None:
+            labels = attach_limbs(view, self.coarse, labels, len(places), self._classifier)
         labels[labels > len(places)] = 0
         if not surroundings.known:
             return labels
-        return attach_islands(view, self.lens, labels, places, cut_out=surroundings.cut_out)
+        return attach_islands(view, self.coarse, labels, places, cut_out=surroundings.cut_out)
 
     def _candidates(
         self,
@@ -341,7 +342,7 @@ class MultiPersonFinder:
         share = self._shared(view, surroundings, seeds, places, []) == len(places)
         min_mask_overlap = 0.5  # minimum fraction of a surface that was a person's in the previous frame to keep it
         fresh = share_of((self._labels > 0) & self._lasting(view), share) < min_mask_overlap
-        return fresh and a_person(view, self.lens, share, places[-1])
+        return fresh and a_person(view, self.coarse, share, places[-1])
 
     def _sure(self, view: View, place: np.ndarray, surroundings: Surroundings) -> bool:
         """Return True if the surface below a head candidate is certainly a person's, who then counts at once.
@@ -351,11 +352,11 @@ class MultiPersonFinder:
         """
         if surroundings.cut_out:
             return not self.people
-        if not surroundings.known or shaped_alone(view, self.lens, place):
+        if not surroundings.known or shaped_alone(view, self.coarse, place):
             return True
         here = near_head(view, place) & view.foreground
         moved = share_of(surroundings.background > 0, here)
-        judged, low = judged_head(view, self.lens, place, self._judge), lowness(place, surroundings.floor)
+        judged, low = head_log_odds(view, self.coarse, place, self._classifier), lowness(place, surroundings.floor)
         return log_odds([EvidenceSample(False, moved, judged=judged, low=low)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
@@ -367,9 +368,9 @@ class MultiPersonFinder:
         for person in self.people:
             if person.id in heads and timestamp - person.looked >= look_again:
                 head = heads[person.id]
-                judged = judged_head(view, self.lens, head, self._judge) or 0.0
-                shaped, rests = shaped_alone(view, self.lens, head), _rests(view, head, surroundings)
-                self._known.keep(person.looked_at(shaped, judged, rests, timestamp))
+                judged = head_log_odds(view, self.coarse, head, self._classifier) or 0.0
+                shaped, rests = shaped_alone(view, self.coarse, head), _rests(view, head, surroundings)
+                self._known.keep(person.with_sample(shaped, judged, rests, timestamp))
 
     def _updated(
         self,
@@ -388,7 +389,7 @@ class MultiPersonFinder:
         middle_samples = 300  # points of a person that are sampled for the median position
         for k, place in enumerate(places):
             mask = labels == k + 1
-            points, area = view.points[mask], self.lens.area(view.depth[mask])
+            points, area = view.points[mask], self.coarse.area(view.depth[mask])
             middle = place
             if len(points):
                 middle = np.median(points[:: max(1, len(points) // middle_samples)], axis=0).astype(np.float64)
@@ -397,7 +398,7 @@ class MultiPersonFinder:
                 if area >= least_part:
                     head = place if k in matched else None
                     ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
-            elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
+            elif len(points) and large_enough(view, self.coarse, mask, cut_out=cut_out):
                 back = self._known.expected_back(timestamp) if back is None else back  # the present are up to date
                 ids[k + 1] = self._known.meet(place, middle, area, timestamp, back)
         self._known.end_frame(timestamp)
@@ -405,8 +406,8 @@ class MultiPersonFinder:
 
     def _sightings(self, flat: np.ndarray, surroundings: Surroundings, only: int | None) -> tuple[Sighting, ...]:
         """Return the sightings at full resolution, or that of one person."""
-        coarse = np.rint(1000 * self._depth).astype(np.uint16)
-        refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * SURFACE_GAP, self._fine)
+        millimetres = np.rint(1000 * self._depth).astype(np.uint16)
+        refine_labels(flat, millimetres, self._labels, self.coarse.step, 1000 * SURFACE_GAP, self._fine)
         step = self._polisher.step
         whole = flat[::step, ::step]
         holes = None if surroundings.cut_out else hole_sizes(whole)

@@ -17,7 +17,7 @@ import numpy as np
 from toolkit.io.errors import PlausibilityWarning
 from toolkit.people.connection import FASTEST, HELD, connected
 from toolkit.people.detection import find_heads
-from toolkit.people.hypothesis import PersonClassifier, judged_head
+from toolkit.people.hypothesis import PersonClassifier, head_log_odds
 from toolkit.people.learning import share_of
 from toolkit.people.stills import LEAST_CUT_OUT
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
@@ -195,15 +195,15 @@ def are_unconnected(
     times = recording.timestamps
     end = int(np.searchsorted(times, times[0] + settings.seconds))
     firsts = np.unique(np.linspace(0, max(end, 2) - 2, settings.pairs).astype(np.int64))
-    lens = CoarseCamera(recording.camera.undistorted(), recording.up_camera, SensingSettings())
+    coarse = CoarseCamera(recording.camera.undistorted(), recording.up_camera, SensingSettings())
     moved = False
     for i in firsts[times[firsts + 1] - times[firsts] <= HELD].tolist() if len(recording) > 1 else ():
-        seconds, images = float(times[i + 1] - times[i]), [lens.coarse(recording.depth(k)) for k in (i, i + 1)]
+        seconds, images = float(times[i + 1] - times[i]), [coarse.downsampled(recording.depth(k)) for k in (i, i + 1)]
         measured = (images[0] > 0) & (images[1] > 0)
         if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > settings.another_room:
             moved = True
             continue
-        (_, sure), (after, _) = (_places(image, lens, classifier, settings) for image in images)
+        (_, sure), (after, _) = (_places(image, coarse, classifier, settings) for image in images)
         if not sure or not after:
             continue
         if any(connected(a, b, seconds) for a in sure for b in after):
@@ -213,28 +213,28 @@ def are_unconnected(
 
 
 def _places(
-    depth: np.ndarray, lens: CoarseCamera, classifier: PersonClassifier | None, settings: PlausibilitySettings
+    depth: np.ndarray, coarse: CoarseCamera, classifier: PersonClassifier | None, settings: PlausibilitySettings
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the places (3,), level frame, where people may be in a coarse frame (h, w), and those where they are:
     medians of surfaces where people are cut out, heads in a room.
     """
-    view, surroundings = _seen(depth, lens)
+    view, surroundings = _seen(depth, coarse)
     if surroundings.cut_out:
-        labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32))
+        labels, count, areas = surfaces(view, coarse, np.zeros(depth.shape, dtype=np.int32))
         large = [k for k in range(1, count + 1) if areas[k] >= LEAST_CUT_OUT]
         places = [np.median(view.points[labels == k], axis=0) for k in large]
         return places, places
-    heads = [head.place for head in find_heads(view, lens, cut_out=False)]
-    scores = [judged_head(view, lens, head, classifier) for head in heads]
+    heads = [head.place for head in find_heads(view, coarse, cut_out=False)]
+    scores = [head_log_odds(view, coarse, head, classifier) for head in heads]
     likely = (score is not None and score >= settings.sure_in_room for score in scores)
     return heads, [head for head, sure in zip(heads, likely, strict=True) if sure]
 
 
-def _seen(depth: np.ndarray, lens: CoarseCamera) -> tuple[View, Surroundings]:
+def _seen(depth: np.ndarray, coarse: CoarseCamera) -> tuple[View, Surroundings]:
     """Return a coarse frame (h, w) without walls and floor, and what it shows of the room."""
-    surroundings = first_look(depth, lens)
-    return lens.view(
-        depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still
+    surroundings = first_look(depth, coarse)
+    return coarse.view(
+        depth, surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse)), surroundings.still
     ), surroundings
 
 
@@ -258,17 +258,17 @@ def person_evidence(
 
     `camera` and `up_camera` (3,) are those of the frames.
     """
-    lens = CoarseCamera(camera.undistorted(), up_camera, SensingSettings())
+    coarse = CoarseCamera(camera.undistorted(), up_camera, SensingSettings())
     scores, statures, cut_out = [], [], 0
     for frame in frames:
-        depth = lens.coarse(frame if scale == 1.0 else np.minimum(np.rint(frame * scale), 65535.0))
-        view, surroundings = _seen(depth, lens)
+        depth = coarse.downsampled(frame if scale == 1.0 else np.minimum(np.rint(frame * scale), 65535.0))
+        view, surroundings = _seen(depth, coarse)
         cut_out += surroundings.cut_out
         if (stature := _stature(depth, view.points)) is not None:
             statures.append(stature)
         if classifier is not None:
-            heads = find_heads(view, lens, cut_out=surroundings.cut_out)
-            judged = [judged_head(view, lens, head.place, classifier) for head in heads]
+            heads = find_heads(view, coarse, cut_out=surroundings.cut_out)
+            judged = [head_log_odds(view, coarse, head.place, classifier) for head in heads]
             scores.append(max([0.0, *(log_odds for log_odds in judged if log_odds is not None)]))
     return PersonEvidence(
         float(np.mean(scores)) if scores else 0.0,

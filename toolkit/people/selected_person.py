@@ -44,8 +44,8 @@ class SelectedPersonFinder(WrappedFinder):
         """Find the person, see `PeopleFinder.find`: one sighting in every frame, empty without the person."""
         known = [person for person in self._finder.people if person.id in self._pieces]
         current = max(known, key=lambda person: person.last).id if known else min(self._pieces)
-        told = {current: predicted[ID]} if ID in predicted else {}
-        found = {s.id: s for s in self._finder.find(depth_mm, timestamp, told) if s.id in self._pieces}
+        bodies = {current: predicted[ID]} if ID in predicted else {}
+        found = {s.id: s for s in self._finder.find(depth_mm, timestamp, bodies) if s.id in self._pieces}
         if not found:
             return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
         return (replace(found.get(current) or found[min(found)], id=ID),)
@@ -103,7 +103,7 @@ def meant_person(recording: Recording, finder: MultiPersonFinder, sensing: Sensi
             presence = seen.setdefault(number, Presence(state, state))
             presence.last = state
             presence.frames.add(i)
-            presence.area += finder.lens.area(own)
+            presence.area += finder.coarse.area(own)
             presence.distances.append(float(np.median(own)))
         if unchecked and time >= FIRST_SECONDS:
             _check_alone(_without_furniture(seen, finder))

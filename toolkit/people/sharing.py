@@ -16,7 +16,7 @@ BODY_GATE = 0.12
 """Maximum distance from a measured point to the surface of its body, metres."""
 
 
-def body_seeds(view: View, lens: CoarseCamera, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
+def body_seeds(view: View, coarse: CoarseCamera, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
     """Give each foreground pixel to the body whose expected surface is nearest, within `BODY_GATE`.
 
     All bodies are drawn into one z-buffer, so that an occluded body claims no pixel of the one before it.
@@ -25,7 +25,7 @@ def body_seeds(view: View, lens: CoarseCamera, bodies: Mapping[int, PredictedBod
     ----------
     bodies : by the number that `seeds` int32 (h, w) shall hold; only entries that are 0 are filled
     """
-    intrinsics = lens.camera.intrinsics
+    intrinsics = coarse.camera.intrinsics
     nearest, owner = np.zeros(view.depth.shape), np.zeros(view.depth.shape, dtype=np.int32)
     inverse_depth, triangle = np.empty(view.depth.shape), np.empty(view.depth.shape, dtype=np.int32)
     for number, body in bodies.items():

@@ -98,55 +98,55 @@ class Surroundings:
         return before
 
 
-def tolerances(depth: np.ndarray, lens: CoarseCamera) -> np.ndarray:
+def tolerances(depth: np.ndarray, coarse: CoarseCamera) -> np.ndarray:
     """Return the distance within which a pixel lies on a plane, metres, in the shape of `depth`."""
     plane_distance = 0.03  # m from a pixel to a wall or floor, besides the quantisation
-    return np.asarray(plane_distance + lens.quantisation * depth**2, dtype=np.float32)
+    return np.asarray(plane_distance + coarse.quantisation * depth**2, dtype=np.float32)
 
 
-def nothing_but_people(lens: CoarseCamera) -> Surroundings:
+def nothing_but_people(coarse: CoarseCamera) -> Surroundings:
     """Return the model of frames that hold segmented people."""
-    empty = np.zeros(lens.camera.shape, dtype=np.float32)
+    empty = np.zeros(coarse.camera.shape, dtype=np.float32)
     return Surroundings(True, True, empty, empty, np.zeros(empty.shape, dtype=np.bool_))
 
 
-def empty_scene(background: np.ndarray, lens: CoarseCamera, margin: float) -> Surroundings:
+def empty_scene(background: np.ndarray, coarse: CoarseCamera, margin: float) -> Surroundings:
     """Return the model of a recorded empty scene float32 (h, w), metres, with a margin in metres."""
-    margins = margin + lens.quantisation * background**2
+    margins = margin + coarse.quantisation * background**2
     return Surroundings(False, True, background, margins.astype(np.float32), np.zeros(background.shape, dtype=np.bool_))
 
 
-def is_cut_out(depth: np.ndarray, lens: CoarseCamera) -> bool:
+def is_cut_out(depth: np.ndarray, coarse: CoarseCamera) -> bool:
     """Return True if a coarse frame holds only people: mostly 0, no wall or floor, few surfaces without a head."""
     empty_share = 0.1  # fraction of zeros of a frame that is already segmented (recording format)
     if np.count_nonzero(depth == 0) < empty_share * depth.size:
         return False
-    view = lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
-    labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32))
+    view = coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
+    labels, count, areas = surfaces(view, coarse, np.zeros(depth.shape, dtype=np.int32))
     headless = np.ones(count + 1, dtype=np.bool_)
     headless[0] = False
-    for head in find_heads(view, lens, cut_out=True):
+    for head in find_heads(view, coarse, cut_out=True):
         headless[labels[near_head(view, head.place)]] = False
     largest_headless = 1.5  # m^2 of surfaces without a head where only people are measured: a lying, wide adult
     if areas[headless].sum() > largest_headless:
         return False
-    return not _planes_of(depth, lens)
+    return not _planes_of(depth, coarse)
 
 
-def room_of(depth: np.ndarray, lens: CoarseCamera) -> Surroundings:
+def room_of(depth: np.ndarray, coarse: CoarseCamera) -> Surroundings:
     """Return a model without a background: walls and floor of one coarse frame float32 (h, w), metres."""
-    empty = np.zeros(lens.camera.shape, dtype=np.float32)
-    planes = tuple(_planes_of(depth, lens))
+    empty = np.zeros(coarse.camera.shape, dtype=np.float32)
+    planes = tuple(_planes_of(depth, coarse))
     return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), planes)
 
 
-def first_look(depth: np.ndarray, lens: CoarseCamera) -> Surroundings:
+def first_look(depth: np.ndarray, coarse: CoarseCamera) -> Surroundings:
     """Return the model from a single coarse frame float32 (h, w), metres."""
-    if is_cut_out(depth, lens):
-        return nothing_but_people(lens)
-    return room_of(depth, lens)
+    if is_cut_out(depth, coarse):
+        return nothing_but_people(coarse)
+    return room_of(depth, coarse)
 
 
-def _planes_of(depth: np.ndarray, lens: CoarseCamera) -> list[Plane]:
-    tolerance = tolerances(depth, lens)
-    return find_planes(depth, lens.rays, tolerance)
+def _planes_of(depth: np.ndarray, coarse: CoarseCamera) -> list[Plane]:
+    tolerance = tolerances(depth, coarse)
+    return find_planes(depth, coarse.rays, tolerance)

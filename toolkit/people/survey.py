@@ -32,9 +32,9 @@ def find_people(
     recording: Recording,
     sensing: SensingSettings | None = None,
     most: int | None = None,
-    judge: PersonClassifier | None = None,
+    classifier: PersonClassifier | None = None,
 ) -> MultiPersonFinder:
-    """Return a finder of all people in a recording, or of the first `most`; `judge` classifies people and furniture.
+    """Return a finder of all people in a recording, or of the first `most`.
 
     Raises
     ------
@@ -42,13 +42,13 @@ def find_people(
         `sensing.segment` requires a background that the recording lacks.
     """
     sensing = sensing or SensingSettings()
-    surroundings = survey(recording, sensing, judge)
+    surroundings = survey(recording, sensing, classifier)
     most = MOST_PEOPLE if most is None else most
-    return MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, most, judge)
+    return MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, most, classifier)
 
 
 def find_person(
-    recording: Recording, sensing: SensingSettings | None = None, judge: PersonClassifier | None = None
+    recording: Recording, sensing: SensingSettings | None = None, classifier: PersonClassifier | None = None
 ) -> PeopleFinder:
     """Return a finder of the person that `sensing` selects; in a room the whole recording decides.
 
@@ -60,16 +60,16 @@ def find_person(
     sensing = sensing or SensingSettings()
     mode = SegmentationMode.parse(sensing.segment).name
     if mode in ("person", "seed") or (mode == "auto" and recording.background is None):
-        room = survey(recording, sensing, judge)
+        room = survey(recording, sensing, classifier)
         if not room.cut_out:
-            given = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, judge
+            given = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, classifier
             return SelectedPersonFinder(
                 MultiPersonFinder(*given), meant_person(recording, MultiPersonFinder(*given), sensing)
             )
     return SinglePersonSegmenter.of(recording, sensing)
 
 
-def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifier | None = None) -> Surroundings:
+def survey(recording: Recording, sensing: SensingSettings, classifier: PersonClassifier | None = None) -> Surroundings:
     """Return the background model of a recording: its empty scene, people only, or a model of sampled frames.
 
     `sensing.segment` selects the model; "person" and "seed" mean that people are not segmented.
@@ -81,42 +81,42 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonClassifi
     """
     polisher = DepthFilter(recording.camera, sensing)
     mode = SegmentationMode.parse(sensing.segment)
-    lens = CoarseCamera(polisher.flat_camera, recording.up_camera, sensing)
+    coarse = CoarseCamera(polisher.flat_camera, recording.up_camera, sensing)
     if mode.name == "background" and recording.background is None:
         raise SegmentationError(
             "--segment is background and the recording has none; give --background or --segment auto"
         )
     if mode.name in ("auto", "background") and recording.background is not None:
-        background = lens.coarse(polisher.undistort(recording.background))
-        return empty_scene(background, lens, sensing.background_margin)
+        background = coarse.downsampled(polisher.undistort(recording.background))
+        return empty_scene(background, coarse, sensing.background_margin)
     if mode.name in ("segmented", "range"):
-        return nothing_but_people(lens)
+        return nothing_but_people(coarse)
     if mode.name == "empty-frames":
         count = min(int(mode.numbers[0]), len(recording))
-        stack = np.stack([lens.coarse(polisher.checked(recording.depth(i))) for i in range(count)])
-        return empty_scene(np.median(stack, axis=0).astype(np.float32), lens, sensing.background_margin)
+        stack = np.stack([coarse.downsampled(polisher.checked(recording.depth(i))) for i in range(count)])
+        return empty_scene(np.median(stack, axis=0).astype(np.float32), coarse, sensing.background_margin)
     first_frames = 3  # frames that decide whether people are segmented already
     if mode.name == "auto":
-        first = list(_coarse(recording, polisher, lens, np.arange(min(first_frames, len(recording)))))
-        if all(is_cut_out(depth, lens) for depth in first):
-            return nothing_but_people(lens)
+        first = list(_coarse(recording, polisher, coarse, np.arange(min(first_frames, len(recording)))))
+        if all(is_cut_out(depth, coarse) for depth in first):
+            return nothing_but_people(coarse)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
     height = floor_height(recording)
     floor = None if height is None else -height
-    frames = list(_coarse(recording, polisher, lens, spread))
-    if np.median(np.diff(recording.timestamps[spread], prepend=-np.inf)) > HELD and rooms_differ(frames, lens):
-        return first_look(frames[0], lens)
-    if camera_moved(frames, lens):
+    frames = list(_coarse(recording, polisher, coarse, spread))
+    if np.median(np.diff(recording.timestamps[spread], prepend=-np.inf)) > HELD and rooms_differ(frames, coarse):
+        return first_look(frames[0], coarse)
+    if camera_moved(frames, coarse):
         logger.warning(
             "%s: its first half shows another room than its second, the camera was moved; furniture may be taken for "
             "people, track the parts before and after as two recordings",
             recording.name,
         )
-    room = learnt(frames, lens, judge, floor)
+    room = learnt(frames, coarse, classifier, floor)
     return replace(room, floor=floor)
 
 
 def _coarse(
-    recording: Recording, polisher: DepthFilter, lens: CoarseCamera, frames: np.ndarray
+    recording: Recording, polisher: DepthFilter, coarse: CoarseCamera, frames: np.ndarray
 ) -> Iterator[np.ndarray]:
-    return (lens.coarse(polisher.checked(recording.depth(int(i)))) for i in frames)
+    return (coarse.downsampled(polisher.checked(recording.depth(int(i)))) for i in frames)

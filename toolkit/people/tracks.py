@@ -69,7 +69,7 @@ class KnownPerson:
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
 
-    def looked_at(self, shaped: bool, judged: float, rests: bool, timestamp: float) -> KnownPerson:
+    def with_sample(self, shaped: bool, judged: float, rests: bool, timestamp: float) -> KnownPerson:
         """Return the person with one more sample of evidence."""
         return replace(self, looked=timestamp, evidence=self.evidence.after(shaped, judged, rests))
 

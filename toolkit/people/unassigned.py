@@ -19,7 +19,7 @@ LARGEST_ISLAND = 0.15  # m^2: an arm with its hand, or a leg
 
 def attach_islands(
     view: View,
-    lens: CoarseCamera,
+    coarse: CoarseCamera,
     labels: np.ndarray,
     places: Sequence[np.ndarray],
     *,
@@ -35,7 +35,7 @@ def attach_islands(
     places : places of their heads, (3,) each, level frame, metres
     cut_out : the recording holds segmented people, so that a small component may be a child
     """
-    pieces, count, areas = surfaces(view, lens, labels)
+    pieces, count, areas = surfaces(view, coarse, labels)
     least_body = LEAST_CUT_OUT if cut_out else 0.12  # m^2 of a person without a detected head
     own_points = _people(view, labels)
     attached = labels.copy()
@@ -55,7 +55,7 @@ def attach_islands(
 
 
 def attach_limbs(
-    view: View, lens: CoarseCamera, labels: np.ndarray, people: int, judge: PersonClassifier
+    view: View, coarse: CoarseCamera, labels: np.ndarray, people: int, classifier: PersonClassifier
 ) -> np.ndarray:
     """Assign components that the classifier scores as limbs to nearby people, in an unknown room.
 
@@ -65,13 +65,13 @@ def attach_limbs(
     ----------
     labels : int32 (h, w), 1.. the people and, above their number, furniture; 0 = neither
     people : number of people
-    judge : person classifier
+    classifier : person classifier
 
     Returns
     -------
     labels : the same with limbs attached, a new array
     """
-    pieces, count, areas = surfaces(view, lens, labels)
+    pieces, count, areas = surfaces(view, coarse, labels)
     own_points = _people(view, np.where(labels <= people, labels, 0))
     attached = labels.copy()
     limb = 3.2  # mean log odds of a limb in an unknown room
@@ -82,7 +82,7 @@ def attach_limbs(
         if LEAST_ISLAND <= areas[piece] <= LARGEST_ISLAND:
             own = order[ends[piece - 1] : ends[piece]]
             owner = _owner(own_points, points[own])
-            if owner and judge.log_odds(view.depth, lens.camera).ravel()[own].mean(dtype=np.float64) > limb:
+            if owner and classifier.log_odds(view.depth, coarse.camera).ravel()[own].mean(dtype=np.float64) > limb:
                 attached.ravel()[own] = owner
     return attached
 
@@ -112,7 +112,7 @@ def _aside(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
 
 
-def surfaces(view: View, lens: CoarseCamera, labels: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
+def surfaces(view: View, coarse: CoarseCamera, labels: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
     """Return unassigned connected surfaces of the foreground: labels int32 (h, w), count, areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)
@@ -120,8 +120,8 @@ def surfaces(view: View, lens: CoarseCamera, labels: np.ndarray) -> tuple[np.nda
     numbers = np.zeros(padded.shape, dtype=np.int32)
     parents = np.zeros(height * width + 2, dtype=np.int32)
     box = np.array([1, height + 1, 1, width + 1])
-    gap, growth = 1000 * SURFACE_GAP, 1000 * lens.quantisation
+    gap, growth = 1000 * SURFACE_GAP, 1000 * coarse.quantisation
     count = int(components.label_components(padded, box, gap, growth, numbers, parents))
     pieces = numbers[1:-1, 1:-1]
-    pixel_areas = view.depth.astype(np.float64) ** 2 / (lens.camera.fx * lens.camera.fy)
+    pixel_areas = view.depth.astype(np.float64) ** 2 / (coarse.camera.fx * coarse.camera.fy)
     return pieces, count, np.bincount(pieces.ravel(), pixel_areas.ravel(), minlength=count + 1)

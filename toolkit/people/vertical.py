@@ -85,16 +85,16 @@ def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
     image_up = np.array(DEFAULT_UP)
     # Minimised: squared sines to people's axes and to the image's vertical, squared cosines to walls' normals.
     doubt = -_outer(image_up, TRUST["image"])
-    lens = CoarseCamera(camera.undistorted(), image_up, SensingSettings())
+    coarse = CoarseCamera(camera.undistorted(), image_up, SensingSettings())
     for frame in frames:
-        depth = lens.coarse(frame)
-        for axis, trust, _ in people_axes(depth, lens):
+        depth = coarse.downsampled(frame)
+        for axis, trust, _ in people_axes(depth, coarse):
             doubt -= _outer(axis, TRUST[trust]) / len(frames)
     wall_tilt = np.deg2rad(25.0)  # by which a wall may lean in the image of a tilted camera
     if frames:
-        depth = lens.coarse(frames[0])
-        tolerance = tolerances(depth, lens)
-        for plane in find_planes(depth, lens.rays, tolerance):
+        depth = coarse.downsampled(frames[0])
+        tolerance = tolerances(depth, coarse)
+        for plane in find_planes(depth, coarse.rays, tolerance):
             if abs(_angle(plane.normal, image_up) - np.pi / 2) < wall_tilt:
                 doubt += _outer(plane.normal, TRUST["wall"])
     up = linear.principal_axes(doubt)[1][:, 0]
@@ -107,29 +107,30 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
     return np.asarray(direction[:, None] * direction[None, :] / deviation**2)
 
 
-def people_axes(depth: np.ndarray, lens: CoarseCamera) -> list[tuple[np.ndarray, str, np.ndarray]]:
+def people_axes(depth: np.ndarray, coarse: CoarseCamera) -> list[tuple[np.ndarray, str, np.ndarray]]:
     """Return the upward axis of each person of a coarse frame, its kind in `TRUST`, and points (N, 3), camera frame."""
-    surroundings = first_look(depth, lens)
-    view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
-    heads, _, labels = people_and_furniture(view, lens, cut_out=surroundings.cut_out)
+    surroundings = first_look(depth, coarse)
+    foreground = surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse))
+    view = coarse.view(depth, foreground, surroundings.still)
+    heads, _, labels = people_and_furniture(view, coarse, cut_out=surroundings.cut_out)
     axes = []
     elongated = 2.2  # length over width of a standing person with the arms down
     for k, head in enumerate(heads, start=1):
-        points = lens.from_level(view.points[labels == k].astype(np.float64))
+        points = coarse.from_level(view.points[labels == k].astype(np.float64))
         _, covariance = linear.moments(points)
         widths, directions = linear.principal_axes(covariance)
         longest = directions[:, 2] * np.sign(linear.dot(directions[:, 2], np.array(DEFAULT_UP)))
         if widths[2] >= elongated**2 * widths[1]:
             axes.append((longest, "standing", points))
         else:
-            upwards = lens.from_level(head[None])[0] - _chest(points, head, lens)
+            upwards = coarse.from_level(head[None])[0] - _chest(points, head, coarse)
             axes.append((upwards / np.sqrt(linear.dot(upwards, upwards)), "torso", points))
     return [person for person in axes if _angle(person[0], np.array(DEFAULT_UP)) <= LARGEST_TILT]
 
 
-def _chest(points: np.ndarray, head: np.ndarray, lens: CoarseCamera) -> np.ndarray:
+def _chest(points: np.ndarray, head: np.ndarray, coarse: CoarseCamera) -> np.ndarray:
     """Return the centre of the points below a head (3,), level frame, on its axis: float64 (3,), camera frame."""
-    below = lens.to_level(points) - head
+    below = coarse.to_level(points) - head
     chest_drop, chest_radius = 0.45, 0.25  # m below a head's centre and around there
     column = (np.hypot(below[:, 0], below[:, 2]) < chest_radius) & (np.abs(below[:, 1] + chest_drop) < chest_radius)
     return linear.moments(points[column] if column.any() else points)[0]

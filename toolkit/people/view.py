@@ -78,7 +78,7 @@ class CoarseCamera:
         aside, above = self.camera.fx * margin / z, self.camera.fy * margin / z
         return bool(aside <= u < self.camera.width - aside and above <= v < self.camera.height - above)
 
-    def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
+    def downsampled(self, depth_mm: np.ndarray) -> np.ndarray:
         """Downsample a frame (H, W), millimetres: float32 (h, w), metres, 0 out of range."""
         z = depth_mm[:: self.step, :: self.step].astype(np.float32) * np.float32(1e-3)
         z[(z < self._near) | (z > self._far)] = 0.0

@@ -238,16 +238,16 @@ class Follower(FollowedPerson):
         # a person who was out of view for a moment keeps the heading
         redetected = not observation.follows and not known
         scored: list[ScoredHypothesis] = []
-        for told in (*known, *(replace(state, body=body) for body in bodies)):
+        for start in (*known, *(replace(state, body=body) for body in bodies)):
             for search in self.searches:
                 best = min(scored, key=cost_of, default=None)
                 if redetected and isinstance(search, SearchInParts):
-                    proposal = yield from search.propose_parts(observation, told, rng, best)
+                    proposal = yield from search.propose_parts(observation, start, rng, best)
                 else:
-                    proposal = search.propose(observation, told, rng, best)
+                    proposal = search.propose(observation, start, rng, best)
                 improved = [hypothesis.improves for hypothesis in proposal.hypotheses]
                 scored = [each for each in scored if each not in improved]
-                scored += [self._scored(each, told.body, observation, redetected) for each in proposal.hypotheses]
+                scored += [self._scored(each, start.body, observation, redetected) for each in proposal.hypotheses]
                 if proposal.memory is not None:
                     memory[search.name] = proposal.memory
                 clock.record(search.name)

@@ -217,8 +217,9 @@ class PersonSightings:
 
     def detected_fraction(self) -> float:
         """Return the fraction of these frames with image joints of the person."""
-        told = (sighting is not None and sighting.joints is not None for sighting in map(self.__getitem__, self.frames))
-        return sum(told) / max(len(self.frames), 1)
+        sightings = map(self.__getitem__, self.frames)
+        detected = sum(sighting is not None and sighting.joints is not None for sighting in sightings)
+        return detected / max(len(self.frames), 1)
 
 
 def _unwritable(folder: Path, error: OSError) -> OutputError:

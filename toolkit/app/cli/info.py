@@ -33,9 +33,9 @@ def info(
     from toolkit.sensing.sensing_settings import SensingSettings
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
-    judge = person_network()
-    opened = open_upright(recording, judge, **reading.options())
-    look = describe(opened, SensingSettings(**given(segment=segment)), judge)
+    classifier = person_network()
+    opened = open_upright(recording, classifier, **reading.options())
+    look = describe(opened, SensingSettings(**given(segment=segment)), classifier)
     save_picture(look, target)
     print_lines("\n".join(look.lines))
     for concern in look.concerns:

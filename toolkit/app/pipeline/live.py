@@ -45,9 +45,9 @@ def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePe
     SegmentationError
         The setting of the segmentation needs a whole recording.
     """
-    sensing, judge = tracker.settings.sensing, person_network()
-    finder = live_finder(first, sensing, people, judge)
-    live_finder(first, sensing, people, judge).find(first.depth(0), 0.0, {})
+    sensing, classifier = tracker.settings.sensing, person_network()
+    finder = live_finder(first, sensing, people, classifier)
+    live_finder(first, sensing, people, classifier).find(first.depth(0), 0.0, {})
     _warm_up(tracker, first.camera, first.up_camera)
     return LivePeople(tracker, finder, first.up_camera, floor=floor_of(first))
 

@@ -83,12 +83,12 @@ class Job(NamedTuple):
 
 
 def finder_of(
-    recording: Recording, people: int | None, sensing: SensingSettings, judge: PersonClassifier | None = None
+    recording: Recording, people: int | None, sensing: SensingSettings, classifier: PersonClassifier | None = None
 ) -> PeopleFinder:
     """Return the finder of the selected person, of up to `people` people, or (None) of all."""
     if people == 1:
-        return find_person(recording, sensing, judge)
-    return find_people(recording, sensing, most=people, judge=judge)
+        return find_person(recording, sensing, classifier)
+    return find_people(recording, sensing, most=people, classifier=classifier)
 
 
 def track_recording(
@@ -186,7 +186,7 @@ def _track(
             frames = len(recording)
             if second is not None and resume and second.restore():
                 bodies = second.bodies
-                sink.judge(second.evidence)
+                sink.remove_furniture(second.evidence)
             else:
                 bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
             complete = frames == len(recording)
@@ -242,7 +242,7 @@ def _first_pass(
         raise
     bodies, complete = people_tracker.bodies, people_tracker.frames == len(recording)
     if complete:
-        sink.judge(people_tracker.finder.evidence)
+        sink.remove_furniture(people_tracker.finder.evidence)
         bodies = {
             person: body for person, body in bodies.items() if person not in furniture(people_tracker.finder.evidence)
         }

@@ -110,7 +110,7 @@ class RunSink:
                 writer.abandon()
                 del self._writers[person]
 
-    def judge(self, evidence: Mapping[int, Evidence]) -> None:
+    def remove_furniture(self, evidence: Mapping[int, Evidence]) -> None:
         """Remove the people that the evidence classifies as furniture, and renumber the others 1, 2, ... at the end."""
         self._evidence = evidence
         for person in furniture(evidence):

@@ -134,7 +134,7 @@ class SecondPass:
         if stop.is_set():
             return False
         shutil.rmtree(self._folder)
-        self._sink.judge(self.evidence)
+        self._sink.remove_furniture(self.evidence)
         return True
 
     def _task(self, person: int) -> PersonTask:

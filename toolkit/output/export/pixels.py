@@ -52,7 +52,7 @@ def labelled_frames(
     whole = replace(sensing, half_resolution=False)
     finder: PeopleFinder
     if several:
-        finder = find_people(recording, whole, judge=person_network())
+        finder = find_people(recording, whole, classifier=person_network())
     else:
         finder = find_person(recording, whole, person_network())
     lookup = _pixels_of(recording.camera, finder.camera)

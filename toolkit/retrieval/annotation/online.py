@@ -89,7 +89,7 @@ class OnlineAnnotator:
         self._queries = [[q for q in queries if q.label == label] for label in self.labels]
         self._features = FeatureStream(body, frame_rate)
         self._pending: list[_Hit | None] = [None] * len(classes)
-        self._told: list[tuple[int, _Hit]] = []
+        self._reported: list[tuple[int, _Hit]] = []
         self.columns: list[np.ndarray] = []
         self._times: list[float] = []
 
@@ -138,7 +138,8 @@ class OnlineAnnotator:
             self._pending[row] = None
             if self._explained(row, hit) or not self._keyframes_met(row, hit):
                 continue
-            self._told = [(r, told) for r, told in self._told if told.end >= column - self._reach] + [(row, hit)]
+            near = [(r, reported) for r, reported in self._reported if reported.end >= column - self._reach]
+            self._reported = [*near, (row, hit)]
             events.append(self._event(row, hit, now))
         return sorted(events, key=lambda event: (event.end, event.label))
 
@@ -146,11 +147,11 @@ class OnlineAnnotator:
         """Return True if earlier events explain the hit, by the decision rules."""
         frames = np.zeros(hit.end - hit.start + 1, dtype=bool)
         own = frames.copy()
-        for told_row, told in self._told:
-            first, stop = max(told.start - hit.start, 0), told.end + 1 - hit.start
+        for reported_row, reported in self._reported:
+            first, stop = max(reported.start - hit.start, 0), reported.end + 1 - hit.start
             if stop > 0:
                 frames[first:stop] = True
-                if told_row == row:
+                if reported_row == row:
                     own[first:stop] = True
         return bool(own.mean() > RULES.overlap or 1.0 - frames.mean() < RULES.visible)
 

@@ -73,7 +73,7 @@ class UpperViewer:
         self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
         self._step = max(1, camera.width // settings.arm_columns)
         self._camera = camera.subsampled(self._step)
-        self._lens = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
+        self._coarse = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 
     def observe(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
         """Return the observation of an upper body; `crown` is the height of its head, metres, level frame.
@@ -117,7 +117,7 @@ class UpperViewer:
     def _crown(self, depth: np.ndarray) -> float | None:
         """Return the height of the highest head in a depth image (h, w), metres, level frame."""
         seen = depth > 0
-        view = self._lens.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
-        heads = find_heads(view, self._lens, cut_out=True)
+        view = self._coarse.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
+        heads = find_heads(view, self._coarse, cut_out=True)
         top = 0.12  # distance from the middle of a head to its crown, metres
         return float(heads[0].place[1]) + top if heads else None
