@@ -126,8 +126,8 @@ def describe_example(room: Path, folder: Path) -> None:
     from toolkit.recordings.opening import open_upright
     from toolkit.sensing.sensing_settings import SensingSettings
 
-    judge = person_network()
-    save_picture(describe(open_upright(room, judge), SensingSettings(), judge), folder / "info.png")
+    classifier = person_network()
+    save_picture(describe(open_upright(room, classifier), SensingSettings(), classifier), folder / "info.png")
 
 
 def build_example(folder: Path) -> None:
