@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from tests.sensing_scenes import TOF
 from tests.support.misled import wrong_pose
+from tests.support.solo import Solo
 from toolkit.app.pipeline import TrackerRecipe, person_pass, second, track_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
@@ -26,10 +27,12 @@ from toolkit.people import evidence
 from toolkit.people.evidence import Evidence
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.single_person import SinglePersonSegmenter
+from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.joints2d import Joints2D, LiftedJoints
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import CaptureSettings, simulate_recording, simulate_scene
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
@@ -45,6 +48,7 @@ from toolkit.tracking.heading import (  # fmt: skip
     estimated_facing,
     heading,
     heading_disagreement,
+    sighted_facing,
     weighed,
 )
 from toolkit.tracking.passes import JUMP, REPAIRED_SHARE, BidirectionalTracker, Jump
@@ -358,6 +362,31 @@ def test_votes_have_a_body_face_where_it_does_as_far_as_they_are_reliable(yaw: f
     facing = estimated_facing(replace(estimate, reliability=sure))
     np.testing.assert_allclose(facing, 0.9 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
     assert heading_disagreement(facing, pose) == pytest.approx(-0.9)
+
+
+@pytest.mark.parametrize("yaw", [0.4, 3.1])
+def test_the_facing_by_image_joints_needs_both_sides(yaw: float) -> None:
+    pose = canonical.place(np.zeros(skeleton.POSE_SIZE), np.zeros(4), np.array([0.2, 0.9, -3.0]), yaw)
+    points, sure = load_body("neutral").joint_positions(pose), np.zeros(len(skeleton.REPORTED), dtype=np.float32)
+    points[skeleton.REPORTED.index("left_shoulder")] = np.nan
+    for name, confidence in (("left_shoulder", 0.9), ("left_hip", 0.8), ("right_hip", 0.5)):
+        sure[skeleton.REPORTED.index(name)] = confidence
+    facing = sighted_facing(LiftedJoints(points, sure))
+    np.testing.assert_allclose(facing, 0.4 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
+    assert not sighted_facing(None).any()
+
+
+def test_image_joints_decide_the_facing_of_a_frame(take: Path, tracker: HybridTracker) -> None:
+    recording = open_recording(take)
+    turned = np.zeros((len(skeleton.REPORTED), 3), dtype=np.float32)
+    solo = Solo(tracker, recording)
+    depth = np.asarray(recording.depth(0))
+    v, u = (int(np.median(index)) for index in np.nonzero(depth))
+    for name, column in (("left_shoulder", u - 3), ("right_shoulder", u + 3)):  # as of a person seen from behind
+        turned[skeleton.REPORTED.index(name)] = column, v, 1.0
+    sighting = find_person(recording).find(depth, 0.0, {})[0]
+    _, facing, _, _ = solo.follower.shown(replace(sighting, joints=Joints2D.of_rows(turned)), 0.0)
+    assert facing[1] < -0.5
 
 
 def test_many_near_votes_outweigh_one_and_far_ones_have_no_weight() -> None:

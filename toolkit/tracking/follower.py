@@ -17,7 +17,7 @@ from toolkit.people.connection import HELD, connected
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.heading import estimated_facing, weighed
+from toolkit.tracking.heading import estimated_facing, sighted_facing, weighed
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import HEAD, FollowedPerson
@@ -197,18 +197,20 @@ class Follower(FollowedPerson):
         -------
         shown : expected number of joints in view, each weighted by its reliability; without a network, the share of
             the image that the person covers
-        facing : float64 (2,), see `estimated_facing`
+        facing : float64 (2,), see `estimated_facing`; by image joints if there are any
         top : y of the top of the head, see `head_top`
         whole : all joints are in view
         """
         cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
-        estimate = observation.estimate
+        estimate, facing = observation.estimate, sighted_facing(observation.lifted)
+        if not facing.any():
+            facing = estimated_facing(estimate)
         if estimate is None:
-            return len(cloud) / cloud.depth.size, estimated_facing(None), math.nan, not observation.cut.any()
+            return len(cloud) / cloud.depth.size, facing, math.nan, not observation.cut.any()
         joints = float((estimate.reliability * estimate.in_view).sum())
         whole = bool(estimate.in_view.min() > 0.5)  # each joint is more likely in view than not
-        return joints, estimated_facing(estimate), head_top(cloud, estimate.points[HEAD]), whole
+        return joints, facing, head_top(cloud, estimate.points[HEAD]), whole
 
     def compared(self, body: Body, pose: np.ndarray, observation: Observation, context: StepContext) -> float:
         """Return the cost of a pose (P,) in an observed frame, metres, without priors."""

@@ -15,6 +15,7 @@ from toolkit.body import skeleton
 from toolkit.database import canonical
 from toolkit.kernels import linear
 from toolkit.landmarks.joint_network import JointEstimate
+from toolkit.sensing.joints2d import LiftedJoints
 from toolkit.tracks import TRACKED
 
 AROUND = 0.75
@@ -77,6 +78,22 @@ def estimated_facing(estimate: JointEstimate | None) -> np.ndarray:
         across = estimate.points[left] - estimate.points[right]
         sure = 1.0 - (1.0 - estimate.reliability[left]) * (1.0 - estimate.reliability[right])
         facing += sure * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
+    return facing
+
+
+def sighted_facing(joints: LiftedJoints | None) -> np.ndarray:
+    """Return the facing by image joints in space, level frame, as `estimated_facing`; zero without shoulders and hips.
+
+    A detector in colour separates front from back by the face, which depth does not show.
+    """
+    facing = np.zeros(2)
+    if joints is None:
+        return facing
+    for left, right in LINES:
+        across = joints.points[left] - joints.points[right]
+        if np.isfinite(across).all():
+            sure = float(joints.confidence[left]) * float(joints.confidence[right])
+            facing += sure * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
     return facing
 
 
