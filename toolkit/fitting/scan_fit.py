@@ -68,8 +68,8 @@ def fit_scan(views: Sequence[ScanView]) -> Scan:
     placers = [Placer(body, _small(view.cloud), view.cloud.rotation) for view in views]
     scenes = [Scene(view.cloud, np.zeros((0, 3)), fitting.cloud_samples) for view in views]
     poses = np.array([_t_pose(body, view) for view in views])
-    # The person wears tight clothes and each view has many more equations than a frame of a recording.
-    shape_settings = ShapeSettings(prior=3.0, noise=0.01, forgetting=1.0)
+    prior = 3.0  # weight of the shape prior, see `ShapeSettings.prior`; each view has many more equations
+    shape_settings = ShapeSettings(prior=prior, forgetting=1.0)
     # Number of alternating fits of poses and coefficients; limb length and pose are coupled and converge slowly.
     rounds = 60
     first_rounds, later_rounds = 20, 4  # iterations of each pose in the first round and in later rounds

@@ -29,9 +29,8 @@ class ShapeSettings:
     ----------
     seconds : duration of the estimation, for which the first rows wait; 0 keeps the initial body
     rate : maximum number of frames per second in the estimation
-    prior : correspondences that count as one independent observation beside the prior on the coefficients:
-        neighbouring pixels and successive frames see the same cloth
-    noise : standard deviation of a correspondence, metres; 0 estimates it from the residuals
+    prior : weight of the population mean relative to one correspondence of one frame at 1 cm: neighbouring pixels and
+        successive frames see the same cloth, so that about 30 of them are one independent observation
     forgetting : factor on the equations of earlier frames per frame, because the first were fitted with a wrong shape
     limit : standard deviations that a coefficient may reach
     """
@@ -39,20 +38,16 @@ class ShapeSettings:
     seconds: float = 3.0
     rate: float = constant(15.0)
     prior: float = constant(30.0)
-    noise: float = constant(0.0)
     forgetting: float = constant(0.97)
     limit: float = constant(3.0)
 
 
-MESH_NOISE, LEAST_NOISE = 0.01, 0.001
-"""Unit of the residuals in the equations, and the smallest standard deviation that is estimated from them, metres."""
+MESH_NOISE = 0.01
+"""Residual of one standard deviation, metres."""
 
 
 class ShapeEstimator:
     """Accumulator of the equations of tracked frames, solved for the body's coefficients.
-
-    The solution is the maximum a posteriori. The noise of the correspondences is estimated from their residuals: the
-    worse a body explains the frames, because of clothes or a coarse sensor, the stronger is the prior.
 
     Parameters
     ----------
@@ -78,7 +73,6 @@ class ShapeEstimator:
         self.coefficients = np.array(body.shape, dtype=np.float64)
         self._matrix = np.zeros((size, size))
         self._vector = np.zeros(size)
-        self._squares, self._weights = 0.0, 0.0
 
     def observe(self, pose: np.ndarray, scene: Scene, placer: Placer | None = None) -> Body:
         """Add a frame in which the current body was found in `pose` (P,); return the new body.
@@ -101,14 +95,11 @@ class ShapeEstimator:
             moved = placer.place(paired.body(changed), pose, normals).vertices
             columns[:, k] = linear.dots(normals, moved - base) / step
         weight = weight / MESH_NOISE**2
-        off = linear.dots(normals, residual)
-        wanted = linear.times(columns, self.coefficients) - off
+        wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)
         forget = self._settings.forgetting
         self._matrix = forget * self._matrix + linear.gram(columns, weight)
         self._vector = forget * self._vector + linear.combined(weight * wanted, columns)
-        self._squares = forget * self._squares + linear.dot(weight, off**2)
-        self._weights = forget * self._weights + float(linear.combined(weight, np.ones((len(weight), 1)))[0])
-        matrix = self._matrix + self._settings.prior * self._variance() * np.eye(len(self.coefficients))
+        matrix = self._matrix + self._settings.prior * np.eye(len(self.coefficients))
         # Toddlers have their own mean and variance of the shape coefficients.
         mean = self._space.childhood(self.coefficients[0])
         away = self._vector - linear.times(self._matrix, mean)
@@ -121,12 +112,6 @@ class ShapeEstimator:
             easiest = linear.solved(matrix, taller)
             self._set(mean, change + easiest * (missing / linear.dot(taller, easiest)))
         return self.body
-
-    def _variance(self) -> float:
-        """Return the variance of a correspondence, in units of `MESH_NOISE` squared."""
-        if self._settings.noise:
-            return (self._settings.noise / MESH_NOISE) ** 2
-        return max(self._squares / max(self._weights, 1.0), LEAST_NOISE**2) / MESH_NOISE**2
 
     def _set(self, mean: np.ndarray, change: np.ndarray) -> None:
         limit = self._settings.limit
