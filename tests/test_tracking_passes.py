@@ -362,17 +362,8 @@ def test_votes_have_a_body_face_where_it_does_as_far_as_they_are_reliable(yaw: f
     facing = estimated_facing(replace(estimate, reliability=sure))
     np.testing.assert_allclose(facing, 0.9 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
     assert heading_disagreement(facing, pose) == pytest.approx(-0.9)
-
-
-@pytest.mark.parametrize("yaw", [0.4, 3.1])
-def test_the_facing_by_image_joints_needs_both_sides(yaw: float) -> None:
-    pose = canonical.place(np.zeros(skeleton.POSE_SIZE), np.zeros(4), np.array([0.2, 0.9, -3.0]), yaw)
-    points, sure = load_body("neutral").joint_positions(pose), np.zeros(len(skeleton.REPORTED), dtype=np.float32)
-    points[skeleton.REPORTED.index("left_shoulder")] = np.nan
-    for name, confidence in (("left_shoulder", 0.9), ("left_hip", 0.8), ("right_hip", 0.5)):
-        sure[skeleton.REPORTED.index(name)] = confidence
-    facing = sighted_facing(LiftedJoints(points, sure))
-    np.testing.assert_allclose(facing, 0.4 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
+    image = LiftedJoints(np.where(sure[:, None] > 0.0, points, np.nan), sure)
+    np.testing.assert_allclose(sighted_facing(image), 0.4 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
     assert not sighted_facing(None).any()
 
 
