@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
+from toolkit.app.pipeline.run import finder_of
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE, REPORTED
 from toolkit.people.description import describe
 from toolkit.people.multi_person import MultiPersonFinder
-from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings
@@ -223,7 +223,7 @@ def test_a_room_is_known_from_its_empty_scene_or_learnt_from_people_who_walk(tmp
 @pytest.mark.data("realsense")
 def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(data_folder):
     recording = open_recording(data_folder / "depth/realsense/images_n40")
-    finder = find_people(recording, classifier=person_network())
+    finder = finder_of(recording, None, SensingSettings())
     ids = [tuple(s.id for s in finder.find(recording.depth(i), i / 30, {})) for i in range(0, len(recording), 3)]
     assert set(ids) == {(1, 2)}
 

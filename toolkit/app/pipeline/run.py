@@ -29,7 +29,6 @@ from toolkit.io.errors import DepthMocapError, RecordingError, TrackError, Usage
 from toolkit.io.files import locked
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.people.evidence import furniture
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.joint_masks import JointSource
 from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
@@ -74,7 +73,7 @@ class Job(NamedTuple):
 
     def finder(self) -> PeopleFinder:
         """Return the finder of the people."""
-        return finder_of(self.recording, self.people, self.tracker.settings.sensing, person_network())
+        return finder_of(self.recording, self.people, self.tracker.settings.sensing)
 
     def people_tracker(self) -> MultiPersonTracker:
         """Return the multi-person tracker of the first pass."""
@@ -82,13 +81,11 @@ class Job(NamedTuple):
         return MultiPersonTracker(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
 
 
-def finder_of(
-    recording: Recording, people: int | None, sensing: SensingSettings, classifier: PersonClassifier | None = None
-) -> PeopleFinder:
+def finder_of(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
     """Return the finder of the selected person, of up to `people` people, or (None) of all."""
     if people == 1:
-        return find_person(recording, sensing, classifier)
-    return find_people(recording, sensing, most=people, classifier=classifier)
+        return find_person(recording, sensing, person_network())
+    return find_people(recording, sensing, most=people, classifier=person_network())
 
 
 def track_recording(
