@@ -31,7 +31,7 @@ SIDES = (np.arange(len(skeleton.REPORTED)), np.array(skeleton.OTHER_SIDE))
 class SightedJoints:
     """Evidence that joints lie on the rays of their pixels: colour shows an arm in front of the trunk, depth does not.
 
-    Both assignments of left and right are tried, because detectors confuse back and front, and depth separates them.
+    Both assignments of left and right are tried, because detectors sometimes confuse back and front.
 
     Parameters
     ----------
@@ -62,9 +62,8 @@ class SightedJoints:
         rays = self._rays[side]
         away = points - linear.dots(points, rays)[:, None] * rays
         lengths = linear.lengths(away)
-        return self._weights[side], away * np.maximum(1.0 - RAY_TOLERANCE / np.maximum(lengths, RAY_TOLERANCE), 0.0)[
-            :, None
-        ]
+        excess = np.maximum(1.0 - RAY_TOLERANCE / np.maximum(lengths, RAY_TOLERANCE), 0.0)
+        return self._weights[side], away * excess[:, None]
 
 
 def _joints(placed: PlacedBody) -> np.ndarray:

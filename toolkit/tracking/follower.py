@@ -197,7 +197,7 @@ class Follower(FollowedPerson):
         -------
         shown : expected number of joints in view, each weighted by its reliability; without a network, the share of
             the image that the person covers
-        facing : float64 (2,), see `estimated_facing`; by image joints if there are any
+        facing : float64 (2,), see `sighted_facing`, without image joints `estimated_facing`
         top : y of the top of the head, see `head_top`
         whole : all joints are in view
         """

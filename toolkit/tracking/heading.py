@@ -8,6 +8,7 @@ forwards; and of many frames there are some in which the joint network is sure o
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -71,29 +72,31 @@ def estimated_facing(estimate: JointEstimate | None) -> np.ndarray:
     """Return the facing by the estimates of shoulders and hips: float64 (2,), x and z in the level frame; its length is
     the probability that one of the shoulders and one of the hips is correct, zero without estimates.
     """
-    facing = np.zeros(2)
     if estimate is None:
-        return facing
-    for left, right in LINES:
-        across = estimate.points[left] - estimate.points[right]
-        sure = 1.0 - (1.0 - estimate.reliability[left]) * (1.0 - estimate.reliability[right])
-        facing += sure * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
-    return facing
+        return np.zeros(2)
+    wrong = 1.0 - estimate.reliability
+    return _facing(estimate.points, [1.0 - wrong[left] * wrong[right] for left, right in LINES])
 
 
 def sighted_facing(joints: LiftedJoints | None) -> np.ndarray:
     """Return the facing by image joints in space, level frame, as `estimated_facing`; zero without shoulders and hips.
 
-    A detector in colour separates front from back by the face, which depth does not show.
+    The face is visible in colour, so that a detector confuses front and back less often than depth does.
+    """
+    if joints is None:
+        return np.zeros(2)
+    return _facing(joints.points, [float(joints.confidence[i]) * float(joints.confidence[j]) for i, j in LINES])
+
+
+def _facing(points: np.ndarray, sure: Sequence[float]) -> np.ndarray:
+    """Return the sum of the directions (2,) perpendicular to `LINES` between joints (20, 3), by certainty; NaN is
+    left out.
     """
     facing = np.zeros(2)
-    if joints is None:
-        return facing
-    for left, right in LINES:
-        across = joints.points[left] - joints.points[right]
+    for (left, right), certainty in zip(LINES, sure, strict=True):
+        across = points[left] - points[right]
         if np.isfinite(across).all():
-            sure = float(joints.confidence[left]) * float(joints.confidence[right])
-            facing += sure * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
+            facing += certainty * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
     return facing
 
 

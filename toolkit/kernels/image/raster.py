@@ -13,7 +13,7 @@ NEAREST = 0.05
 def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
     """Compute pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3).
 
-    All three are 0 for points nearer than `NEAREST`, or behind it.
+    All three are 0 for points nearer than `NEAREST`, or behind the camera.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     for n in range(points.shape[0]):
