@@ -72,11 +72,11 @@ class FakeFollower:
 
     level_rotation = np.diag([1.0, -1.0, -1.0])
 
-    def __init__(self, shown: np.ndarray, whole: bool) -> None:
-        self._shown, self._whole = shown, whole
+    def __init__(self, shown: np.ndarray, whole: bool, top: float) -> None:
+        self._shown, self._whole, self._top = shown, whole, top
 
     def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float, bool]:
-        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), math.nan, self._whole
+        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), self._top, self._whole
 
 
 class FakeSightings:
@@ -103,12 +103,13 @@ def planned(
     pixels: np.ndarray | None = None,
     *,
     whole: bool = True,
+    top: float = math.nan,
     first_pass: np.ndarray | None = None,
     **others: Any,
 ) -> tuple[Planner, FakeSightings]:
-    follower: Any = FakeFollower(shown, whole)
+    follower: Any = FakeFollower(shown, whole, top)
     seen: Any = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
-    learner: Any = SimpleNamespace(follower=SimpleNamespace(floor=None))
+    learner: Any = SimpleNamespace(follower=SimpleNamespace(floor=-1.0))
     first = rows(0.5 * np.pi) if first_pass is None else first_pass
     planner = Planner(learner, follower, seen, TIMES, ("all",), SMALLEST, BODY, first, **others)
     for _ in planner.run():
@@ -152,9 +153,15 @@ def test_the_heading_is_that_of_the_votes_of_all_frames() -> None:
     np.testing.assert_allclose(planner.plan.heading, heading(0.0 * faced, faced))
 
 
-@pytest.mark.parametrize(("whole", "relearn", "learnt"), [(True, True, 0), (False, False, 0), (False, True, 1)])
-def test_sizes_are_searched_only_for_a_person_who_is_cut_off_in_every_keyframe(
-    whole: bool, relearn: bool, learnt: int, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("whole", "above", "relearn", "learnt"),
+    [
+        (True, math.nan, True, 0), (False, math.nan, False, 0), (False, math.nan, True, 1),
+        (True, 0.1, True, 0), (True, -0.6, True, 0), (True, 0.2, True, 1), (True, 0.2, False, 0),
+    ],
+)  # fmt: skip
+def test_sizes_are_searched_for_a_person_who_is_cut_off_in_every_keyframe_or_whose_head_is_too_high(
+    whole: bool, above: float, relearn: bool, learnt: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     searched = []
 
@@ -164,7 +171,8 @@ def test_sizes_are_searched_only_for_a_person_who_is_cut_off_in_every_keyframe(
         return BODY
 
     monkeypatch.setattr(Planner, "_own_body", own_body)
-    plan = planned(np.arange(0, 60), np.ones(400), whole=whole, relearn=relearn)[0].plan
+    top = BODY.height - 1.0 + above  # the floor is at -1
+    plan = planned(np.arange(0, 60), np.ones(400), whole=whole, top=top, relearn=relearn)[0].plan
     assert len(searched) == learnt and plan is not None and plan.relearned == bool(learnt)
 
 

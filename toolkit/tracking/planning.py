@@ -23,7 +23,7 @@ from toolkit.tracking.frame_detection import NOTHING_FOUND, FrameDetector
 from toolkit.tracking.heading import directions_faced, directions_walked, heading, heading_disagreement, weighed
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import State, body_of, body_state
-from toolkit.tracking.stature import StatureBelief, height_stood, statures_of
+from toolkit.tracking.stature import StatureBelief, height_stood, is_refuted, statures_of
 from toolkit.tracking.trajectory_choice import Direction
 from toolkit.tracks import TRACKED
 
@@ -144,7 +144,8 @@ class Planner:
     stages : names of the followers' stages
     smallest : measured points below which a sighting is not used
     body : the person's own, from the first pass
-    relearn : search sizes and learn the body again if the person is truncated or occluded in every keyframe
+    relearn : search sizes and learn the body again if the person is truncated or occluded in every keyframe, or far
+        smaller than the height of the head
     first_pass : rows (T,) of the first pass, with the track's columns
     """
 
@@ -178,10 +179,11 @@ class Planner:
         self._heading = heading(walked, faced)
         moments_tried = 4  # frames with most visible joints, on which sizes are tried: one frame may mislead
         moments = survey.best(moments_tried, int(usable[0]), int(usable[-1]), self._timestamps)
-        relearned = self._relearn and not survey.whole[np.isin(survey.frames, moments)].any()
-        body = self._body
+        stood, body = height_stood(survey.tops, self._learner.follower.floor), self._body
+        whole = bool(survey.whole[np.isin(survey.frames, moments)].any())
+        relearned = self._relearn and (not whole or is_refuted(body.height, stood))
         if relearned:
-            body = yield from self._own_body(moments, usable, height_stood(survey.tops, self._learner.follower.floor))
+            body = yield from self._own_body(moments, usable, stood)
         stretches = tuple(
             Stretch(first, last, self._keyframes(survey, first, last, moments if relearned else []))
             for first, last in times_in_sight(usable, self._timestamps)

@@ -24,6 +24,10 @@ COST_PER_LOG_ODDS = 0.004
 """Metres of distance from a frame per natural unit of information about the size: neighbouring sizes of a person
 truncated at the waist differ by as much by chance.
 """
+UPRIGHT = 0.15
+"""Metres by which a stature may differ from the height of the head: if nearer, the person stood and this is the
+stature; if farther, the person sat or was occluded.
+"""
 SIZE_COST_SPREAD = 0.03
 """Metres by which a frame may fit a body of another size better than the person's."""
 
@@ -106,12 +110,14 @@ def statures_of(stood: float, likely: float) -> tuple[float, float]:
     """Return the range of statures, metres, of a person whose head was at the height `stood` with the `likely` stature;
     a seated person may have any.
     """
-    # Metres by which a stature may differ from the height of the head: if nearer, the person stood and this is the
-    # stature; if farther, the person sat or was occluded.
-    upright = 0.15
     # Metres by which a walking person may be taller than the head's height: the knees are bent.
     bent_stature_spread = 0.04
-    return (stood, stood + bent_stature_spread) if abs(likely - stood) < upright else (0.0, math.inf)
+    return (stood, stood + bent_stature_spread) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
+
+
+def is_refuted(stature: float, stood: float) -> bool:
+    """Return True if a stature is far below the head's height `stood` above the floor, both in metres."""
+    return stood - stature > UPRIGHT
 
 
 @dataclass(frozen=True)
