@@ -49,6 +49,18 @@ def test_equal_frames_are_estimated_once(cloud: Cloud) -> None:
     assert not np.array_equal(network.estimate(nearer).points, first.points)
 
 
+def test_specks_far_behind_a_person_are_left_out_and_nearer_ones_are_kept(cloud: Cloud) -> None:
+    estimate, depth = joint_network.joint_network().estimate, cloud.depth.copy()
+    v, u = np.argwhere(depth == 0)[0] + 4
+    depth[v : v + 3, u : u + 3] = 3.2
+    behind = estimate(Cloud.from_depth(depth, cloud.camera, cloud.rotation))
+    np.testing.assert_array_equal(behind.points, estimate(cloud).points)
+    depth[v : v + 3, u : u + 3] = 2.6
+    np.testing.assert_array_equal(joint_network.without_specks(depth, cloud.camera.intrinsics), depth)
+    depth[:] = 0.0
+    np.testing.assert_array_equal(joint_network.without_specks(depth, cloud.camera.intrinsics), depth)
+
+
 def test_a_mirrored_image_has_mirrored_joints(cloud: Cloud) -> None:
     estimate = joint_network.joint_network().estimate
     c = cloud.camera
