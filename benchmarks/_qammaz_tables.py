@@ -3,23 +3,19 @@
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from benchmarks._papers import published
 from benchmarks._record import Benchmark, benchmark, show
-from benchmarks._rows import DATABASE, make_tracker, swarm_settings
+from benchmarks._rows import DATABASE, swarm_settings
 from benchmarks._swarm_runs import Tracked, follow, swarm_figures
 from benchmarks._takes import scanned, sequence
-from benchmarks.all import PACKAGED
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.sequences import FRAMES, SEQUENCES, sequence_body
 from tests.support.suite import WORK
 from toolkit.app.config import parse_overrides
-from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.evaluation.joint_errors import CURVE, accuracy
@@ -39,10 +35,6 @@ BUDGETS = (16, 32, 64, 128)
 """Numbers of particles, and of generations (Fig. 3)."""
 TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints")
 PRIMITIVES = {"discrepancy.figure": "balls"}
-SECOND_VIEW = 60.0
-"""Angle between the two cameras of Fig. 6, degrees (the paper: wide baseline)."""
-CENTRES = {"neck": ("shoulder",), "pelvis": ("hip",), "spine": ("shoulder", "hip")}
-"""Joints that no detector reports -> the joints of both sides whose mean replaces them."""
 
 
 class Bench:
@@ -64,9 +56,9 @@ class Bench:
         """Return the scanned body of a subject."""
         return scanned(name, self.work)
 
-    def recording(self, name: str, yaw: float = 0.0) -> Recording:
-        """Return a sequence with its image joints, seen from the front or by another camera."""
-        return sequence(name, "colour", self.work, self.frames, yaw)
+    def recording(self, name: str) -> Recording:
+        """Return a sequence with its image joints."""
+        return sequence(name, "colour", self.work, self.frames)
 
     def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> None:
         """Track sequences with the settings of a row; store and print the figures as `label`.
@@ -158,67 +150,6 @@ def budget(bench: Bench) -> None:
     bench.figures["over generations"] = {"generations": list(BUDGETS), **deltas}
 
 
-def cameras(bench: Bench) -> None:
-    """Measure this tracker beside a tracker of depth alone, with one and with two cameras, and beside joints in two
-    colour images (Fig. 6).
-    """
-    bench.row("qammaz", "qammaz", bench.names)
-    runs = []
-    for name in bench.names:
-        neutral = load_body("neutral")
-        bench.row(name, "qammaz", [name], neutral.scaled(sequence_body(name).height / neutral.height), **PRIMITIVES)
-        runs += bench.runs[name]
-        del bench.figures[name]
-    bench.store("qammaz with balls", runs)
-    views = [[(name, yaw) for yaw in (0.0, SECOND_VIEW)] for name in bench.names]
-    tracked = [[_by_depth(bench, *view) for view in pair] for pair in views]
-    bench.store("depth, one camera", [first for first, _ in tracked])
-    bench.store("depth, two cameras", [_mean_of(*pair) for pair in tracked])
-    seen = [[bench.recording(*view) for view in pair] for pair in views]
-    bench.store("joints, two cameras", [Tracked(triangulated(pair), pair[0].joints) for pair in seen])
-    bench.accuracy([label for label in bench.runs if label not in bench.names])
-
-
-def _by_depth(bench: Bench, name: str, yaw: float) -> Tracked:
-    """Track a sequence with the hybrid tracker, whose database has no actor of the sequences, without colour."""
-    recording = sequence(name, "none", bench.work, bench.frames, yaw)
-    return follow(make_tracker("hybrid", Path(PACKAGED)), recording)
-
-
-def _mean_of(first: Tracked, second: Tracked) -> Tracked:
-    """Return the means of joints that two cameras give, in the frame of the first one."""
-    rotation, translation = between(second.truth, first.truth)
-    return Tracked(0.5 * (first.joints + second.joints @ rotation.T + translation), first.truth)
-
-
-def between(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return rotation (3, 3) and translation (3,), metres, from one camera to another, by the true joints in both."""
-    a, b = source.reshape(-1, 3).astype(float), target.reshape(-1, 3).astype(float)
-    rotation = Rotation.align_vectors(b - b.mean(axis=0), a - a.mean(axis=0))[0].as_matrix()
-    return rotation, b.mean(axis=0) - rotation @ a.mean(axis=0)
-
-
-def triangulated(views: Sequence[Recording]) -> np.ndarray:
-    """Return the joints with the smallest squared distances to the rays of their pixels, (T, 20, 3), metres.
-
-    They are in the frame of the first camera. Distances are weighted by the detector's confidence.
-    """
-    matrix, right = np.zeros((3, 3)), np.zeros(3)
-    for view in views:
-        rotation, place = between(view.joints, views[0].joints)
-        u, v, confidence = np.moveaxis(view.image_joints[0].astype(float), -1, 0)
-        camera = view.camera
-        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
-        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ rotation.T
-        across = confidence[..., None, None] * (np.eye(3) - rays[..., :, None] * rays[..., None, :])
-        matrix, right = matrix + across, right + across @ place
-    joints: np.ndarray = np.linalg.solve(matrix, right[..., None])[..., 0]
-    for name, parts in CENTRES.items():
-        both = [skeleton.REPORTED.index(f"{side}_{part}") for part in parts for side in ("left", "right")]
-        joints[:, skeleton.REPORTED.index(name)] = joints[:, both].mean(axis=1)
-    return joints
-
-
 def table(measure: Callable[[Bench], None], sequences: str, frames: int) -> Benchmark:
     """Return the benchmark of a table with its own sequences and frames of each, a third of each motion."""
 
@@ -238,6 +169,5 @@ TABLES = {
     "table3": table(table3, "MS_1", 60),
     "budget": table(budget, "MS_1", 30),
     "models": table(models, ALL, FRAMES),
-    "cameras": table(cameras, ALL, 60),
 }
 """Part -> benchmark."""

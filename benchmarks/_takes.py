@@ -64,9 +64,9 @@ TURNS = (0.0, 90.0, 180.0, 270.0)
 """Yaws of the four views of a scan, degrees to the left."""
 
 
-def sequence(name: str, source: str, work: Path, frames: int, yaw: float = 0.0) -> Recording:
+def sequence(name: str, source: str, work: Path, frames: int) -> Recording:
     """Return a sequence of `frames` frames with image joints from `source`; see `with_joints`, `record_sequence`."""
-    return with_joints(record_sequence(name, work, frames, yaw), source, work)
+    return with_joints(record_sequence(name, work, frames), source, work)
 
 
 def view_of(name: str, degrees: float, work: Path) -> Path:

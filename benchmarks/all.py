@@ -54,7 +54,6 @@ COMMANDS: dict[str, str] = {
     "qammaz_table2": "swarm table2 --sequences MS_1,FS_1",
     "qammaz_table3": "swarm table3 --sequences MS_1 --frames 60",
     "qammaz_budget": "swarm budget --sequences MS_1 --frames 30",
-    "qammaz_cameras": "swarm cameras --frames 60",
     "scan": "swarm scan",
     "realsense": "joints followed --rows 'swarm,hybrid,not told' --database {database}",
     "upper_real": f"upper track --real --database {PACKAGED}",

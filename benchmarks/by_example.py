@@ -14,9 +14,8 @@ decoys : the same with the mirror images of all clips of one-sided classes, whic
 UTD-MHAD : 27 actions by 2 subjects (Kinect skeletons), each clip a document and an example; the costs of places and
     durations were chosen on subjects 1 and 3, subjects 5 and 7 are reported
 
-Methods: DTW of joint positions (without root position, heading and size), DTW of the booleans, DTW of graded features,
-the same with weights from the example, the same in two steps, and with the places of the limbs in the second step
-(`depthmocap search --by-example`). All DTW has the same steps.
+Methods: DTW of joint positions (without root position, heading and size), DTW of the booleans, and
+`depthmocap search --by-example`. All DTW has the same steps.
 """
 
 import argparse
@@ -39,15 +38,15 @@ from scipy.io import loadmat
 from benchmarks._keyframe_corpus import FILLER_SECONDS, FILLER_SHARE, SYMMETRIC, halves, load_examples, load_filler
 from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor, script
 from tests.support.bootstrap import paired_bootstrap
-from toolkit.kernels.motion.graded import distinct_hits, graded_distances
+from toolkit.kernels.motion.graded import distinct_hits
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
 from toolkit.retrieval.annotation.training import CutClip
-from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
+from toolkit.retrieval.features.grades import SCALES, grade
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
 from toolkit.retrieval.features.places import places_of, spread
-from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, MIRROR, FeatureMatrix, relational_features
+from toolkit.retrieval.features.relational import FEATURE_RATE, MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search import example as shipped
 from toolkit.retrieval.templates import QuantisedTemplate
@@ -183,11 +182,7 @@ def joined(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:
     """Return the best hits of a distance function that was computed document by document."""
     cost = np.concatenate([costs for costs, _ in results]).astype(np.float32)
     start = np.concatenate([starts for _, starts in results]).astype(np.int32)
-    return hits_of(cost, start, np.cumsum([0, *(len(costs) for costs, _ in results)]))
-
-
-def hits_of(cost: np.ndarray, start: np.ndarray, edges: np.ndarray) -> list[Hit]:
-    """Return the best hits of costs and first frames by last frame, of documents between edges."""
+    edges = np.cumsum([0, *(len(costs) for costs, _ in results)])
     found = distinct_hits(cost, start, edges, np.inf, MOST)
     return [(float(cost[edges[d] + last]), int(d), int(first), int(last) + 1) for d, first, last in found]
 
@@ -196,7 +191,6 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
     """Return all methods on a corpus, by the names of the table."""
     placed = [positions(motion) for motion in corpus.motions]
     numbers = {name: number for number, name in enumerate(corpus.index.names)}
-    unplaced = replace(corpus.index, places=np.zeros_like(corpus.index.places))
 
     def of_matches(matches: Sequence[Any]) -> list[Hit]:
         return [
@@ -211,20 +205,9 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
         template = QuantisedTemplate(example.values.astype(np.int8), np.ones(len(example)))
         return joined([template.distance(document.words) for document in corpus.features])
 
-    def by_grades(example: FeatureMatrix, weights: np.ndarray) -> list[Hit]:
-        template = np.ascontiguousarray(example.grades.T, dtype=np.float32)
-        scaled = (weights / (2.0 * FULL * len(template))).astype(np.float32)
-        edges = corpus.index.document_starts
-        return hits_of(*graded_distances(template, scaled, corpus.index.grades, edges), edges)
-
     return {
         "DTW of positions": by_positions,
         "DTW of booleans": by_booleans,
-        "DTW of grades": lambda example, _: by_grades(example, np.full(len(FEATURES), 1 / len(FEATURES))),
-        "DTW of weighted grades": lambda example, _: by_grades(example, importance(example.grades)),
-        "the same in two steps": lambda example, _: of_matches(
-            shipped.search_example(unplaced, shipped.SearchExample.of(replace(example, placed=None)), MOST)
-        ),
         "with places of limbs (shipped)": lambda example, _: of_matches(
             shipped.search_example(corpus.index, shipped.SearchExample.of(example), MOST)
         ),

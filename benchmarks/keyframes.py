@@ -19,7 +19,7 @@
 import argparse
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -36,8 +36,8 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, r
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
-from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, TrainingSet, evolve
-from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, query_of, training_clips
+from toolkit.retrieval.learning.genetic import GeneticSettings, Individual, TrainingSet, evolve
+from toolkit.retrieval.learning.queries import LearningSettings, learn, training_clips
 from toolkit.retrieval.search.find import HitRanges, find, pieces
 from toolkit.retrieval.templates import MotionTemplate
 
@@ -50,14 +50,11 @@ ALTERNATIVES = {"1 per class": (1, False), "5 per class, tight": (5, True)}
 """Queries per class that are combined (a hit of any counts), and whether their distances are tightened."""
 REPEATS = 20
 """Searches per query; the median counts."""
-UNSPECIFIC = 8
-"""Queries of random template columns per class, which process many more segments than learned ones."""
 
 
-def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
-    """Return the median time of a search and the number of segments in its inverted lists."""
-    milliseconds = float(np.median(milliseconds_of(lambda: find(index, query), REPEATS)))
-    return {"milliseconds": milliseconds, "segments": find(index, query).processed}
+def median_ms(index: KeyframeIndex, query: KeyframeQuery) -> float:
+    """Return the median time of a search, milliseconds."""
+    return float(np.median(milliseconds_of(lambda: find(index, query), REPEATS)))
 
 
 class Truth:
@@ -111,8 +108,7 @@ class Truth:
 
 def judged(index: KeyframeIndex, truth: Truth, queries: Sequence[KeyframeQuery]) -> dict[str, Any]:
     """Return all figures of queries of a class together."""
-    timings = [timed(index, query) for query in queries]
-    row: dict[str, Any] = {key: sum(timing[key] for timing in timings) for key in timings[0]}
+    row: dict[str, Any] = {"milliseconds": sum(median_ms(index, query) for query in queries)}
     row["relevant"] = truth.relevant
     for name, factor in (("hits", 0.0), ("motions", 1.0)):
         row[f"left_{name}"], row[f"touched_{name}"], row[f"half_{name}"] = truth.quality(
@@ -144,28 +140,6 @@ def through_file(documents: Sequence[Document]) -> KeyframeIndex:
         return KeyframeIndex.open(path)
 
 
-def line_through_origin(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
-    """Return the slope (ms per segment) of time over segments, and the correlation of the two."""
-    segments = np.array([row["segments"] for row in rows], dtype=float)
-    times = np.array([row["milliseconds"] for row in rows])
-    return float(segments @ times / (segments @ segments)), float(np.corrcoef(segments, times)[0, 1])
-
-
-def rotate(
-    together: dict[str, list[dict[str, Any]]], timings: list[dict[str, Any]], index: KeyframeIndex,
-    documents: Sequence[Document], learned: Mapping[str, LearnedQuery], actor: str, rng: np.random.Generator,
-) -> None:  # fmt: skip
-    """Search the documents of one actor with queries of the others, and add the figures."""
-    for label, result in learned.items():
-        for name, (number, tight) in ALTERNATIVES.items():
-            row = judged(index, Truth(documents, label, actor), result.alternatives(number, tight))
-            together.setdefault(name, []).append(row)
-        timings.extend(timed(index, query) for query in result.alternatives(1))
-        breeder = Breeder(result.template, rng)
-        random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
-        timings.extend(timed(index, query) for query in random)
-
-
 @benchmark(data=Path, runs=24, frames=FRAMES)
 def search(options: argparse.Namespace) -> tuple[str, Any]:
     """Search with queries of actors not trained on."""
@@ -176,7 +150,6 @@ def search(options: argparse.Namespace) -> tuple[str, Any]:
     documents = [document for each in made for document in each]
     index = through_file(documents)
     together: dict[str, list[dict[str, Any]]] = {}
-    timings: list[dict[str, Any]] = []
     pin_to_one_processor()
     for actor, seen, _ in corpus.left_out(clips):
         counterexamples = [
@@ -185,13 +158,11 @@ def search(options: argparse.Namespace) -> tuple[str, Any]:
             for document in corpus.make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng)
         ]
         learned = corpus.learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
-        rotate(together, timings, index, documents, learned, actor, rng)
-    slope, correlation = line_through_origin(timings)
-    return "keyframe_search", {
-        "together": {name: summary(rows) for name, rows in together.items()},
-        "nanoseconds_per_segment": 1e6 * slope,
-        "correlation_of_time_and_segments": correlation,
-    }
+        for label, result in learned.items():
+            for name, (number, tight) in ALTERNATIVES.items():
+                row = judged(index, Truth(documents, label, actor), result.alternatives(number, tight))
+                together.setdefault(name, []).append(row)
+    return "keyframe_search", {"together": {name: summary(rows) for name, rows in together.items()}}
 
 
 @benchmark(data=Path, runs=24)
@@ -212,7 +183,7 @@ def manual(options: argparse.Namespace) -> tuple[str, Any]:
             truth, motions = Truth(documents, query.label), pieces(index, query, find(index, query), 1.0)
             left, recall, _ = truth.quality([motions])
             row = {"precision": truth.precision(motions), "recall": recall, "left": left}
-            classes.setdefault(query.label, {})[kind] = timed(index, query) | row
+            classes.setdefault(query.label, {})[kind] = {"milliseconds": median_ms(index, query)} | row
     means = {kind: means_of([classes[label][kind] for label in classes]) for kind in queries}
     return "keyframe_manual", {"together": means, "classes": classes}
 

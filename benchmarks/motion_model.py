@@ -8,8 +8,8 @@ Two sets of documents, put together from cut clips:
 easy : blended joins, filler
 hard : joins of at most 0.1 s, filler, and the mirror images of all clips of one-sided classes, which belong to none
 
-The same documents are annotated by the model without motions of no class, by the thesis's motion templates with a
-learned threshold, and by models of fewer people and fewer clips. Counterexamples at other speeds, no
+The same documents are annotated by the model without motions of no class, and by the thesis's motion templates with a
+learned threshold. Counterexamples at other speeds, no
 grouping by person and the thresholds per class were chosen with the three rotations in view, so a new set has to
 confirm the figures.
 """
@@ -37,10 +37,8 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.search_files import by_class
 
 SETS = {"easy": False, "hard": True}
-SHARES = (0.34, 0.67, 1.0)
-"""Fractions of the clips of each class and training actor, for the curve."""
-ONE, TWO = "one person, 100 % of the clips", "motion model"
-"""Rows between which the curve gains its second person."""
+MODEL = "motion model"
+"""Row of the model itself."""
 DOUBT = 0.8
 """Maximum doubt of a search for classes."""
 DRAWS = 2000
@@ -108,15 +106,6 @@ def search_scores(total: np.ndarray) -> list[dict[str, float]]:
     return [{"doubt": DOUBT, **shares}]
 
 
-def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
-    """Return the first clips of each class and person, at least one."""
-    kept: list[CutClip] = []
-    for own in corpus.by_label(clips).values():
-        for _, _, of_person in corpus.left_out(own):
-            kept += of_person[: max(1, round(share * len(of_person)))]
-    return kept
-
-
 def interval(rows: Sequence[dict[str, Any]], key: str) -> tuple[float, float]:
     """Return the 95 % interval of F by a bootstrap over left-out people and seeds."""
     counts = np.array([[r[key].right_found, r[key].found, r[key].right_true, r[key].true] for r in rows])
@@ -134,21 +123,6 @@ def scores_of(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[float]]:
-    """Return the gain in F by a second training person per person left out, relative to the mean of both alone, over
-    all seeds.
-
-    Rows of `results` are in the order of seeds, people left out and, where one person teaches, who that is.
-    """
-    gains: dict[str, list[float]] = {}
-    for key in ("frames", "segments"):
-        alone, both = (np.array([row[key].f for row in results[name]]) for name in (ONE, TWO))
-        seeds = len(both) // len(corpus.ACTORS)
-        per_seed = both.reshape(seeds, -1) - alone.reshape(seeds, len(corpus.ACTORS), -1).mean(axis=2)
-        gains[key] = per_seed.mean(axis=0).tolist()
-    return gains
-
-
 class Measured(NamedTuple):
     """Results of each annotator and of searches per set of documents; seconds of training, and minutes annotated per
     second, of each model.
@@ -162,18 +136,9 @@ class Measured(NamedTuple):
 
 def annotators_of(seen: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> dict[str, Annotate]:
     """Return all annotators but the model itself, by row."""
-    found: dict[str, Annotate] = {}
-    found["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
+    found: dict[str, Annotate] = {"without motions of no class": train(seen, [], np.random.default_rng(seed)).annotate}
     if seed == 0:
         found["motion templates"] = templates(seen, filler, seed).annotate
-    for share in SHARES:
-        for other, _, own in corpus.left_out(seen):
-            chosen = thinned(own, share)
-            row = f"one person, {100 * share:.0f} % of the clips ({other})"
-            found[row] = train(chosen, filler, np.random.default_rng(seed)).annotate
-    for share in SHARES[:-1]:
-        few = train(thinned(seen, share), filler, np.random.default_rng(seed))
-        found[f"two people, {100 * share:.0f} % of the clips"] = few.annotate
     return found
 
 
@@ -194,22 +159,21 @@ def rotate(
     for name, part in documents.items():
         measured.searched[name] += found_by_search(model, part)
         begin = time.process_time()
-        measured.rows[name].setdefault(TWO, []).append(scores_on(model.annotate, part, labels))
+        measured.rows[name].setdefault(MODEL, []).append(scores_on(model.annotate, part, labels))
         spent = max(time.process_time() - begin, 1e-9)
         minutes = sum(document.features.duration for document in part) / 60.0
         measured.annotated.append(minutes / spent)
         for row, annotate in others.items():
-            measured.rows[name].setdefault(row.split(" (")[0], []).append(scores_on(annotate, part, labels))
+            measured.rows[name].setdefault(row, []).append(scores_on(annotate, part, labels))
 
 
 def figures_of(measured: Measured, name: str, labels: Sequence[str]) -> dict[str, Any]:
     """Return all figures of one set of documents, and draw the confusion matrix."""
     results = measured.rows[name]
     figures: dict[str, Any] = {row: scores_of(found) for row, found in results.items()}
-    figures["classes"] = {label: sum((r["classes"][label] for r in results[TWO]), NOTHING).f for label in labels}
-    figures["second_person"] = second_person(results)
+    figures["classes"] = {label: sum((r["classes"][label] for r in results[MODEL]), NOTHING).f for label in labels}
     figures["search"] = search_scores(measured.searched[name])
-    table, names = sum(row["confusion"] for row in results[TWO]), [*labels, "no class"]
+    table, names = sum(row["confusion"] for row in results[MODEL]), [*labels, "no class"]
     figures["confusion"] = {"labels": names, "frames": table}
     plot_confusion(table, names, RESULTS / f"motion_model_{name}.jpg", f"HDM05, {name}, frames")
     return figures

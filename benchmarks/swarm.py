@@ -3,13 +3,10 @@
 - `suite [--split report] [--joints colour|depth|truth]`: the simulated suite. No database, no pose, no shape is given:
   the recording, and joints in the image, which the network finds in colour or in the shaded depth (`depthmocap joints
   --fetch`), or which are the true ones with the errors of such a network (`truth`, `tests/support/image_joints.py`).
-- `sequences`, `table2`, `table3`, `budget`, `models`, `cameras`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
+- `sequences`, `table2`, `table3`, `budget`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
   `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (Table 2, Fig. 5); a plain and a
   perturbed swarm over the weight of the depth term (Table 3, Fig. 4); particles and generations (Fig. 3); each sequence
-  with the bodies scanned from all four subjects, with balls and with the neutral body (Table 4); other methods, also
-  with two cameras (Fig. 6): the hybrid tracker on depth alone, the mean of two such tracks, and joints of the network
-  triangulated from the colour images of two cameras. The second camera is simulated 60 degrees to the side, and is
-  calibrated by the true joints.
+  with the bodies scanned from all four subjects, with balls and with the neutral body (Table 4).
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 
 Delta is the mean distance of the joints, not capped; A(t) the share of them within t millimetres. In the sequences the
