@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from toolkit.io.files import save_json
 
@@ -153,14 +152,6 @@ def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
         },
     )
     return path
-
-
-def save_jpeg(path: Path, picture: np.ndarray) -> None:
-    """Write an RGB picture, uint8 (H, W, 3), as a small JPEG of at most 1,600 columns."""
-    image = Image.fromarray(picture)
-    if image.width > 1600:
-        image = image.resize((1600, round(image.height * 1600 / image.width)))
-    image.save(path, quality=78, optimize=True)
 
 
 @contextmanager

@@ -1,6 +1,8 @@
-"""Recordings of the simulated suite and of Qammaz's four sequences with image joints."""
+"""Recordings of the simulated suite and of Qammaz's four sequences with image joints, and the errors of a tracker."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from tests.support.casting import Scene
 from tests.support.image_joints import detected
 from tests.support.scenes import record_scene
 from tests.support.sequences import DISTANCE, record_sequence, sequence_body
+from tests.support.solo import Solo
 from tests.support.suite import digest_of
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.app.pipeline.scan import VIEW_FRAMES, scan_recordings
@@ -21,6 +24,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
+from toolkit.tracking.tracker_protocol import Tracker
 
 SOURCES = ("colour", "depth", "truth", "none")
 """Sources of joints: network on colour or shaded depth, true joints with errors of the network, none."""
@@ -58,6 +62,35 @@ def with_joints(path: Path, source: str, work: Path, seed: int = 0) -> Recording
 def joints_of(recording: Recording, i: int) -> tuple[Joints2D, ...]:
     """Return the image joints of the frame itself."""
     return () if recording.image_joints is None else recording.joints_2d(i)
+
+
+class Tracked(NamedTuple):
+    """Distances to the true joints (T, 20), metres, and milliseconds of each frame (T,), of one recording."""
+
+    errors: np.ndarray
+    milliseconds: np.ndarray
+
+
+def follow(tracker: Tracker, recording: Recording) -> Tracked:
+    """Track a recording."""
+    solo = Solo(tracker, recording)
+    results = [
+        solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
+        for i in range(len(recording))
+    ]
+    errors = np.linalg.norm(np.array([r.joints for r in results]) - recording.joints, axis=2)
+    return Tracked(errors, np.array([r.stage_ms.sum() for r in results]))
+
+
+def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
+    """Return means over recordings; times over frames, without the first of each."""
+    errors = [t.errors for t in tracked]
+    figures = {"delta_mm": 1000.0 * float(np.mean([e.mean() for e in errors]))}
+    for limit in (50, 80, 100):
+        figures[f"a{limit}"] = float(np.mean([(e < limit / 1000.0).mean() for e in errors]))
+    times = np.concatenate([t.milliseconds[1:] for t in tracked])
+    figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
+    return figures
 
 
 TURNS = (0.0, 90.0, 180.0, 270.0)

@@ -16,15 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import RESULTS, benchmark, drawn, script
-from benchmarks._rows import (
-    DATABASE,
-    ROWS,
-    TAKES,
-    figures_of,
-    make_tracker,
-    poses_of,
-    track_each,
-)
+from benchmarks._rows import DATABASE, ROWS, TAKES, figures_of, make_tracker, poses_of, track_each
 from benchmarks._takes import is_right
 from tests.support.casting import Scene
 from tests.support.scenes import record_scene
@@ -67,8 +59,6 @@ def confidence_bins(tracks: Sequence[Track], truths: Sequence[np.ndarray]) -> li
         {
             "joints": int((number == i).sum()),
             "mean": float(confidence[number == i].mean()),
-            "median_mm": 1000 * float(np.median(errors[number == i])),
-            "p90_mm": 1000 * float(np.percentile(errors[number == i], 90)),
             "within": float((errors[number == i] <= WITHIN).mean()),
         }
         for i in np.unique(number)
@@ -99,26 +89,9 @@ def plot_rows(rows: Mapping[str, Any], path: Path) -> None:
         axes.legend(frameon=False)
 
 
-def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
-    """Plot error, and fraction of joints within 100 mm, against confidence."""
-    mean, median, p90, within, joints = (
-        np.array([own[key] for own in bins]) for key in ("mean", "median_mm", "p90_mm", "within", "joints")
-    )
-    with drawn(path, (9, 3.6), 1, 2) as (left, right):
-        left.plot(mean, median, "o-", color="black", label="median")
-        left.plot(mean, p90, "o--", color="0.5", label="90th percentile")
-        left.set(xlabel="confidence", ylabel="error of the joint, mm", xlim=(0, 1), ylim=(0, None))
-        left.legend(frameon=False)
-        right.bar(mean, 100 * joints / joints.sum(), 0.02, color="0.85", label="fraction of all joints")
-        right.plot(mean, 100 * within, "o-", color="black", label="within 100 mm")
-        right.plot([0, 1], [0, 100], ":", color="0.5")
-        right.set(xlabel="confidence", ylabel="%", xlim=(0, 1), ylim=(0, 101))
-        right.legend(frameon=False)
-
-
 @benchmark(TAKES, DATABASE, rows=",".join(ROWS))
 def accuracy(options: argparse.Namespace) -> tuple[str, Any]:
-    """Track and evaluate the suite by each row, and write plots."""
+    """Track and evaluate the suite by each row, and write the plot."""
     chosen, overrides = chosen_takes(options.split, GROUPS, options.takes), parse_overrides(options.set)
     paths = [record_scene(take, options.work, options.frames) for take in chosen]
     truths = [open_recording(path).joints for path in paths]
@@ -136,8 +109,6 @@ def accuracy(options: argparse.Namespace) -> tuple[str, Any]:
     first = "accuracy" if "hybrid" in figures["rows"] else options.rows.split(",")[0]
     stem = f"{first}_{options.split}"
     plot_rows(figures["rows"], RESULTS / f"{stem}{options.suffix}.jpg")
-    if figures["confidence"]:
-        plot_confidence(figures["confidence"], RESULTS / f"{stem}{options.suffix}_confidence.jpg")
     return stem, figures
 
 

@@ -23,20 +23,23 @@ from typing import Any
 import numpy as np
 
 from benchmarks import _keyframe_corpus as corpus
-from benchmarks._events import live_events
 from benchmarks._record import RESULTS, benchmark, milliseconds_of, script
+from benchmarks._rows import SPLIT
+from tests.support.labelled import SEQUENCES, class_clips, perform
 from toolkit.retrieval.annotation.annotation_report import plot_annotation
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotation, Annotator, DecisionSettings, Intervals
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document, assemble, shuffled_parts
-from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.annotation.preselection import preselect
 from toolkit.retrieval.annotation.training import CutClip
-from toolkit.retrieval.features.motion import Motion
+from toolkit.retrieval.features.motion import Motion, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearningSettings
+from toolkit.retrieval.workflow.learn import learn_templates
 
 CLIPS_PER_DOCUMENT, SEED = 12, 0
 MINUTES, REPEATS = 74.0, 5
@@ -203,6 +206,45 @@ def thesis(options: argparse.Namespace) -> tuple[str, Any]:
     }
     figures["hdm05"]["features"] = features_of(eleven)
     return "annotation", figures
+
+
+@benchmark(SPLIT, threshold=0.06)
+def live_events(options: argparse.Namespace) -> tuple[str, Any]:
+    """Annotate the sequences during tracking and as a whole, and compare."""
+    learned = learn_templates(class_clips(options.split))
+    classes = [replace(c, threshold=options.threshold) for c in learned]
+    whole = live = Scores(0, 0, 0, 0)
+    delays: list[float] = []
+    spent, frames = 0.0, 0
+    for sequence in SEQUENCES:
+        done = perform(sequence, options.split, filler=True)
+        clip = done.clip
+        features = relational_features(from_poses(clip.poses, done.body, clip.frame_rate, clip.name))
+        whole += segment_scores(done.segments, Annotator(classes).annotate(features).segments)
+        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate)
+        start, events = time.process_time(), list[Event]()
+        for pose, moment in zip(clip.poses, clip.timestamps, strict=True):
+            events += annotator.push(pose, float(moment))
+        spent, frames = spent + time.process_time() - start, frames + len(clip)
+        events += annotator.finish()
+        found = [Segment(e.start, e.end, e.label) for e in events]
+        live += segment_scores(done.segments, found)
+        delays += [_delay(event, done.segments) for event in events]
+    known = np.array([delay for delay in delays if np.isfinite(delay)])
+    figures: dict[str, Any] = {
+        "F segments, whole": whole.f,
+        "F segments, live": live.f,
+        "delay s, median": float(np.median(known)) if len(known) else None,
+        "delay s, 90 %": float(np.quantile(known, 0.9)) if len(known) else None,
+        "ms of processor per frame": 1000 * spent / frames,
+    }
+    return "events" + "_tune" * (options.split == "tune"), figures
+
+
+def _delay(event: Event, truth: tuple[Segment, ...]) -> float:
+    """Return the delay from the end of the matching true motion to the event, seconds; NaN without one."""
+    own = [s for s in truth if s.label == event.label and s.start < event.end and event.start < s.end]
+    return event.time - own[-1].end if own else float("nan")
 
 
 main = script(__name__, __doc__, {"thesis": thesis, "events": live_events})

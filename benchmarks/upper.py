@@ -18,14 +18,12 @@ from dataclasses import replace
 from functools import partial
 from itertools import count, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks import _upper as upper
-from benchmarks._record import RESULTS, benchmark, drawn, milliseconds_of, save_jpeg, script
+from benchmarks._record import RESULTS, benchmark, drawn, milliseconds_of, script
 from benchmarks._rows import DATABASE, TAKES, poses_of
-from benchmarks.scenes import frame_picture
 from tests.support.scenes import record_scene
 from tests.support.solo import Solo
 from tests.support.upper import GROUPS, upper_scenes
@@ -35,12 +33,61 @@ from toolkit.body import skeleton
 from toolkit.datasets.folder import data_folder
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.io.errors import DepthMocapError
-from toolkit.output.rendering.film import contact_sheet
 from toolkit.recordings.opening import open_recording
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.state import Previous
 from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import TRACKED, FrameResult
+
+NAMES = ("head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hand", "right_hand")
+JOINTS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in NAMES])
+"""Rows of the seven joints among the reported ones."""
+HANDS = slice(5, 7)
+"""Indices of the hands among the seven joints."""
+COLUMNS = 640
+"""Width of the image in which pixels are counted."""
+THRESHOLDS = tuple(range(0, 61, 10))
+"""Thresholds of the success rate in pixels (Fig. 10)."""
+BAD = 60.0
+"""Mean error of a wrong frame, pixels."""
+FAR = 100.0
+"""Error of a lost hand, pixels."""
+
+
+class UpperScore(NamedTuple):
+    """Errors (T, 7) of one recording, in pixels of 640x480 and mm, NaN for unknown truth; `tracked` is bool (T,)."""
+
+    pixels: np.ndarray
+    mm: np.ndarray
+    tracked: np.ndarray
+
+
+def pixel_errors(found: np.ndarray, truth_pixels: np.ndarray, camera: Camera) -> np.ndarray:
+    """Return distances (T, 7) of joints (T, 7, 3), camera frame, from image points (T, 7, 2), in pixels of 640x480."""
+    pixels = camera.project(found.reshape(-1, 3)).reshape(truth_pixels.shape)
+    return np.linalg.norm(np.nan_to_num(pixels, nan=1e4) - truth_pixels, axis=-1) * COLUMNS / camera.width
+
+
+def upper_figures(scores: Sequence[UpperScore]) -> dict[str, Any]:
+    """Return figures over recordings, by name: means over the recordings, `first_px` of their first tracked frames."""
+    if not scores:
+        return {}
+    pixels = np.concatenate([score.pixels for score in scores])
+    first = [score.pixels[int(np.argmax(score.tracked))] for score in scores if score.tracked.any()]
+    wrong = np.concatenate([np.nanmean(score.pixels, axis=1) > BAD for score in scores])
+    tracked = np.concatenate([score.tracked for score in scores])
+    return {
+        "upper_px": float(np.mean([np.nanmean(score.pixels) for score in scores])),
+        "median_px": float(np.nanmedian(pixels)),
+        "hands_px": float(np.mean([np.nanmean(score.pixels[:, HANDS]) for score in scores])),
+        "upper_mm": float(np.mean([score.mm.mean() for score in scores])),
+        "first_px": float(np.nanmean(first)) if first else None,
+        "hands_near": float(np.mean(pixels[:, HANDS] <= FAR)),
+        "wrong_tracked": float(tracked[wrong].mean()) if wrong.any() else 0.0,
+        "curve": {str(limit): float(np.mean(pixels <= limit)) for limit in THRESHOLDS},
+    }
+
 
 ROWS = "hybrid,lopez2011,particles"
 """Names of settings; `particles` adds local optimisation to `lopez2011`."""
@@ -59,12 +106,19 @@ def tracker_of(row: str, options: argparse.Namespace, **sensing: str) -> Tracker
     return TrackerRecipe(row, overrides, poses_of(options) if row == "hybrid" else None).build()
 
 
-def score_take(solo: Solo, recording: Recording, frames: int) -> upper.UpperScore:
-    """Return the score of a take."""
+def score_take(solo: Solo, recording: Recording, frames: int) -> UpperScore:
+    """Return the score of a take; all seven joints count.
+
+    A joint is off by `BAD` pixels at most twice over, so that a person not yet found does not decide alone.
+    """
     moments = recording.timestamps[:frames].tolist()
     results = [solo.step(recording.depth(i), moment) for i, moment in enumerate(moments)]
-    joints, states = (np.array([getattr(result, name) for result in results]) for name in ("joints", "state"))
-    return upper.score_upper(recording.name, joints, states, recording.joints[:frames], recording.camera)
+    found = np.array([result.joints for result in results])[:, JOINTS].astype(np.float64)
+    known, camera = recording.joints[:frames, JOINTS].astype(np.float64), recording.camera
+    pixels = camera.project(known.reshape(-1, 3)).reshape(*known.shape[:2], 2)
+    mm = 1000.0 * np.linalg.norm(found - known, axis=-1)
+    capped = np.minimum(pixel_errors(found, pixels, camera), 2 * BAD)
+    return UpperScore(capped, np.minimum(mm, 1000.0), np.array([result.state == TRACKED for result in results]))
 
 
 def wrong_arms(pose: np.ndarray, *, raised: bool) -> np.ndarray:
@@ -92,7 +146,7 @@ def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | N
             changed = replace(state, pose=wrong, previous=Previous.of_pose(state.body, wrong), memory=memory)
             solo.follower.state = changed
         joints = solo.step(recording.depth(i), float(recording.timestamps[i])).joints
-        error = 1000.0 * np.linalg.norm(joints[upper.ROWS] - recording.joints[i][upper.ROWS], axis=1).mean()
+        error = 1000.0 * np.linalg.norm(joints[JOINTS] - recording.joints[i][JOINTS], axis=1).mean()
         right = right + 1 if i >= DISTURBED and error < WITHIN else 0
         if right == LASTING:
             return i - DISTURBED - LASTING + 2
@@ -110,8 +164,8 @@ def annotated(file: str) -> dict[str, np.ndarray]:
     return found
 
 
-Shown = tuple[Recording, int, FrameResult, np.ndarray]
-"""Recording, frame, its result and the annotated points (7, 2)."""
+Shown = tuple[Recording, FrameResult, np.ndarray]
+"""Recording, result of a frame and its annotated points (7, 2)."""
 
 
 def stills(row: str, options: argparse.Namespace) -> dict[str, list[Shown]]:
@@ -120,7 +174,7 @@ def stills(row: str, options: argparse.Namespace) -> dict[str, list[Shown]]:
     for name, places in annotated("stills.json").items():
         recording = open_recording(DEPTH / "skeltrack" / f"depth-data-{name}", intrinsics=STILL_CAMERA)
         result = Solo(tracker_of(row, options, subject="nearest"), recording).step(recording.depth(0), 0.0)
-        found[name] = [(recording, 0, result, places)]
+        found[name] = [(recording, result, places)]
     return found
 
 
@@ -129,19 +183,19 @@ def seated(row: str, options: argparse.Namespace) -> dict[str, list[Shown]]:
     recording = open_recording(DEPTH / "realsense" / "images_n40")
     solo, places = Solo(tracker_of(row, options, segment=SEATED), recording), annotated("seated.json")
     results = [solo.step(recording.depth(i), float(recording.timestamps[i])) for i in range(len(recording))]
-    return {"seated": [(recording, int(i), results[int(i)], place) for i, place in places.items()]}
+    return {"seated": [(recording, results[int(i)], place) for i, place in places.items()]}
 
 
 def real_figures(found: Mapping[str, Sequence[Shown]]) -> dict[str, Any]:
     """Return the figures that need no metres."""
     scores = []
-    for name, frames in found.items():
-        joints = np.array([result.joints[upper.ROWS] for _, _, result, _ in frames], dtype=np.float64)
+    for frames in found.values():
+        joints = np.array([result.joints[JOINTS] for _, result, _ in frames], dtype=np.float64)
         truth, camera = np.array([places for *_, places in frames]), frames[0][0].camera
-        tracked = np.array([result.state == TRACKED for _, _, result, _ in frames])
-        errors = upper.pixel_errors(joints, truth, camera)
-        scores.append(upper.UpperScore(name, errors, np.full(errors.shape, np.nan), tracked))
-    return {name: value for name, value in upper.upper_figures(scores).items() if name != "upper_mm"}
+        tracked = np.array([result.state == TRACKED for _, result, _ in frames])
+        errors = pixel_errors(joints, truth, camera)
+        scores.append(UpperScore(errors, np.full(errors.shape, np.nan), tracked))
+    return {name: value for name, value in upper_figures(scores).items() if name != "upper_mm"}
 
 
 def take_figures(row: str, recordings: Sequence[Recording], options: argparse.Namespace) -> dict[str, Any]:
@@ -155,7 +209,7 @@ def take_figures(row: str, recordings: Sequence[Recording], options: argparse.Na
             continue
         if options.recovery:
             frames += [recovery(tracker, recording, raised=raised) for raised in (False, True)]
-    figures = upper.upper_figures(scores)
+    figures = upper_figures(scores)
     if frames:
         taken = [WAITED if n is None else n for n in frames]
         figures |= {"recovered": float(np.mean([n is not None for n in frames]))}
@@ -165,19 +219,12 @@ def take_figures(row: str, recordings: Sequence[Recording], options: argparse.Na
 
 @benchmark(TAKES, DATABASE, frames=90, rows=ROWS, groups=",".join(GROUPS), recovery=False, real=False)
 def track(options: argparse.Namespace) -> tuple[str, Any]:
-    """Track the takes, or with `--real` the stills and the seated man; write pictures and the plot."""
+    """Track the takes, or with `--real` the stills and the seated man; write the plot."""
     rows, figures = options.rows.split(","), dict[str, dict[str, Any]]()
     if options.real:
         for row in rows:
             for name, run in (("stills", stills), ("seated", seated)):
-                found = run(row, options)
-                figures[f"{row} {name}"] = real_figures(found)
-                pictures = [
-                    frame_picture(recording, frame, [(result.joints, result.observed)], places, name)
-                    for frames in found.values()
-                    for recording, frame, result, places in frames
-                ]
-                save_jpeg(RESULTS / f"upper_{name}_{row}.jpg", contact_sheet(pictures, columns=4))
+                figures[f"{row} {name}"] = real_figures(run(row, options))
     else:
         scenes = upper_scenes(options.split, tuple(options.groups.split(",")), options.takes)
         recordings = [open_recording(record_scene(scene, options.work, options.frames)) for scene in scenes]
