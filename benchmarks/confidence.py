@@ -1,20 +1,18 @@
-"""Confidence of joints: `depthmocap bench confidence PART`, which is one of
+"""Confidence of joints: `depthmocap bench confidence judge [--every 3] [--takes 1]`.
 
-- `fit`: track the training recordings and write the regressions of `toolkit/fitting/assets/confidence.json`: UTD-MHAD
-  (people 1 and 3), MSR Action3D (1, 2 and 3), and `--takes` recordings of each group of the clean suite and of the
-  scenes (tuning split). Of each real recording, `STILLS` frames are tracked as photographs, too. A joint is right
-  within 10 cm. The Kinect SDK's joints are those of the moment that the depth shows (`bench real lag`), without the
-  person's median offset of each joint in the frame of the torso: it is the difference of two definitions.
-- `judge`: the same of other people: UTD-MHAD 5 and 7, MSR Action3D 4 and 5, and the report split. Prints calibration
-  errors with and without these corrections, the share of wrists over 250 mm from the SDK's that are surer than 0.7,
-  and draws the reliability.
+People who are not in the fit (`training/fit_confidence.py`) are tracked: UTD-MHAD 5 and 7, MSR Action3D 4 and 5, every
+`--every`-th recording, and `--takes` recordings of each group of the clean suite and of the scenes (report split). Of
+each real recording, `STILLS` frames are tracked as photographs, too.
 
-`--every N` takes every N-th recording of each real person.
+A joint is right within 10 cm. The Kinect SDK's joints are those of the moment that the depth shows (`bench real lag`),
+without the person's median offset of each joint in the frame of the torso, which is the difference of two definitions.
+Figures are calibration errors with and without these corrections, and the share of wrists over 250 mm from the SDK's
+that are surer than 0.7. The reliability is drawn.
 """
 
 import argparse
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,9 +30,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import shifted, torso_frames
-from toolkit.fitting import joint_confidence as model
-from toolkit.fitting.joint_confidence import FEATURES, WITHIN, WITHOUT_NETWORK, JointConfidence
-from toolkit.io.files import save_json
+from toolkit.fitting.joint_confidence import WITHIN
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
@@ -42,65 +38,14 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracks import TRACKED
 from toolkit.tracks.runs import load_persons, person_runs
 
-PEOPLE = {"fit": {"utd_mhad": "13", "msr_action3d": "123"}, "judge": {"utd_mhad": "57", "msr_action3d": "45"}}
-"""People of each part and data set, by the numbers in the names of their files."""
-SPLITS = {"fit": "tune", "judge": "report"}
-"""Split of the simulated suites of each part."""
+PEOPLE = {"utd_mhad": "57", "msr_action3d": "45"}
+"""People of each data set, by the numbers in the names of their files."""
 GROSS, SURE = 0.25, 0.7
 """Metres from the SDK's joint and confidence from which a wrist is wrong without warning."""
-WEIGHTS = {"films": 0.7, "photographs": 0.2, "simulated": 0.1}
-"""Weight of all joints of a kind together: the confidence is for real people, and photographs have uncovered limbs."""
 STILLS, APART_SECONDS = 4, 10.0
 """Number of photographs of each real recording, and seconds between them, too long to track a pose."""
-REGULARISATION = 10.0
-"""Inverse strength of the L2 penalty of the regressions, whose inputs lie in [0, 1]."""
-SIGNS = tuple(1 if name in ("support", "observed", "precision") else -1 for name in FEATURES)
-"""Direction in which each input changes the odds; the others raise doubt."""
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "confidence.png"
-OPTIONS: dict[str, Any] = {"takes": 1, "work": WORK}
-"""Options of both parts: simulated recordings of each group, and work folder."""
 WRISTS = [skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "right")]
-
-
-class WatchedConfidence(JointConfidence):
-    """Regressions that keep the inputs of each row, by the confidence that they returned for it.
-
-    Attributes
-    ----------
-    inputs : bytes of a float32 (20,) confidence -> float64 (20, 9): features and distance between both passes
-    """
-
-    def __init__(self, content: dict[str, Any]) -> None:
-        super().__init__(content)
-        self.inputs: dict[bytes, np.ndarray] = {}
-
-    def of(self, features: np.ndarray) -> np.ndarray:
-        """See `JointConfidence.of`."""
-        confidence = super().of(features)
-        unknown = np.full((len(features), 1), np.nan)
-        self.inputs[confidence.astype(np.float32).tobytes()] = np.concatenate([features, unknown], axis=1)
-        return confidence
-
-    def of_both(self, confidence: np.ndarray, apart: np.ndarray) -> np.ndarray:
-        """See `JointConfidence.of_both`."""
-        both = super().of_both(confidence, apart)
-        own = self.inputs[confidence.astype(np.float32).tobytes()].copy()
-        own[:, -1] = apart
-        self.inputs[both.astype(np.float32).tobytes()] = own
-        return both
-
-
-class WatchedTracker(HybridTracker):
-    """Hybrid tracker with the default settings and database, and watched regressions."""
-
-    def __init__(self) -> None:
-        self.watched = WatchedConfidence(model.joint_confidence().content)
-        super().__init__(PoseDatabase.load(DEFAULT_DATABASE), database_path=str(DEFAULT_DATABASE))
-
-    @property
-    def regressions(self) -> JointConfidence:
-        """See `SearchingTracker.regressions`."""
-        return self.watched
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +56,6 @@ class Rows:
     ----------
     source : data set, "photographs" or "simulated"
     person : data set and number of a real person
-    inputs : float64 (F, 20, 9), see `WatchedConfidence.inputs`
     apart : float64 (F, 20, 3), metres, from our joints to those of the reference in the torso's frame, in time
     plain : float64 (F, 20), metres, distances from the reference in the same row of the file
     confidence : float32 (F, 20)
@@ -119,29 +63,27 @@ class Rows:
 
     source: str
     person: str
-    inputs: np.ndarray
     apart: np.ndarray
     plain: np.ndarray
     confidence: np.ndarray
 
 
-def real_files(part: str, every: int) -> Iterator[tuple[str, Path]]:
-    """Yield data set and file of the recordings of a part's people."""
-    for name, people in PEOPLE[part].items():
+def files_of(split: str, people: Mapping[str, str], every: int, takes: int) -> list[tuple[str, Path]]:
+    """Return source and file of the recordings of some people, and of the clean suite and the scenes of a split.
+
+    Simulated recordings are made if they are not there yet.
+    """
+    found = []
+    for name, numbers in people.items():
         files = sorted((data_folder() / "depth" / name).glob("*_depth.mat"))
-        for person in people:
-            own = [file for file in files if f"_s{person}_" in file.name]
-            yield from ((name, file) for file in own[::every])
+        for number in numbers:
+            found += [(name, file) for file in [f for f in files if f"_s{number}_" in f.name][::every]]
+    groups = tuple(group for group in GROUPS if group != "empty")
+    scenes = [*chosen_takes(split, (), takes), *chosen_scenes(split, groups, takes)]
+    return found + [("simulated", record_scene(scene, WORK)) for scene in scenes]
 
 
-def simulated_files(part: str, takes: int) -> list[Path]:
-    """Return recordings of the clean suite and of the scenes, made if they are not there yet."""
-    people = [group for group in GROUPS if group != "empty"]
-    scenes = [*chosen_takes(SPLITS[part], (), takes), *chosen_scenes(SPLITS[part], tuple(people), takes)]
-    return [record_scene(scene, WORK) for scene in scenes]
-
-
-def rows_of(tracker: WatchedTracker, source: str, file: Path, work: Path) -> list[Rows]:
+def rows_of(tracker: HybridTracker, source: str, file: Path, work: Path) -> list[Rows]:
     """Track a recording, and some frames of a real one as photographs, and return the rows of all people."""
     recording = open_recording(file)
     if source == "simulated":
@@ -161,7 +103,7 @@ def rows_of(tracker: WatchedTracker, source: str, file: Path, work: Path) -> lis
 
 
 def tracked_rows(
-    tracker: WatchedTracker,
+    tracker: HybridTracker,
     about: tuple[str, str],
     recording: Recording,
     references: Any,
@@ -174,35 +116,20 @@ def tracked_rows(
     """
     run = work / "runs" / "confidence" / recording.name
     shutil.rmtree(run, ignore_errors=True)
-    tracker.watched.inputs.clear()
     track_recording(recording, tracker, run, people=people)
     found = []
     for person in load_persons(run) if person_runs(run) else ():
         track = person.track
-        inputs = [tracker.watched.inputs.get(row.tobytes()) for row in track.confidence]
         ours = track.joints.astype(np.float64)
         distances = np.linalg.norm(references[0][:, : len(track)] - ours, axis=3).mean(axis=2)
         nearest = np.argmin(np.where(np.isfinite(distances), distances, np.inf), axis=0)
         plain, theirs = (each[nearest, np.arange(len(track))] for each in references)
         known = (track.state == TRACKED) & np.isfinite(plain + theirs).all(axis=(1, 2))
-        rows = [t for t in np.flatnonzero(known).tolist() if inputs[t] is not None]
-        if rows:
+        if (rows := np.flatnonzero(known)).size:
             apart = np.einsum("tca,tjc->tja", torso_frames(ours[rows]), theirs[rows] - ours[rows])
             distance = np.linalg.norm(plain[rows] - ours[rows], axis=2)
-            seen = np.stack([inputs[t] for t in rows])
-            found.append(Rows(*about, seen, apart, distance, track.confidence[rows]))
+            found.append(Rows(*about, apart, distance, track.confidence[rows]))
     shutil.rmtree(run)
-    return found
-
-
-def all_rows(part: str, options: argparse.Namespace) -> list[Rows]:
-    """Track all recordings of a part."""
-    files = [*real_files(part, options.every), *(("simulated", file) for file in simulated_files(part, options.takes))]
-    tracker, found = WatchedTracker(), []
-    for i, (source, file) in enumerate(files):
-        found += rows_of(tracker, source, file, options.work)
-        print(f"\r{i + 1} of {len(files)} tracked", end="", flush=True)
-    print()
     return found
 
 
@@ -217,65 +144,16 @@ def distances(rows: Rows, offsets: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.linalg.norm(rows.apart - offsets.get(rows.person, 0.0), axis=2)
 
 
-def fitted(inputs: np.ndarray, right: np.ndarray, weights: np.ndarray, signs: Sequence[int]) -> np.ndarray:
-    """Return intercept and coefficients of a logistic regression, each coefficient with its sign or zero."""
-    from scipy.optimize import minimize
-
-    columns = np.concatenate([np.ones((len(inputs), 1)), inputs], axis=1)
-    sides = np.where(right, 1.0, -1.0)
-
-    def loss(coefficients: np.ndarray) -> tuple[float, np.ndarray]:
-        odds = sides * (columns @ coefficients)
-        slopes = -weights * sides / (1.0 + np.exp(np.clip(odds, -500.0, 500.0)))
-        penalty = coefficients * ([0.0] + [1.0] * len(signs)) / REGULARISATION
-        total = float(weights @ np.logaddexp(0.0, -odds) + 0.5 * penalty @ coefficients)
-        return total, columns.T @ slopes + penalty
-
-    bounds = [(None, None), *((0.0, None) if sign > 0 else (None, 0.0) for sign in signs)]
-    return np.asarray(minimize(loss, np.zeros(len(bounds)), jac=True, method="L-BFGS-B", bounds=bounds).x)
-
-
-def regressions(rows: Sequence[Rows]) -> dict[str, Any]:
-    """Fit all regressions: the content of `joint_confidence.ASSET`."""
-    offsets = offsets_of(rows)
-    counts = {kind: sum(len(r.inputs) for r in rows if kind_of(r) == kind) for kind in WEIGHTS}
-    total = sum(counts.values())
-    weight = np.concatenate([np.full(len(r.inputs), WEIGHTS[k] * total / counts[k]) for r in rows if (k := kind_of(r))])
-    inputs = np.concatenate([r.inputs for r in rows])
-    right = np.concatenate([distances(r, offsets) <= WITHIN for r in rows])
-    content: dict[str, Any] = {"network": {}, "depth": {}, "passes": {}}
-    for group in model.GROUPS:
-        columns = [k for k, name in enumerate(skeleton.REPORTED) if model.group_of(name) == group]
-        own, labels = inputs[:, columns].reshape(-1, inputs.shape[2]), right[:, columns].ravel()
-        weights = np.repeat(weight, len(columns))
-        features, apart = own[:, : len(FEATURES)], own[:, -1]
-        for name, count in (("network", len(FEATURES)), ("depth", WITHOUT_NETWORK)):
-            content[name][group] = fitted(features[:, :count], labels, weights, SIGNS[:count]).round(4).tolist()
-        table = content["network"][group]
-        odds, both = table[0] + features @ table[1:], np.isfinite(apart)
-        pairs = np.stack([odds, model.bounded(apart, model.SCALES["apart"])], axis=1)[both]
-        content["passes"][group] = fitted(pairs, labels[both], weights[both], (1, -1)).round(4).tolist()
-    return content
-
-
-@benchmark(OPTIONS, every=2)
-def fit(options: argparse.Namespace) -> tuple[str, Any]:
-    """Fit the regressions and write the asset."""
-    rows = all_rows("fit", options)
-    content = regressions(rows)
-    about = {
-        "command": f"depthmocap bench confidence fit --every {options.every} --takes {options.takes}",
-        "features": list(FEATURES),
-        "frames": {source: sum(len(r.inputs) for r in rows if r.source == source) for source in sources(rows)},
-    }
-    save_json(model.ASSET, {"about": about, **content})
-    return "", about["frames"]
-
-
-@benchmark(OPTIONS, every=3)
+@benchmark(takes=1, work=WORK, every=3)
 def judge(options: argparse.Namespace) -> tuple[str, Any]:
     """Measure the calibration on other people and draw it."""
-    return "confidence", judged(all_rows("judge", options))
+    tracker = HybridTracker(PoseDatabase.load(DEFAULT_DATABASE), database_path=str(DEFAULT_DATABASE))
+    files, rows = files_of("report", PEOPLE, options.every, options.takes), list[Rows]()
+    for i, (source, file) in enumerate(files):
+        rows += rows_of(tracker, source, file, options.work)
+        print(f"\r{i + 1} of {len(files)} tracked", end="", flush=True)
+    print()
+    return "confidence", judged(rows)
 
 
 def judged(rows: Sequence[Rows]) -> dict[str, dict[str, float]]:
@@ -301,11 +179,6 @@ def judged(rows: Sequence[Rows]) -> dict[str, dict[str, float]]:
         }
     draw(curves)
     return figures
-
-
-def kind_of(rows: Rows) -> str:
-    """Return the entry of `WEIGHTS` of some rows."""
-    return rows.source if rows.source in WEIGHTS else "films"
 
 
 def gross_wrists(confidence: np.ndarray, measured: np.ndarray) -> dict[str, float]:
@@ -343,4 +216,4 @@ LABELS = {
 }  # fmt: skip
 
 
-main = script(__name__, __doc__, {"fit": fit, "judge": judge})
+main = script(__name__, __doc__, {"judge": judge})
