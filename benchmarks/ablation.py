@@ -19,7 +19,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks import _room_scores, rooms
+from benchmarks import rooms
 from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, poses_of, settings_of, track_each
 from benchmarks.scenes import tracks_of
@@ -69,11 +69,10 @@ def figures_of_row(row: str, options: argparse.Namespace) -> dict[str, Any]:
 def real(tracker: HybridTracker, folder: Path, recordings: Path) -> dict[str, Any]:
     """Return the counts over all real rooms."""
     runs, failed = rooms.track_rooms(list(rooms.RATES), recordings, folder, tracker)
-    total: dict[str, Any] = {}
-    for name, run in runs.items():
-        tracks = _room_scores.load_run(run) if name not in failed else []
-        _room_scores.add(total, _room_scores.score(rooms.annotations_of(name), tracks))
-    return total
+    return rooms.added(
+        rooms.score(rooms.annotations_of(name), rooms.load_run(run) if name not in failed else [])
+        for name, run in runs.items()
+    )
 
 
 def simulated(

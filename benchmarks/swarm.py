@@ -158,7 +158,6 @@ def sequences(bench: Bench) -> None:
     for row in ("swarm", "qammaz"):
         for name in bench.names:
             bench.row(f"{row}, {name}", row, [name])
-    bench.accuracy(tuple(bench.runs))
 
 
 def table2(bench: Bench) -> None:
@@ -182,15 +181,6 @@ def models(bench: Bench) -> None:
             bench.row(f"{name} with {model}", "qammaz", [name], scaled)
         bench.row(f"{name} with neutral", "qammaz", [name], sized)
         bench.row(f"{name} with balls", "qammaz", [name], sized, **PRIMITIVES)
-    all_with = {
-        "their own": [bench.runs[f"{name} with {name}"] for name in bench.names],
-        "other bodies": [bench.runs[f"{n} with {m}"] for n in bench.names for m in bodies if m != n],
-        "neutral": [bench.runs[f"{name} with neutral"] for name in bench.names],
-        "balls": [bench.runs[f"{name} with balls"] for name in bench.names],
-    }
-    for kind, runs in all_with.items():
-        bench.store(f"all with {kind}", sum(runs, []))
-    bench.accuracy([f"all with {kind}" for kind in all_with])
 
 
 def table3(bench: Bench) -> None:

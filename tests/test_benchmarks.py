@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import _room_scores
 from benchmarks import rooms as rooms_benchmark
 from benchmarks._keyframe_corpus import load_all
 from benchmarks.keyframes import MANUAL, Truth
+from benchmarks.rooms import RoomTrack, score
 from tests.support import suite
 from tests.support.casting import listed
 from tests.support.scenes import scenes
@@ -57,15 +57,15 @@ def test_every_motion_of_the_suites_exists(data_folder: Path) -> None:
             assert len(suite.motion_files(actor.clip)) == 1, actor.clip
 
 
-def perfect_tracks(truth: dict[str, Any], shift: float = 0.0) -> list[dict[str, Any]]:
+def perfect_tracks(truth: dict[str, Any], shift: float = 0.0) -> list[RoomTrack]:
     """Return one track for each annotated person, with the annotated joints `shift` metres to the right."""
     fx, fy, cx, cy = truth["intrinsics"]
     names = list(skeleton.REPORTED)
-    tracks: dict[int, dict[str, Any]] = {}
+    tracks: dict[int, RoomTrack] = {}
     for key, entry in truth["frames"].items():
         for person in (person for person in entry["people"] if "joints" in person):
             number = person["id"]
-            track = tracks.setdefault(number, {"name": f"p{number}", "stature": 1.75, "names": names, "frames": {}})
+            track = tracks.setdefault(number, RoomTrack(f"p{number}", 1.75, {}))
             points = {
                 joint: np.array([(u - cx) / fx * z, (v - cy) / fy * z, z])
                 for (joint, (u, v)), z in zip(person["joints"].items(), person["depth"].values(), strict=True)
@@ -74,8 +74,13 @@ def perfect_tracks(truth: dict[str, Any], shift: float = 0.0) -> list[dict[str, 
             points |= {"neck": points["head"] + [0.0, 0.2, 0.0], "pelvis": points["head"] + [0.0, 0.75, 0.0]}
             for joint, point in points.items():
                 joints[names.index(joint)] = point
-            track["frames"][int(key)] = joints + [shift, 0.0, 0.0]
+            track.frames[int(key)] = joints + [shift, 0.0, 0.0]
     return list(tracks.values())
+
+
+def heads(counts: dict[str, Any]) -> list[int]:
+    """Return the numbers of found and of annotated heads."""
+    return np.sum([counts[kind] for kind in ("clear", "occluded", "small")], axis=0).tolist()
 
 
 @pytest.mark.parametrize("name", ["filinha", "lab2_cam1"])
@@ -83,13 +88,13 @@ def test_annotated_joints_get_the_full_score_and_no_track_misses_everything(name
     truth = rooms_benchmark.annotations_of(name)
     people = [p for frame in truth["frames"].values() for p in frame["people"] if "joints" in p]
     required = sum(not person.get("edge") for person in people)
-    counts = _room_scores.score(truth, perfect_tracks(truth))
-    assert counts["heads"] == [required, required]
+    counts = score(truth, perfect_tracks(truth))
+    assert heads(counts) == [required, required]
     assert sum(counts["false"].values()) == counts["switches"] == counts["handed"] == 0
-    assert all(within == count for _, within, _, _, count in counts["joints"].values())
-    assert _room_scores.score(truth, [])["heads"] == [0, required]
-    beside = _room_scores.score(truth, perfect_tracks(truth, shift=3.0))
-    assert beside["heads"][0] == 0 and sum(beside["false"].values()) > 0
+    assert all(within == count for within, _, count in counts["joints"].values())
+    assert heads(score(truth, [])) == [0, required]
+    beside = score(truth, perfect_tracks(truth, shift=3.0))
+    assert heads(beside)[0] == 0 and sum(beside["false"].values()) > 0
 
 
 @pytest.mark.data("cmu-mocap", "hdm05")

@@ -1,7 +1,8 @@
 """Confidence of joints: the probability that each reported joint lies within 10 cm of the person's.
 
 Logistic regressions of one group of joints each, fitted to real and simulated recordings by
-`training/fit_confidence.py`. Their inputs are bounded, so that a value beyond those of the fit cannot outweigh the others.
+`training/fit_confidence.py`. Their inputs are bounded, so that a value beyond those of the fit cannot outweigh the
+others.
 """
 
 from __future__ import annotations
