@@ -6,7 +6,7 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -204,6 +204,32 @@ def pin_to_one_processor() -> None:
     """Keep this process on one processor, so that the scheduler does not move it between samples (Linux only)."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+MEASURED = """
+import contextlib, os, resource, subprocess, sys
+with contextlib.suppress(AttributeError, OSError):  # needs a privilege, and Linux
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
+ended = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_maxrss, used.ru_utime + used.ru_stime)
+sys.exit(ended)
+"""
+"""Script that runs a command and prints its peak memory in kilobytes (Linux) and processor time in seconds. It has its
+own process, because Linux counts the memory of the parent process too.
+"""
+
+
+def command_cost(words: Sequence[Any], **environment: str) -> tuple[float, float]:
+    """Return peak memory, megabytes, and processor time, seconds, of a `depthmocap` command in its own process."""
+    typed = [sys.executable, "-c", MEASURED, sys.executable, "-m", "depthmocap", *map(str, words)]
+    variables = {**os.environ, **environment}
+    variables.pop("PYTHONDONTWRITEBYTECODE", None)  # else each command compiles all sources
+    ended = subprocess.run(typed, env=variables, stdout=subprocess.PIPE, text=True, check=False)
+    if ended.returncode:
+        raise SystemExit(f"depthmocap {' '.join(typed[5:])} ended with {ended.returncode}")
+    peak, seconds = map(float, ended.stdout.split())
+    return peak / 1024.0, seconds
 
 
 def percentiles(milliseconds: list[float] | np.ndarray) -> dict[str, float]:

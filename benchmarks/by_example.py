@@ -19,10 +19,6 @@ Methods: DTW of joint positions (without root position, heading and size), DTW o
 """
 
 import argparse
-import os
-import resource
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -36,17 +32,15 @@ from numba import njit
 from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import FILLER_SECONDS, FILLER_SHARE, SYMMETRIC, halves, load_examples, load_filler
-from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor, script
+from benchmarks._record import benchmark, command_cost, milliseconds_of, pin_to_one_processor, script
 from tests.support.bootstrap import paired_bootstrap
 from toolkit.kernels.motion.graded import distinct_hits
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
 from toolkit.retrieval.annotation.training import CutClip
-from toolkit.retrieval.features.grades import SCALES, grade
 from toolkit.retrieval.features.lengths import BodyLengths
-from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
-from toolkit.retrieval.features.places import places_of, spread
-from toolkit.retrieval.features.relational import FEATURE_RATE, MIRROR, FeatureMatrix, relational_features
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_joints
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search import example as shipped
 from toolkit.retrieval.templates import QuantisedTemplate
@@ -257,64 +251,29 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
 
 
 def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
-    """Return the processor time of `depthmocap search --by-example` including process start, minimum of three.
-
-    Modules are compiled before, as they are where the package is installed.
-    """
-    seconds = []
+    """Return the processor time of `depthmocap search --by-example` including process start, minimum of four."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motions.index"
         corpus.index.save(path)
-        command = [sys.executable, "-m", "toolkit.app.cli.main", "search", str(path), "--by-example", str(clip)]
-        environment = {key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}
-        environment["PYTHONPYCACHEPREFIX"] = str(Path(folder) / "compiled")
-        for _ in range(4):
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return min(seconds)
+        return min(command_cost(["search", path, "--by-example", clip])[1] for _ in range(4))
 
 
 def kinect_corpus(data: Path) -> tuple[Corpus, list[tuple[Motion, str]]]:
     """Return each UTD-MHAD clip of some subjects as a document and as an example."""
-    motions: list[Motion] = []
-    segments: list[tuple[int, int, int, str, str]] = []
-    queries: list[tuple[Motion, str]] = []
-    for file in sorted((data / "depth" / "utd_mhad").glob("*_skeleton.mat")):
-        upright = joints_from_kinect(loadmat(file)["d_skel"]) * -1.0
-        motion = from_joints(upright, FEATURE_RATE, file.stem)
-        action, subject = file.stem.split("_")[:2]
-        if subject not in REPORTED_SUBJECTS:
-            continue
-        segments.append((len(motions), 0, len(motion), action, motion.name))
-        motions.append(motion)
-        queries.append((motion, action))
-    return Corpus(motions, segments), queries
+    files = sorted((data / "depth" / "utd_mhad").glob("*_skeleton.mat"))
+    queries = [
+        (from_joints(joints_from_kinect(loadmat(file)["d_skel"]) * -1.0, FEATURE_RATE, file.stem), words[0])
+        for file in files
+        if (words := file.stem.split("_"))[1] in REPORTED_SUBJECTS
+    ]
+    segments = [(number, 0, len(motion), action, motion.name) for number, (motion, action) in enumerate(queries)]
+    return Corpus([motion for motion, _ in queries], segments), queries
 
 
-def print_constants(examples: Sequence[CutClip], filler: Sequence[Motion]) -> None:
-    """Print the tables of `features/grades.py`."""
-    from toolkit.retrieval.features.relational import native_features
-
-    chosen = [e.motion for e in examples if e.person != REPORTED] + halves(filler)[0]
-    margins = np.concatenate([native_features(motion)[1] for motion in chosen], axis=1)
-    low, high = np.percentile(margins, [16, 84], axis=1)
-    scales = 0.25 * (high - low + (high - low)[MIRROR])
-    spreads = grade(margins * (SCALES / scales)[:, None]).std(axis=1)
-    print("scales", *(f"{value:.2g}" for value in scales))
-    print("spreads", *(f"{value:.0f}" for value in 0.5 * (spreads + spreads[MIRROR])))
-    placed = np.concatenate([places_of(motion, np.arange(len(motion))) for motion in chosen], axis=1)
-    print("spreads of limbs", *(f"{value:.0f}" for value in spread(placed).reshape(len(SIDES), -1).mean(axis=0)))
-
-
-@benchmark(data=Path, constants=False)
+@benchmark(data=Path)
 def by_example(options: argparse.Namespace) -> tuple[str, Any]:
-    """Search all corpora by example; with `--constants` print the tables of `features/grades.py` and stop."""
+    """Search all corpora by example."""
     examples, filler = load_examples(options.data), load_filler(options.data)
-    if options.constants:
-        print_constants(examples, filler)
-        sys.exit()
     pin_to_one_processor()
     late = halves(filler)[1]
     queries = [(e.motion, e.label) for e in examples if e.person == REPORTED]

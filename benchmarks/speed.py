@@ -18,9 +18,6 @@
 """
 
 import argparse
-import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -32,7 +29,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from benchmarks._record import benchmark, percentiles, pin_to_one_processor, script
+from benchmarks._record import benchmark, command_cost, percentiles, pin_to_one_processor, script
 from benchmarks._rows import DATABASE, settings_of
 from benchmarks._speed_swarm import swarm
 from benchmarks.rooms import RATES, ROOMS, annotations_of
@@ -120,20 +117,6 @@ def compare(recording: Recording, database: PoseDatabase, settings: HybridSettin
     }
 
 
-MEASURED = """
-import contextlib, os, resource, subprocess, sys
-with contextlib.suppress(AttributeError, OSError):  # needs a privilege, and Linux
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
-ended = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode
-used = resource.getrusage(resource.RUSAGE_CHILDREN)
-print(used.ru_maxrss, used.ru_utime + used.ru_stime)
-sys.exit(ended)
-"""
-"""Script that runs a command and prints its peak memory in kilobytes (Linux) and processor time in seconds. It has its
-own process, because Linux counts the memory of the parent process too.
-"""
-
-
 def tracked(
     recording: Path, database: Path, output: Path, options: Sequence[str] = (), cache: Path | None = None
 ) -> tuple[float, float]:
@@ -141,15 +124,9 @@ def tracked(
 
     `cache` is the folder of compiled kernels; default: that of the user.
     """
-    command = ("-m", "depthmocap", "track", recording, "--database", database, "--output", output, *options)
-    words = [sys.executable, "-c", MEASURED, sys.executable, *map(str, command)]
-    environment = {**os.environ, **ONE_THREAD, **({} if cache is None else {"NUMBA_CACHE_DIR": str(cache)})}
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else each command compiles all sources
-    ended = subprocess.run(words, env=environment, stdout=subprocess.PIPE, text=True, check=False)
-    if ended.returncode:
-        raise SystemExit(f"depthmocap track of {recording} ended with {ended.returncode}")
-    peak, seconds = map(float, ended.stdout.split())
-    return peak / 1024.0, seconds
+    kernels = {} if cache is None else {"NUMBA_CACHE_DIR": str(cache)}
+    words = ["track", recording, "--database", database, "--output", output, *options]
+    return command_cost(words, **ONE_THREAD, **kernels)
 
 
 @benchmark(database=Path, frames=1050)

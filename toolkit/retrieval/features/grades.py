@@ -33,8 +33,8 @@ SPREADS: np.ndarray = np.array(
     ],
     dtype=np.float64,
 )  # fmt: skip
-"""float64 (40,): standard deviation of each feature's grades in the same mocap. `depthmocap bench by_example DATA
---constants` prints both."""
+"""float64 (40,): standard deviation of each feature's grades in the same mocap. `training/motion_scales.py` prints
+both."""
 
 
 def grade(margins: np.ndarray) -> np.ndarray:

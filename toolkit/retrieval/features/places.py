@@ -17,7 +17,7 @@ PLACED: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in
 ROWS = 3 * len(PLACED)
 SPREADS: np.ndarray = np.array([35, 50, 41, 58, 35, 50, 41, 58], dtype=np.float64)
 """float64 (8,): root mean square distance of each limb's position from its mean in the mocap of `grades.SPREADS`, equal
-for left and right, in steps. `depthmocap bench by_example DATA --constants` prints them."""
+for left and right, in steps. `training/motion_scales.py` prints them."""
 
 _CHOSEN = np.array([NAMED_JOINTS.index(name) for name in PLACED])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
