@@ -12,27 +12,16 @@ truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from sklearn.metrics import roc_auc_score
 
-from benchmarks._inertial_figures import (
-    TRUTHS,
-    example_of_offsets,
-    frame_counts,
-    mean_told,
-    offset_figures,
-    over_thresholds,
-    plot_offsets,
-    plot_signals,
-    plot_thresholds,
-    signals_of,
-    told_apart,
-)
-from benchmarks._record import RESULTS, benchmark, script
+from benchmarks._record import RESULTS, benchmark, drawn, script
 from benchmarks._rows import DATABASE, SPLIT, poses_of
 from tests.support.scenes import people_of, shot_of
 from tests.support.suite import MOCAP, RATE, takes
@@ -43,10 +32,12 @@ from toolkit.body.body import Body
 from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
-from toolkit.evaluation.orientations import frame_scores
+from toolkit.evaluation.orientations import THRESHOLDS, frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
+from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import Distances, distances
 from toolkit.inertial.sensor_limbs import TrackedMotion
+from toolkit.inertial.stream import GRAVITY
 from toolkit.inertial.synchronise import Clock, synchronise
 from toolkit.io.errors import InertialError
 from toolkit.mocap.read import read_clip
@@ -70,6 +61,11 @@ def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
     return out
 
 
+SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
+"""Figures over thresholds, and their colours."""
+TRUTHS = {"off by 45 degrees": "-", "injected": "--"}
+"""Definition of an error, in place of the thesis's annotators -> line style."""
+SIGNALS = ("orientation", "rate of turn", "acceleration")
 CLIPS, TRACKS = 40, 8
 """Clips of the calibration, and tracked takes of the other parts."""
 ACTORS = {"tune": "bk", "report": "dg"}
@@ -250,7 +246,12 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         told.append({name: told_apart(v, own.wrong) for name, v in {"orientation": curve.full, **apart}.items()})
         if curve.limb == DRAWN and not drawn and known.mean() > 0.9:
             drawn = True
-            plot_signals(curve.times, own.signals, own.wrong, RESULTS / "inertial_signals.jpg")
+            rows = {
+                f"{signal}, {axis}": {"tab:red": sensor[:, k], "black": track[:, k]}
+                for signal, (sensor, track) in own.signals.items()
+                for k, axis in enumerate("xyz")
+            }
+            plot_curves(rows, curve.times, own.wrong, RESULTS / "inertial_signals.jpg")
     floor = np.concatenate(torso)
     joined = {name: [np.concatenate(part) for part in zip(*own, strict=True)] for name, own in swept.items()}
     return {
@@ -280,6 +281,113 @@ def tracked(options: argparse.Namespace) -> list[TrackedTake]:
     return found
 
 
+def frame_counts(full: np.ndarray, wrong: np.ndarray, threshold: float) -> Scores:
+    """Return the scores of frames of a curve (T,) above a threshold, degrees, against the wrong ones, bool (T,)."""
+    known, found = np.isfinite(full), np.nan_to_num(full) > threshold
+    both = int((wrong & found & known).sum())
+    return Scores(both, int((found & known).sum()), both, int((wrong & known).sum()))
+
+
+def over_thresholds(full: np.ndarray, truths: Mapping[str, np.ndarray]) -> dict[str, dict[str, list[float]]]:
+    """Return precision, recall and F of a curve (T,), degrees, against wrong frames, bool (T,), at each threshold."""
+    found = {}
+    for truth, wrong in truths.items():
+        scores = [frame_counts(full, wrong, float(threshold)) for threshold in THRESHOLDS]
+        found[truth] = {key: [getattr(score, key) for score in scores] for key in SWEPT}
+    return found
+
+
+def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
+    """Plot Fig. 7.12: precision, recall and F over thresholds, one panel per kind of limb."""
+    with drawn(path, (4.0 * len(kinds), 3.4), 1, len(kinds)) as panels:
+        for panel, (kind, truths) in zip(panels, kinds.items(), strict=True):
+            for truth, line in TRUTHS.items():
+                for key, colour in SWEPT.items():
+                    panel.plot(THRESHOLDS, truths[truth][key], line, color=colour, label=f"{key}, {truth}")
+            panel.set(title=kind, xlabel="threshold, degrees", ylim=(0, 1.02))
+            panel.grid(alpha=0.3)
+        panels[0].legend(fontsize=6)
+
+
+def signals_of(
+    take: CalibrationSequence, calibration: Calibration, limb: str
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return rates of turn, rad/s, and accelerations, m/s2, in the limb's frame: of sensor and track, (T, 3) each.
+
+    The track's are differences of its frames; the sensor's, NaN where it measured nothing, are brought into the limb's
+    frame by its mounting `q_L`.
+    """
+    stream = take.sensors.named(limb)
+    assert stream.gyro is not None and stream.acceleration is not None  # simulated
+    moments = take.clock.sensor_times(take.motion.times)
+
+    def measured(values: np.ndarray) -> np.ndarray:
+        own = stream.times[stream.valid]
+        columns = [np.interp(moments, own, column, np.nan, np.nan) for column in values[stream.valid].T]
+        return quat.rotate(calibration.mounting(limb), np.stack(columns, axis=1))
+
+    times, orientation = take.motion.times, take.motion.orientation(limb)
+    turned = quat.angular_velocity(orientation, times)
+    path = take.motion.middle(limb)
+    pulled = np.gradient(np.gradient(path, times, axis=0), times, axis=0) + [0.0, GRAVITY, 0.0]
+    return {
+        "rate of turn": (measured(stream.gyro), np.concatenate([turned, turned[-1:]])),
+        "acceleration": (measured(stream.acceleration), quat.rotate(quat.conjugate(orientation), pulled)),
+    }
+
+
+def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
+    """Return the probability that a wrong frame has a larger value than a correct one (ties count half), or None."""
+    values, wrong = values[np.isfinite(values)], wrong[np.isfinite(values)]
+    return float(roc_auc_score(wrong, values)) if wrong.any() and not wrong.all() else None
+
+
+def plot_curves(rows: Mapping[str, Mapping[str, np.ndarray]], times: np.ndarray, wrong: np.ndarray, path: Path) -> None:
+    """Plot curves (T,) by colour in a panel for each row, wrong frames, bool (T,), shaded."""
+    with drawn(path, (11, len(rows) + 1.0), len(rows), sharex=True) as panels:
+        for panel, (name, curves) in zip(panels, rows.items(), strict=True):
+            for colour, values in curves.items():
+                panel.plot(times, values, color=colour, lw=0.9)
+            panel.fill_between(times, *panel.get_ylim(), where=wrong, color="0.85", lw=0, zorder=0)
+            panel.set_title(name, fontsize=8, loc="left")
+
+
+def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Return Fig. 7.14: distances (640,), degrees, with correct, one wrong and two wrong offsets; and correct frames.
+
+    640 orientations, of which those of frames 50 to 200 and 400 to 600 are tracked wrongly.
+    """
+    frames = np.arange(640)
+    steps = np.stack([np.sin(0.013 * frames), 0.8 * np.sin(0.021 * frames + 1), np.cos(0.017 * frames)], axis=1)
+    inertial = quat.exponential(1.2 * steps)
+    error = np.zeros((640, 3))
+    error[50:201, 0] = np.radians(70.0) * np.linspace(0, 1, 151)
+    error[400:601, 1] = np.radians(110.0) * np.sin(np.linspace(0, np.pi, 201))
+    tracked = quat.multiply(inertial, quat.exponential(error))
+
+    def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Return the distance of Eq. 7.17."""
+        return np.degrees(quat.angle(inertial, quat.multiply(quat.multiply(b, tracked), a)))
+
+    a, b = quat.exponential([1.1, -0.9, 0.7]), quat.exponential([-0.8, 1.3, 0.5])
+    curves = {
+        "both offsets right": distance(quat.IDENTITY, quat.IDENTITY),
+        "one wrong": distance(quat.IDENTITY, b),
+        "both wrong": distance(a, b),
+    }
+    return curves, (error == 0.0).all(axis=1)
+
+
+def offset_figures(curves: Mapping[str, np.ndarray], right: np.ndarray) -> dict[str, Any]:
+    """Return the separation of wrong frames by a threshold."""
+    return {name: {"told apart": told_apart(np.round(values, 6), ~right)} for name, values in curves.items()}
+
+
+def mean_told(told: Sequence[dict[str, float | None]]) -> dict[str, float]:
+    """Return the means over limbs and recordings of each signal."""
+    return {name: float(np.mean([row[name] for row in told if row[name] is not None])) for name in SIGNALS}
+
+
 @benchmark(SPLIT, DATABASE)
 def simulated(options: argparse.Namespace) -> tuple[str, Any]:
     """Simulate, calibrate and compare."""
@@ -299,7 +407,8 @@ def simulated(options: argparse.Namespace) -> tuple[str, Any]:
         "errors, thesis": error_figures(tracks, pool, "thesis"),
         "wrong offsets": offset_figures(*offsets),
     }
-    plot_offsets(*offsets, RESULTS / "inertial_offsets.jpg")
+    curves = {name: {"black": values} for name, values in offsets[0].items()}
+    plot_curves(curves, np.arange(640), ~offsets[1], RESULTS / "inertial_offsets.jpg")
     plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.jpg")
     return f"inertial{'' if options.split == 'report' else '_tune'}", figures
 

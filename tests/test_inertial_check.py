@@ -8,11 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks._inertial_figures import (
-    example_of_offsets,
-    offset_figures,
-    signals_of,
-)
+from benchmarks.inertial import example_of_offsets, offset_figures, signals_of
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.run_helpers import run as run_command
 from tests.test_inertial_clock import typed
