@@ -4,7 +4,7 @@ HDM05 has 188 cut clips of 11 classes by 3 actors, about 6 minutes. Larger corpo
 mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table states this.
 """
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
+from toolkit.retrieval.search.find import HitRanges
 from toolkit.retrieval.workflow.motions import load_motion
 
 ACTORS = ("bd", "bk", "dg")
@@ -180,6 +181,68 @@ def unlabelled_pieces(documents: Sequence[Document]) -> list[FeatureMatrix]:
                 if len(piece) >= SHORTEST_PIECE:
                     pieces.append(replace(piece, name=f"{document.features.name} from {start}"))
     return pieces
+
+
+def ranges_of(found: HitRanges) -> Iterator[tuple[int, int, int]]:
+    """Return document, first frame and frame after the last of each hit."""
+    return zip(found.documents.tolist(), found.starts.tolist(), found.stops.tolist(), strict=True)
+
+
+class Truth:
+    """True segments of a class in some documents.
+
+    Parameters
+    ----------
+    documents : of the whole index
+    label : of the class
+    actor : whose documents count; all by default
+    """
+
+    def __init__(self, documents: Sequence[Document], label: str, actor: str = "") -> None:
+        self.lengths = {
+            number: len(document.features)
+            for number, document in enumerate(documents)
+            if document.features.name.startswith(actor)
+        }
+        self.segments = [
+            (n, *segment.frames(FEATURE_RATE))
+            for n in self.lengths
+            for segment in documents[n].segments
+            if segment.label == label
+        ]
+
+    @property
+    def frames(self) -> int:
+        """Number of frames in true segments."""
+        return sum(stop - start for _, start, stop in self.segments)
+
+    @property
+    def relevant(self) -> float:
+        """Fraction of the frames in true segments."""
+        return self.frames / sum(self.lengths.values())
+
+    def covered(self, ranges: Iterable[tuple[int, int, int]]) -> tuple[int, np.ndarray]:
+        """Return the number of frames in ranges (document, first frame, frame after the last), and the fraction of each
+        true segment that they cover.
+        """
+        left = {number: np.zeros(length, dtype=bool) for number, length in self.lengths.items()}
+        for document, start, stop in ranges:
+            if document in left:
+                left[document][start:stop] = True
+        shares = np.array([left[n][start:stop].mean() for n, start, stop in self.segments])
+        return sum(map(np.count_nonzero, left.values())), shares
+
+    def quality(self, found: Iterable[HitRanges]) -> tuple[float, float, float]:
+        """Return the remaining fraction of the frames, and fractions of true segments touched and half left."""
+        frames, shares = self.covered(each for hits in found for each in ranges_of(hits))
+        return frames / sum(self.lengths.values()), float((shares > 0).mean()), float((shares >= 0.5).mean())
+
+    def precision(self, found: HitRanges) -> float:
+        """Return the fraction of ranges that overlap a true segment."""
+        right = [
+            any(d == n and a < stop and start < b for n, a, b in self.segments) for d, start, stop in ranges_of(found)
+        ]
+        return float(np.mean(right)) if right else 0.0
 
 
 THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)

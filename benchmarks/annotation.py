@@ -26,16 +26,16 @@ from benchmarks import _keyframe_corpus as corpus
 from benchmarks._record import RESULTS, benchmark, milliseconds_of, script
 from benchmarks._rows import SPLIT
 from tests.support.labelled import SEQUENCES, class_clips, perform
-from toolkit.retrieval.annotation.annotation_report import plot_annotation
+from toolkit.retrieval.annotation.annotation_report import plot_annotation, score
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotation, Annotator, DecisionSettings, Intervals
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document, assemble, shuffled_parts
-from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
 from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.annotation.preselection import preselect
 from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.motion import Motion, from_poses
-from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearningSettings
@@ -101,11 +101,9 @@ def scored(annotator: Annotator, documents: Sequence[Document], intervals: Seque
     totals, annotations = dict.fromkeys(MEASURES, Scores(0, 0, 0, 0)), []
     for document, own in zip(documents, intervals, strict=True):
         found = annotator.annotate(document.features, own)
-        true = label_frames(document.segments, annotator.labels, len(document.features), FEATURE_RATE)
-        frames = frame_scores(true, found.frames)
-        totals["frames"] += frames
-        totals["segments"] += segment_scores(document.segments, found.segments)
-        annotations.append((frames.f, found, document))
+        scores = score(found, document.segments)
+        totals = {of: totals[of] + scores[of] for of in MEASURES}
+        annotations.append((scores["frames"].f, found, document))
     return totals, annotations
 
 

@@ -32,13 +32,13 @@ from benchmarks._record import benchmark, milliseconds_of, pin_to_one_processor,
 from tests.support.suite import ROOT
 from toolkit.retrieval.annotation.documents import Document
 from toolkit.retrieval.annotation.training import CutClip
-from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
 from toolkit.retrieval.learning.genetic import GeneticSettings, Individual, TrainingSet, evolve
 from toolkit.retrieval.learning.queries import LearningSettings, learn, training_clips
-from toolkit.retrieval.search.find import HitRanges, find, pieces
+from toolkit.retrieval.search.find import find, pieces
 from toolkit.retrieval.templates import MotionTemplate
 
 COUNTEREXAMPLES = 30_000
@@ -57,56 +57,7 @@ def median_ms(index: KeyframeIndex, query: KeyframeQuery) -> float:
     return float(np.median(milliseconds_of(lambda: find(index, query), REPEATS)))
 
 
-class Truth:
-    """True segments of a class in some documents.
-
-    Parameters
-    ----------
-    documents : of the whole index
-    label : of the class
-    actor : whose documents count; all by default
-    """
-
-    def __init__(self, documents: Sequence[Document], label: str, actor: str = "") -> None:
-        self.lengths = {
-            number: len(document.features)
-            for number, document in enumerate(documents)
-            if document.features.name.startswith(actor)
-        }
-        self.segments = [
-            (n, *segment.frames(FEATURE_RATE))
-            for n in self.lengths
-            for segment in documents[n].segments
-            if segment.label == label
-        ]
-
-    @property
-    def relevant(self) -> float:
-        """Fraction of the frames in true segments."""
-        return sum(stop - start for _, start, stop in self.segments) / sum(self.lengths.values())
-
-    def quality(self, found: Sequence[HitRanges]) -> tuple[float, float, float]:
-        """Return the remaining fraction of the frames, and fractions of true segments touched and half left."""
-        left = {number: np.zeros(length, dtype=bool) for number, length in self.lengths.items()}
-        for ranges in found:
-            for document, start, stop in zip(ranges.documents, ranges.starts, ranges.stops, strict=True):
-                if int(document) in left:
-                    left[int(document)][start:stop] = True
-        covered = np.array([left[n][start:stop].mean() for n, start, stop in self.segments])
-        return (
-            float(np.concatenate(list(left.values())).mean()),
-            float((covered > 0).mean()),
-            float((covered >= 0.5).mean()),
-        )
-
-    def precision(self, found: HitRanges) -> float:
-        """Return the fraction of ranges that overlap a true segment."""
-        hits = zip(found.documents, found.starts, found.stops, strict=True)
-        right = [any(d == n and a < stop and start < b for n, a, b in self.segments) for d, start, stop in hits]
-        return float(np.mean(right)) if right else 0.0
-
-
-def judged(index: KeyframeIndex, truth: Truth, queries: Sequence[KeyframeQuery]) -> dict[str, Any]:
+def judged(index: KeyframeIndex, truth: corpus.Truth, queries: Sequence[KeyframeQuery]) -> dict[str, Any]:
     """Return all figures of queries of a class together."""
     row: dict[str, Any] = {"milliseconds": sum(median_ms(index, query) for query in queries)}
     row["relevant"] = truth.relevant
@@ -160,7 +111,7 @@ def search(options: argparse.Namespace) -> tuple[str, Any]:
         learned = corpus.learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
         for label, result in learned.items():
             for name, (number, tight) in ALTERNATIVES.items():
-                row = judged(index, Truth(documents, label, actor), result.alternatives(number, tight))
+                row = judged(index, corpus.Truth(documents, label, actor), result.alternatives(number, tight))
                 together.setdefault(name, []).append(row)
     return "keyframe_search", {"together": {name: summary(rows) for name, rows in together.items()}}
 
@@ -180,7 +131,7 @@ def manual(options: argparse.Namespace) -> tuple[str, Any]:
     pin_to_one_processor()
     for kind, found in queries.items():
         for query in found:
-            truth, motions = Truth(documents, query.label), pieces(index, query, find(index, query), 1.0)
+            truth, motions = corpus.Truth(documents, query.label), pieces(index, query, find(index, query), 1.0)
             left, recall, _ = truth.quality([motions])
             row = {"precision": truth.precision(motions), "recall": recall, "left": left}
             classes.setdefault(query.label, {})[kind] = {"milliseconds": median_ms(index, query)} | row

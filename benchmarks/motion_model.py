@@ -86,16 +86,11 @@ def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.nda
     index = KeyframeIndex.build(replace(d.features, name=str(k)) for k, d in enumerate(documents))
     total = np.zeros(5, dtype=np.int64)
     for report in by_class(index, model, doubt=DOUBT):
-        true = [
-            (k, *s.frames(FEATURE_RATE)) for k, d in enumerate(documents) for s in d.segments if s.label == report.label
-        ]
-        left = [np.zeros(len(document.features), dtype=bool) for document in documents]
-        for match in report.matches:
-            left[int(match.document)][round(match.start * FEATURE_RATE) : round(match.end * FEATURE_RATE)] = True
-        shares = np.array([left[k][a:b].mean() for k, a, b in true])
-        relevant = sum(b - a for _, a, b in true)
-        frames = sum(map(np.count_nonzero, left))
-        total += [frames, relevant, (shares > 0).sum(), (shares >= 0.5).sum(), len(true)]
+        truth = corpus.Truth(documents, report.label)
+        frames, shares = truth.covered(
+            (int(m.document), round(m.start * FEATURE_RATE), round(m.end * FEATURE_RATE)) for m in report.matches
+        )
+        total += [frames, truth.frames, (shares > 0).sum(), (shares >= 0.5).sum(), len(shares)]
     return total
 
 

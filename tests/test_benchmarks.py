@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from benchmarks import rooms as rooms_benchmark
-from benchmarks._keyframe_corpus import load_all
-from benchmarks.keyframes import MANUAL, Truth
+from benchmarks._keyframe_corpus import Truth, load_all
+from benchmarks.keyframes import MANUAL
 from benchmarks.rooms import RoomTrack, score
 from tests.support import suite
 from tests.support.casting import listed
