@@ -1,39 +1,23 @@
-"""Data sets that each benchmark reads."""
+"""Commands of the benchmarks and the data sets that they read, from `commands.yaml`."""
 
 from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 from toolkit.datasets.folder import data_folder
 from toolkit.datasets.registry import data_set_of
 from toolkit.io.errors import DataError
+from toolkit.io.yaml_reader import read_yaml
 
-MOCAP = ("cmu-mocap", "hdm05")
-NEEDS: dict[str, tuple[str, ...]] = {
-    "ablation": (*MOCAP, "rooms"),
-    "accuracy": MOCAP,
-    "annotation": MOCAP,
-    "by_example": (*MOCAP, "utd-mhad"),
-    "classifier": MOCAP,
-    "feet": MOCAP,
-    "confidence": (*MOCAP, "utd-mhad", "msr-action3d"),
-    "feet --real": (*MOCAP, "utd-mhad"),
-    "gait_opensim": ("opensim",),
-    "inertial simulated": MOCAP,
-    "joints followed": ("realsense",),
-    "keyframes": MOCAP,
-    "motion_model": MOCAP,
-    "real": ("utd-mhad",),
-    "real offsets": ("utd-mhad", "msr-action3d"),
-    "real lag": ("utd-mhad", "msr-action3d"),
-    "recovery": MOCAP,
-    "rooms": ("rooms",),
-    "scenes": MOCAP,
-    "stabilise": MOCAP,
-    "swarm suite": MOCAP,
-    "upper track": MOCAP,
-    "upper track --real": ("skeltrack", "realsense"),
-    "upper speed": ("skeltrack", "realsense"),
-}
-"""Script, script and part, or these and `--real` -> data sets; benchmarks that are not listed read bundled motions."""
+COMMANDS = Path(__file__).parent / "commands.yaml"
+
+
+@cache
+def commands() -> dict[str, Any]:
+    """Return the entries of `commands.yaml`."""
+    found: dict[str, Any] = read_yaml(COMMANDS, COMMANDS.name, DataError, "restore it from the repository")
+    return found
 
 
 def needed(words: Sequence[str]) -> tuple[str, ...]:
@@ -41,7 +25,8 @@ def needed(words: Sequence[str]) -> tuple[str, ...]:
     part = " ".join(words[:2])
     real = " --real" if "--real" in words else ""
     keys = (part + real, words[0] + real, part, words[0])
-    return next((NEEDS[key] for key in keys if key in NEEDS), ())
+    needs = commands()["data"]
+    return next((tuple(needs[key]) for key in keys if key in needs), ())
 
 
 def check_data(words: Sequence[str]) -> None:

@@ -2,10 +2,9 @@
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks._record import RESULTS, drawn
 from benchmarks.all import COMMANDS
@@ -15,19 +14,8 @@ from toolkit.io.yaml_reader import read_yaml
 NUMBERS = Path(__file__).parent / "papers.yaml"
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """One number of a paper beside ours.
-
-    Attributes
-    ----------
-    source : table, figure or section of the paper
-    figure : measured quantity with its unit
-    name : of this number among those of the figure
-    paper : number in the paper, or None where it only draws it
-    here : number measured here, in the paper's unit, or None where it is not measured
-    digits : decimals of both
-    """
+class Comparison(NamedTuple):
+    """One number of a paper, None where it is drawn, beside ours in its unit, None where it is not measured."""
 
     source: str
     figure: str

@@ -18,7 +18,7 @@ import numpy as np
 from toolkit.io.files import save_json
 
 RESULTS = Path(__file__).parent / "results"
-CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")
+CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py", ":/benchmarks/commands.yaml")
 """Paths whose changes invalidate results."""
 
 

@@ -34,13 +34,13 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
     "baak2013 mixed": ("baak2013", {"sensing.contour": "mixed"}),
-    "baak2013 local": ("baak2013", {}),
+    "baak2013 local": ("baak2013", {"lookup_period": 1_000_000}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
 }
 """Row -> shipped settings and overrides; a single override equals one `--set`.
 
-`local` takes only its first pose from the lookup. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12); `baak2013 mixed` keeps the contour as the hybrid tracker does (5.3.1).
+`local` and `baak2013 local` take only their first pose from the lookup. `baak2013` and its two halves are the paper's
+own tracker (Fig. 5.12); `baak2013 mixed` keeps the contour as the hybrid tracker does (5.3.1).
 """
 
 
@@ -77,10 +77,6 @@ class LocalTracker(HybridTracker):
         return tuple(FirstFrames(member) if isinstance(member, DatabaseLookup) else member for member in members)
 
 
-class LocalBaak2013Tracker(LocalTracker, Baak2013Tracker):
-    """Local optimisation of Baak 2013 only, after a first pose from its lookup."""
-
-
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:
     """Return the settings of a row; the row takes precedence over the overrides."""
     config, own = ROWS[row]
@@ -95,12 +91,8 @@ def swarm_settings(row: str, overrides: Mapping[str, Any] | None = None) -> Swar
 
 def make_tracker(row: str, poses: Path, overrides: Mapping[str, Any] | None = None) -> HybridTracker:
     """Return the tracker of a row with the pose database of a file."""
-    kind = KINDS.get(row, Baak2013Tracker if row.startswith("baak2013") else HybridTracker)
+    kind = LocalTracker if row == "local" else Baak2013Tracker if row.startswith("baak2013") else HybridTracker
     return kind(PoseDatabase.load(poses), settings_of(row, overrides), database_path=str(poses))
-
-
-KINDS: dict[str, type[HybridTracker]] = {"local": LocalTracker, "baak2013 local": LocalBaak2013Tracker}
-"""Tracker class of the rows without lookup after the first frame."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:

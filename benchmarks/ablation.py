@@ -21,16 +21,15 @@ import numpy as np
 
 from benchmarks import rooms
 from benchmarks._record import benchmark, script
-from benchmarks._rows import DATABASE, poses_of, settings_of, track_each
-from benchmarks.scenes import tracks_of
+from benchmarks._rows import DATABASE, poses_of, settings_of
+from benchmarks.scenes import tracked_scores
 from tests.support.casting import Scene
-from tests.support.scene_scores import SceneScore, scene_figures, score_scene
+from tests.support.scene_scores import SceneScore, scene_figures
 from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
 from tests.support.suite import chosen_takes
 from toolkit.app.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.people import survey
-from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking.body_learning import FollowedBody
@@ -80,11 +79,8 @@ def simulated(
 ) -> dict[str, dict[str, Any]]:
     """Return figures of each group of one simulated part, and of all groups."""
     made = {record_scene(scene, work, LONGEST): scene for scene in scenes}
-    runs: dict[Path, Any] = {folder / path.stem: (path, {}) for path in made}
-    track_each(runs, tracker, people=1 if part == "clean" else None)
     groups: dict[str, list[SceneScore]] = {}
-    for run, (path, _) in runs.items():
-        score = score_scene(open_recording(path), tracks_of(run))
+    for path, score in tracked_scores(made, tracker, folder, people=1 if part == "clean" else None)[0].items():
         groups.setdefault(made[path].group, []).append(score)
         groups.setdefault("all", []).append(score)
     return {group: scene_figures(scores) for group, scores in groups.items()}

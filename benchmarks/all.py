@@ -16,70 +16,20 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from benchmarks._data import check_data
+from benchmarks._data import check_data, commands
 from benchmarks._record import RESULTS, add_option, commit, parser_of
 from benchmarks._rows import DATABASE, poses_of
 from tests.support.suite import ROOT, WORK
+from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 
-PACKAGED = "toolkit/database/assets/default.npz"
-"""Packaged database; it contains no actor of the benchmark motions."""
 TIMED = ("speed", "lookup")
 """Benchmarks of times per frame."""
-PUBLISHED = "baak2013,baak2013 mixed,baak2013 local,baak2013 lookup"
 COMMANDS: dict[str, str] = {
-    "speed": "speed hybrid {database}",
-    "speed_crowd": "speed crowd {database} --frames 120",
-    "speed_passes": f"speed passes {PACKAGED}",
-    "speed_swarm": "speed swarm --frames 30 --network",
-    "extrema": "lookup extrema",
-    "lookup": "lookup queries {database}",
-    "correspondences": "lookup correspondences",
-    "qammaz_models": "swarm models",
-    "accuracy_report": "accuracy --split report --rows hybrid,local --database {database}",
-    "baak2013_report": f"accuracy --split report --rows '{PUBLISHED}' --database {{database}}",
-    "scenes_report": "scenes --split report --database {database}",
-    "scenes_report_colour": "scenes --split report --joints colour --database {database}",
-    "real": f"real tracked --rows hybrid --database {PACKAGED}",
-    "rooms": f"rooms --database {PACKAGED}",
-    "scenes_rooms_report": "scenes --rooms --split report --database {database}",
-    "rooms_colour": f"rooms --joints colour --database {PACKAGED}",
-    "scenes_rooms_report_colour": "scenes --rooms --split report --joints colour --database {database}",
-    "classifier_report": "classifier --split report",
-    "ablation": "ablation --database {database}",
-    "recovery_report": "recovery wrong --split report --database {database}",
-    "cold_report_depth": "recovery cold --split report --joints depth --every 24 --database {database}",
-    "swarm_report_colour": "swarm suite --split report --joints colour",
-    "qammaz_sequences": "swarm sequences",
-    "qammaz_table2": "swarm table2 --sequences MS_1,FS_1",
-    "qammaz_table3": "swarm table3 --sequences MS_1 --frames 60",
-    "qammaz_budget": "swarm budget --sequences MS_1 --frames 30",
-    "scan": "swarm scan",
-    "realsense": "joints followed --rows 'swarm,hybrid,not told' --database {database}",
-    "upper_real": f"upper track --real --database {PACKAGED}",
-    "upper_real_lopez2011": "upper track --real --rows lopez2011",
-    "upper_report_lopez2011": "upper track --split report --rows lopez2011",
-    "upper_speed": "upper speed",
-    "upper_report_hybrid": "upper track --split report --rows hybrid --recovery --database {database}",
-    "gait": "gait",
-    "feet": "feet --real {data}/depth/utd_mhad",
-    "kinect_offsets": "real offsets",
-    "kinect_lag": "real lag",
-    "confidence": "confidence judge",
-    "inertial": f"inertial simulated --split report --database {PACKAGED}",
-    "stabilise_report": f"stabilise classes --split report --database {PACKAGED}",
-    "plausibility_limits": "plausibility limits",
-    "plausibility_long": "plausibility long",
-    "plausibility_signals": "plausibility signals",
-    "events": "annotation events --split report",
-    "annotation": "annotation thesis {data} --runs 2",
-    "motion_model": "motion_model {data} --seeds 3",
-    "by_example": "by_example {data}",
-    "keyframe_search": "keyframes search {data}",
-    "keyframe_manual": "keyframes manual {data}",
-    "keyframe_learning": "keyframes learning {data}",
+    name: command.replace("{packaged}", DEFAULT_DATABASE.relative_to(ROOT).as_posix())
+    for name, command in commands()["results"].items()
 }
-"""Result -> arguments of `depthmocap bench` that write it; the longest come first."""
+"""Result -> arguments of `depthmocap bench` that write it."""
 
 
 def stored(name: str) -> dict[str, Any]:

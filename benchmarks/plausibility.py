@@ -8,7 +8,6 @@
 
 import argparse
 import os
-import resource
 import shlex
 import shutil
 import signal
@@ -22,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import benchmark, script
+from benchmarks._record import benchmark, command_cost, script
 from tests.container_files import RosWriter
 from toolkit.datasets.folder import data_folder
 from toolkit.recordings.opening import open_recording
@@ -147,41 +146,33 @@ def written(form: str, folder: Path, frames: int) -> tuple[Path, dict[str, Any],
 
 def tracked(path: Path, folder: Path, frames: int) -> dict[str, Any]:
     """Return the rows of a long track, and the peak memory of the process that wrote it."""
-    done = run(f"track {path} --output {folder}")
-    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    return {
-        "exit code": done.returncode, "rows": len(Track.load(folder)), "expected": frames, "megabytes": memory,
-    }  # fmt: skip
+    megabytes, _ = command_cost(["track", path, "--output", folder])
+    return {"rows": len(Track.load(folder)), "expected": frames, "megabytes": megabytes}
 
 
 def with_bounds_checks(path: Path, folder: Path) -> dict[str, Any]:
-    """Return the exit code of a track whose compiled loops check their indices, with their own cache."""
+    """Return the index errors of a track whose compiled loops check their indices, with their own cache."""
     environment = {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(folder / "cache")}
     done = run(f"track {path} --config hybrid --people all --output {folder / 'checked'}", **environment)
-    return {"exit code": done.returncode, "index errors": done.stderr.count("IndexError")}
+    return {"index errors": done.stderr.count("IndexError")}
 
 
 def first_runs(path: Path, folder: Path, count: int) -> dict[str, Any]:
     """Return the exit codes of first runs at the same time, and the number of different pictures."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cold")}
     typed = [shlex.split(f"{COMMAND} info {path} --output {folder / f'first_{k}.png'}") for k in range(count)]
-    running = [subprocess.Popen(words, env=environment, stderr=subprocess.PIPE, text=True) for words in typed]
-    told = [child.communicate()[1] for child in running]
+    running = [subprocess.Popen(words, env=environment) for words in typed]
+    codes = [child.wait() for child in running]
     pictures = {(folder / f"first_{k}.png").read_bytes() for k in range(count)}
-    return {
-        "exit codes": [child.returncode for child in running], "different pictures": len(pictures),
-        "tracebacks": sum("Traceback" in text for text in told),
-    }  # fmt: skip
+    return {"exit codes": codes, "different pictures": len(pictures)}
 
 
 def on_full_disk(path: Path, folder: Path) -> dict[str, Any]:
     """Return the result of a track that may write files of 4 kB at most, and of the same without that limit."""
     words = f"track {path} --output {folder / 'full'}"
-    first, again = run(words, "ulimit -f 4;"), run(f"{words} --resume")
-    return {
-        "exit code": first.returncode, "tracebacks": first.stderr.count("Traceback"),
-        "exit code of the next": again.returncode, "rows": len(Track.load(folder / "full")),
-    }  # fmt: skip
+    first, _ = run(words, "ulimit -f 4;"), run(f"{words} --resume")
+    tracebacks = first.stderr.count("Traceback")
+    return {"exit code": first.returncode, "tracebacks": tracebacks, "rows": len(Track.load(folder / "full"))}
 
 
 def box_depth() -> np.ndarray:

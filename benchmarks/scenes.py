@@ -10,17 +10,19 @@ Unobserved joints are those that are not seen. Results of a part of the suite go
 """
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, TAKES, poses_of, track_each
-from tests.support.scene_scores import scene_figures, score_scene
+from tests.support.scene_scores import SceneScore, scene_figures, score_scene
 from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.recordings.opening import open_recording
+from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import TRACK_FILE, Track
 from toolkit.tracks.runs import person_runs
 
@@ -49,6 +51,16 @@ def tracks_of(run: Path) -> list[Track]:
     return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
 
 
+def tracked_scores(
+    paths: Iterable[Path], tracker: Tracker, folder: Path, people: int | None = None, joints: str = "none"
+) -> tuple[dict[Path, SceneScore], dict[str, str]]:
+    """Track recordings into `folder`; return the score of each, and the reasons of failures by name."""
+    runs: dict[Path, Any] = {folder / path.stem: (path, {}) for path in paths}
+    failed = track_each(runs, tracker, people=people, joints=JointChoice(joints))
+    scores = {path: score_scene(open_recording(path), tracks_of(run)) for run, (path, _) in runs.items()}
+    return scores, {run.name: why for run, why in failed.items()}
+
+
 @benchmark(
     TAKES, DATABASE, frames={"type": int}, rooms=False, joints=("none", "colour"),
     groups={"help": "comma-separated, out of: " + ", ".join((*GROUPS, *ROOM_GROUPS))},
@@ -63,17 +75,15 @@ def scenes(options: argparse.Namespace) -> tuple[str, Any]:
         for scene in chosen_scenes(options.split, groups, options.takes)
     }
     tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
-    runs: dict[Path, Any] = {options.work / "runs" / "scenes" / path.stem: (path, {}) for path in recorded}
-    failed = track_each(runs, tracker, people=None, joints=JointChoice(options.joints))
-    scores = {run.name: score_scene(open_recording(path), tracks_of(run)) for run, (path, _) in runs.items()}
+    scores, failed = tracked_scores(recorded, tracker, options.work / "runs" / "scenes", joints=options.joints)
     lines = {
         line: scene_figures(own)
         for line, named in LINES.items()
-        if (own := [scores[path.stem] for path, scene in recorded.items() if scene.group in named])
+        if (own := [scores[path] for path, scene in recorded.items() if scene.group in named])
     }
     stem = f"scenes{'_rooms' * options.rooms}_{options.split}{'_colour' * colour}"
-    recordings = {name: scene_figures([score]) for name, score in scores.items()}
-    return stem, {"lines": lines, "recordings": recordings, "failed": {run.name: why for run, why in failed.items()}}
+    recordings = {path.stem: scene_figures([score]) for path, score in scores.items()}
+    return stem, {"lines": lines, "recordings": recordings, "failed": failed}
 
 
 main = script(__name__, __doc__, scenes)

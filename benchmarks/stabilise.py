@@ -9,7 +9,7 @@ a plot frame by frame (Fig. 6.14).
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -69,12 +69,8 @@ def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespac
     return run, performed
 
 
-class Measured(NamedTuple):
-    """Figures of one sequence, scores of its labels (segments, frames), and errors (T,) before and after, mm."""
-
-    row: dict[str, Any]
-    labels: tuple[Scores, Scores]
-    errors: list[np.ndarray]
+Measured = tuple[dict[str, Any], tuple[Scores, Scores], list[np.ndarray]]
+"""Figures of one sequence, scores of its labels (segments, frames), and errors (T,) before and after, mm."""
 
 
 def measured(run: Path, database: Path, performed: Performed, classes: Sequence[MotionClass]) -> Measured:
@@ -86,7 +82,7 @@ def measured(run: Path, database: Path, performed: Performed, classes: Sequence[
     tracks = dict(zip(LINES, (source.track, result.track), strict=True))
     row: dict[str, Any] = {name: figures_of(track, truth, seen) for name, track in tracks.items()}
     row |= {"F segments": labels[0].f, "F frames": labels[1].f}
-    return Measured(row, labels, [1000 * joint_errors(t.joints, truth).mean(axis=1) for t in tracks.values()])
+    return row, labels, [1000 * joint_errors(t.joints, truth).mean(axis=1) for t in tracks.values()]
 
 
 @benchmark(SPLIT, DATABASE)
@@ -97,10 +93,10 @@ def classes(options: argparse.Namespace) -> tuple[str, Any]:
     for sequence in SEQUENCES:
         run, performed = tracked(sequence, database, options)
         done[sequence.name] = measured(run, database, performed, known)
-    rows = {name: found.row for name, found in done.items()}
-    segments, frames = (sum((found.labels[k] for found in done.values()), Scores(0, 0, 0, 0)) for k in (0, 1))
+    rows = {name: row for name, (row, _, _) in done.items()}
+    segments, frames = (sum((labels[k] for _, labels, _ in done.values()), Scores(0, 0, 0, 0)) for k in (0, 1))
     name = f"stabilise_{options.split}"
-    plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.jpg")
+    plot_errors({name: errors for name, (_, _, errors) in done.items()}, RESULTS / f"{name}_frames.jpg")
     return name, {"sequences": rows, **summary(rows), "F segments": segments.f, "F frames": frames.f}
 
 

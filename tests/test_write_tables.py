@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import all as everything
-from benchmarks._data import NEEDS, check_data, needed
+from benchmarks._data import check_data, commands, needed
 from scripts import write_tables
 from toolkit.app.cli.bench import benchmarks
 from toolkit.datasets.registry import DATA_SETS
@@ -58,10 +58,11 @@ def test_every_result_of_all_benchmarks_is_shown_on_a_page() -> None:
 
 
 def test_every_benchmark_names_data_sets_of_the_registry() -> None:
-    assert {key.split()[0] for key in NEEDS} <= set(benchmarks())
-    assert {name for names in NEEDS.values() for name in names} <= set(DATA_SETS)
-    assert needed(["upper", "track", "--real", "--rows", "x"]) == NEEDS["upper track --real"]
-    assert needed(["real", "offsets"]) == NEEDS["real offsets"] != needed(["real", "tracked"]) == NEEDS["real"]
+    needs = commands()["data"]
+    assert {key.split()[0] for key in needs} <= set(benchmarks())
+    assert {name for names in needs.values() for name in names} <= set(DATA_SETS)
+    assert needed(["upper", "track", "--real", "--rows", "x"]) == ("skeltrack", "realsense")
+    assert needed(["real", "offsets"]) == ("utd-mhad", "msr-action3d") and needed(["real", "tracked"]) == ("utd-mhad",)
 
 
 def test_a_benchmark_without_its_data_names_the_command_that_fetches_it(
