@@ -189,14 +189,7 @@ def ranges_of(found: HitRanges) -> Iterator[tuple[int, int, int]]:
 
 
 class Truth:
-    """True segments of a class in some documents.
-
-    Parameters
-    ----------
-    documents : of the whole index
-    label : of the class
-    actor : whose documents count; all by default
-    """
+    """True segments of a class in the documents of an index; only those of one actor count, if it is given."""
 
     def __init__(self, documents: Sequence[Document], label: str, actor: str = "") -> None:
         self.lengths = {
@@ -250,14 +243,7 @@ THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
 
 
 class Fold(NamedTuple):
-    """Model of some people with its evaluation documents.
-
-    Attributes
-    ----------
-    classes : learned from some people
-    documents : of a person who is in no example
-    queries : keyframes learned from the same people, if keyframes will narrow the search down
-    """
+    """Classes, and keyframe queries if there are any, learned from some people, and documents of another person."""
 
     classes: Sequence[MotionClass]
     documents: Sequence[Document]
@@ -267,11 +253,8 @@ class Fold(NamedTuple):
 def learn_threshold(folds: Sequence[Fold]) -> float:
     """Return the common threshold of all classes with the best F over frames on documents of left-out people.
 
-    The threshold is learned with keyframes, which remove most frames without a motion, so a looser one is best.
-
-    Returns
-    -------
-    One of `THRESHOLDS`, the smallest among equals.
+    It is one of `THRESHOLDS`, the smallest among equals. Keyframes remove most frames without a motion, so that with
+    them a looser one is best.
     """
     found, right, true = (np.zeros(len(THRESHOLDS)) for _ in range(3))
     for classes, documents, queries in folds:

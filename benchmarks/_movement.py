@@ -52,14 +52,7 @@ TAKES = (
 
 
 class Tracked(NamedTuple):
-    """Track with its truth.
-
-    Attributes
-    ----------
-    person : as tracked
-    body : the true one
-    poses : float64 (T, P), the true ones, level frame
-    """
+    """Tracked person with the true body and the true poses, float64 (T, P), level frame."""
 
     person: Person
     body: Body

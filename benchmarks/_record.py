@@ -30,14 +30,7 @@ SINGLE = ("confusion", "frames", "recordings", "sequences", "starts", "takes")
 
 @dataclass(frozen=True)
 class Benchmark:
-    """Measurement with its options.
-
-    Attributes
-    ----------
-    measure : returns name and figures of the result; figures without a name are only printed. `options.suffix` is what
-        is appended to the name, see `NARROWING`
-    options : see `add_option`
-    """
+    """Measurement that returns name and figures of its result, with its options, see `add_option`."""
 
     measure: Callable[[argparse.Namespace], tuple[str, Any]]
     options: Mapping[str, Any]
@@ -49,11 +42,9 @@ class Benchmark:
         options = parser.parse_args()
         settings = {name: value for name, value in vars(options).items() if name != "part"}
         narrowed = [name for name in NARROWING if name in settings and settings[name] != parser.get_default(name)]
-        options.suffix = "_part" if narrowed else ""
         name, figures = self.measure(options)
         show(figures)
-        if name:
-            print("written:", save_figures(name + options.suffix, figures, settings))
+        print("written:", save_figures(name + "_part" * bool(narrowed), figures, settings))
 
 
 def benchmark(*groups: Mapping[str, Any], **options: Any) -> Callable[[Callable[..., tuple[str, Any]]], Benchmark]:
@@ -79,13 +70,9 @@ def add_option(parser: argparse.ArgumentParser, name: str, default: Any) -> None
 
 
 def script(module: str, description: str | None, parts: Benchmark | Mapping[str, Benchmark]) -> Callable[[], None]:
-    """Return the main function of a script, and call it if the script is the program.
+    """Return the main function of a script, and call it if the script, `module`, is the program.
 
-    Parameters
-    ----------
-    module : `__name__` of the script
-    description : help of the command
-    parts : the benchmark, or those of which the first argument names one
+    `parts` is the benchmark, or those of which the first argument names one.
     """
 
     def main() -> None:

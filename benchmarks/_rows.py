@@ -131,13 +131,7 @@ def track_each(
     people: int | None = 1,
     joints: JointChoice | None = None,
 ) -> dict[Path, str]:
-    """Track recordings into new run folders; return the failures by run folder.
-
-    Parameters
-    ----------
-    runs : run folder -> the recording, and options of its reader
-    tracker, people, joints : as of `track_recording`
-    """
+    """Track recordings, each with options of its reader, into run folders; return the failures by run folder."""
     failed = {}
     for i, (run, (path, options)) in enumerate(runs.items()):
         shutil.rmtree(run, ignore_errors=True)

@@ -8,14 +8,14 @@ row, those of a part of the suite to files that end in `_part`.
 """
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import RESULTS, benchmark, drawn, script
+from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, ROWS, TAKES, figures_of, make_tracker, poses_of, track_each
 from benchmarks._takes import is_right
 from tests.support.casting import Scene
@@ -29,11 +29,6 @@ from toolkit.fitting.joint_confidence import WITHIN
 from toolkit.recordings.opening import open_recording
 from toolkit.tracks import Track
 
-COLOURS = {
-    "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "baak2013 mixed": "#b9a8c9",
-    "local": "#7f9fc6", "hybrid": "#2b2b2b",
-}  # fmt: skip
-"""Colours of the plotted rows."""
 BINS = np.linspace(0.0, 1.0, 21)
 """Bins of the confidence."""
 
@@ -75,23 +70,9 @@ def wrong_stretches(tracks: Sequence[Track], truths: Sequence[np.ndarray]) -> di
     return {"frames": wrong, "longest": longest}
 
 
-def plot_rows(rows: Mapping[str, Any], path: Path) -> None:
-    """Plot the error per recording as bars: the hybrid tracker, or the paper's and its two halves (Fig. 5.12)."""
-    shown = [name for name in COLOURS if name in rows]
-    names = list(rows[shown[0]]["recordings"])
-    with drawn(path, (12, 4.6)) as (axes,):
-        for k, name in enumerate(shown):
-            places = np.arange(len(names)) + (k - (len(shown) - 1) / 2) * 0.8 / len(shown)
-            errors = [row["error_mm"] for row in rows[name]["recordings"].values()]
-            axes.bar(places, errors, 0.8 / len(shown), label=name, color=COLOURS[name])
-        axes.set_xticks(range(len(names)), [n.rsplit("_", 1)[0] for n in names], rotation=60, ha="right", fontsize=7)
-        axes.set(ylabel="mean error, mm", xlim=(-0.6, len(names) - 0.4))
-        axes.legend(frameon=False)
-
-
 @benchmark(TAKES, DATABASE, rows=",".join(ROWS))
 def accuracy(options: argparse.Namespace) -> tuple[str, Any]:
-    """Track and evaluate the suite by each row, and write the plot."""
+    """Track and evaluate the suite by each row."""
     chosen, overrides = chosen_takes(options.split, GROUPS, options.takes), parse_overrides(options.set)
     paths = [record_scene(take, options.work, options.frames) for take in chosen]
     truths = [open_recording(path).joints for path in paths]
@@ -107,9 +88,7 @@ def accuracy(options: argparse.Namespace) -> tuple[str, Any]:
         if name == "hybrid":
             figures["confidence"] = confidence_bins(tracks, truths)
     first = "accuracy" if "hybrid" in figures["rows"] else options.rows.split(",")[0]
-    stem = f"{first}_{options.split}"
-    plot_rows(figures["rows"], RESULTS / f"{stem}{options.suffix}.jpg")
-    return stem, figures
+    return f"{first}_{options.split}", figures
 
 
 main = script(__name__, __doc__, accuracy)

@@ -13,9 +13,8 @@ that are surer than 0.7. The reliability is drawn.
 import argparse
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -48,17 +47,11 @@ PICTURE = Path(__file__).parents[1] / "docs" / "images" / "confidence.png"
 WRISTS = [skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "right")]
 
 
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Tracked frames of one person with a reference.
+class Rows(NamedTuple):
+    """Tracked frames of one person with a reference; `person` is data set and number, empty for a simulated one.
 
-    Attributes
-    ----------
-    source : data set, "photographs" or "simulated"
-    person : data set and number of a real person
-    apart : float64 (F, 20, 3), metres, from our joints to those of the reference in the torso's frame, in time
-    plain : float64 (F, 20), metres, distances from the reference in the same row of the file
-    confidence : float32 (F, 20)
+    `apart`, (F, 20, 3), is the way to the joints of the reference in the torso's frame, in time; `plain`, (F, 20), are
+    the distances from the reference in the same row of the file. Both are metres.
     """
 
     source: str

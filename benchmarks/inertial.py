@@ -4,9 +4,9 @@ Simulated sensors on real motions, in three parts. Calibration: true poses of th
 3 degrees of noise each, with and without one stretch of 30 % wrong frames, by the spread of the vertical in the limb.
 Clock: the offset against true poses and tracks, of five sensors. Errors: takes of the suite are tracked, one or two
 stretches per arm and leg replaced by the angles of another pose, calibrated on that very take and checked; so is the
-noise floor of the torso. Drawn are the thesis's figures 7.12 (precision and recall over thresholds, the two kinds of
-truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor bk,
-`report` actor dg.
+noise floor of the torso. With them are the thesis's figures 7.12 (precision and recall over thresholds, the two kinds
+of truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor
+bk, `report` actor dg.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.metrics import roc_auc_score
 
-from benchmarks._record import RESULTS, benchmark, drawn, script
+from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, SPLIT, poses_of
 from tests.support.scenes import people_of, shot_of
 from tests.support.suite import MOCAP, RATE, takes
@@ -61,10 +60,8 @@ def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
     return out
 
 
-SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
-"""Figures over thresholds, and their colours."""
-TRUTHS = {"off by 45 degrees": "-", "injected": "--"}
-"""Definition of an error, in place of the thesis's annotators -> line style."""
+TRUTHS = ("off by 45 degrees", "injected")
+"""Definitions of an error, in place of the thesis's annotators."""
 SIGNALS = ("orientation", "rate of turn", "acceleration")
 CLIPS, TRACKS = 40, 8
 """Clips of the calibration, and tracked takes of the other parts."""
@@ -81,8 +78,6 @@ CHAINS = {
     for side in ("left", "right")
     for limb, joints in (("arm", ("clavicle", "shoulder", "elbow", "wrist")), ("leg", ("hip", "knee", "ankle")))
 }  # fmt: skip
-DRAWN = "left_shin"
-"""Limb whose signals are plotted, of the first take that its sensor nearly covers; a wrong clock does not."""
 TURNED = 45.0
 """Minimum error of a wrong orientation, degrees."""
 EASED = 5 / RATE
@@ -231,7 +226,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
     """
     swept: dict[str, list[tuple[np.ndarray, ...]]] = {name: [] for name in GROUPS}
     off, stretches = dict.fromkeys(GROUPS, NOTHING), dict.fromkeys(GROUPS, NOTHING)
-    told, torso, drawn = [], [], method != "robust"
+    told, torso = [], []
     for own in checked(tracks, pool, method):
         curve, known = own.curve, np.isfinite(own.curve.full)
         if curve.limb == "chest":
@@ -244,20 +239,13 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         swept[own.kind].append((kept.full, own.wrong, inside))
         apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in own.signals.items()}
         told.append({name: told_apart(v, own.wrong) for name, v in {"orientation": curve.full, **apart}.items()})
-        if curve.limb == DRAWN and not drawn and known.mean() > 0.9:
-            drawn = True
-            rows = {
-                f"{signal}, {axis}": {"tab:red": sensor[:, k], "black": track[:, k]}
-                for signal, (sensor, track) in own.signals.items()
-                for k, axis in enumerate("xyz")
-            }
-            plot_curves(rows, curve.times, own.wrong, RESULTS / "inertial_signals.jpg")
     floor = np.concatenate(torso)
     joined = {name: [np.concatenate(part) for part in zip(*own, strict=True)] for name, own in swept.items()}
     return {
         "off by 45 degrees, P, R": {name: [s.precision, s.recall] for name, s in off.items()},
         "injected frames, tau 30, P, R": {name: [s.precision, s.recall] for name, s in stretches.items()},
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
+        "tau": THRESHOLDS,
         "over thresholds": {
             name: over_thresholds(full, dict(zip(TRUTHS, wrong, strict=True)))
             for name, (full, *wrong) in joined.items()
@@ -293,20 +281,8 @@ def over_thresholds(full: np.ndarray, truths: Mapping[str, np.ndarray]) -> dict[
     found = {}
     for truth, wrong in truths.items():
         scores = [frame_counts(full, wrong, float(threshold)) for threshold in THRESHOLDS]
-        found[truth] = {key: [getattr(score, key) for score in scores] for key in SWEPT}
+        found[truth] = {key: [getattr(score, key) for score in scores] for key in ("precision", "recall", "f")}
     return found
-
-
-def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
-    """Plot Fig. 7.12: precision, recall and F over thresholds, one panel per kind of limb."""
-    with drawn(path, (4.0 * len(kinds), 3.4), 1, len(kinds)) as panels:
-        for panel, (kind, truths) in zip(panels, kinds.items(), strict=True):
-            for truth, line in TRUTHS.items():
-                for key, colour in SWEPT.items():
-                    panel.plot(THRESHOLDS, truths[truth][key], line, color=colour, label=f"{key}, {truth}")
-            panel.set(title=kind, xlabel="threshold, degrees", ylim=(0, 1.02))
-            panel.grid(alpha=0.3)
-        panels[0].legend(fontsize=6)
 
 
 def signals_of(
@@ -340,16 +316,6 @@ def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
     """Return the probability that a wrong frame has a larger value than a correct one (ties count half), or None."""
     values, wrong = values[np.isfinite(values)], wrong[np.isfinite(values)]
     return float(roc_auc_score(wrong, values)) if wrong.any() and not wrong.all() else None
-
-
-def plot_curves(rows: Mapping[str, Mapping[str, np.ndarray]], times: np.ndarray, wrong: np.ndarray, path: Path) -> None:
-    """Plot curves (T,) by colour in a panel for each row, wrong frames, bool (T,), shaded."""
-    with drawn(path, (11, len(rows) + 1.0), len(rows), sharex=True) as panels:
-        for panel, (name, curves) in zip(panels, rows.items(), strict=True):
-            for colour, values in curves.items():
-                panel.plot(times, values, color=colour, lw=0.9)
-            panel.fill_between(times, *panel.get_ylim(), where=wrong, color="0.85", lw=0, zorder=0)
-            panel.set_title(name, fontsize=8, loc="left")
 
 
 def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
@@ -397,7 +363,7 @@ def simulated(options: argparse.Namespace) -> tuple[str, Any]:
     for seed, poses in enumerate(clips):
         motion = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name=f"clip {seed}")
         motions.append((motion, simulate_sensors(body, poses, RATE, FIVE, NOISE, seed)))
-    tracks, offsets = tracked(options), example_of_offsets()
+    tracks = tracked(options)
     pool = np.concatenate(clips_of(options.split, body, 20))
     figures: dict[str, Any] = {
         "calibration": calibration_figures(clips, body),
@@ -405,11 +371,8 @@ def simulated(options: argparse.Namespace) -> tuple[str, Any]:
         "clock against own tracks": clock_errors([(own.motion(own.track.pose, "t"), own.simulated) for own in tracks]),
         "errors, robust": error_figures(tracks, pool, "robust"),
         "errors, thesis": error_figures(tracks, pool, "thesis"),
-        "wrong offsets": offset_figures(*offsets),
+        "wrong offsets": offset_figures(*example_of_offsets()),
     }
-    curves = {name: {"black": values} for name, values in offsets[0].items()}
-    plot_curves(curves, np.arange(640), ~offsets[1], RESULTS / "inertial_offsets.jpg")
-    plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.jpg")
     return f"inertial{'' if options.split == 'report' else '_tune'}", figures
 
 

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks import _keyframe_corpus as corpus
-from benchmarks._record import RESULTS, benchmark, drawn, script
+from benchmarks._record import benchmark, script
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document
@@ -163,28 +163,14 @@ def rotate(
 
 
 def figures_of(measured: Measured, name: str, labels: Sequence[str]) -> dict[str, Any]:
-    """Return all figures of one set of documents, and draw the confusion matrix."""
+    """Return all figures of one set of documents."""
     results = measured.rows[name]
     figures: dict[str, Any] = {row: scores_of(found) for row, found in results.items()}
     figures["classes"] = {label: sum((r["classes"][label] for r in results[MODEL]), NOTHING).f for label in labels}
     figures["search"] = search_scores(measured.searched[name])
     table, names = sum(row["confusion"] for row in results[MODEL]), [*labels, "no class"]
     figures["confusion"] = {"labels": names, "frames": table}
-    plot_confusion(table, names, RESULTS / f"motion_model_{name}.jpg", f"HDM05, {name}, frames")
     return figures
-
-
-def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: str) -> None:
-    """Draw a confusion matrix, rows true, columns found, each row as fractions."""
-    shares, size = table / np.maximum(table.sum(axis=1, keepdims=True), 1), 2.5 + 0.33 * len(labels)
-    with drawn(path, (size, size)) as (axes,):
-        axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0)
-        for row, column in zip(*np.nonzero(shares >= 0.01), strict=True):
-            colour = "w" if shares[row, column] > 0.5 else "k"
-            axes.text(column, row, f"{100 * shares[row, column]:.0f}", ha="center", va="center", size=7, color=colour)
-        axes.set_xticks(range(len(labels)), labels, rotation=90, fontsize=8)
-        axes.set_yticks(range(len(labels)), labels, fontsize=8)
-        axes.set(xlabel="found", ylabel="true", title=f"{title}: percent of the true class")
 
 
 @benchmark(data=Path, seeds=3)

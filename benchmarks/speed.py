@@ -80,11 +80,8 @@ PLAIN_FRAMES, MEMORY_FRAMES, POSES = 120, (200, 2000), 25_000
 def in_turn(trackers: Sequence[HybridTracker], recording: Recording, frames: int) -> tuple[np.ndarray, np.ndarray, Any]:
     """Track a recording by several trackers, frame by frame in turn.
 
-    Returns
-    -------
-    stage_ms : (T, trackers, stages), without the first `WARM_UP` frames
-    joints : float64 (T, trackers, 20, 3), camera frame, metres
-    sources : of each frame and tracker
+    Returns milliseconds (T, trackers, stages) without the first `WARM_UP` frames, joints (T, trackers, 20, 3) in
+    metres, camera frame, and the sources of each frame and tracker.
     """
     people = [Solo(tracker, recording) for tracker in trackers]
     moments = recording.timestamps[:frames].tolist()

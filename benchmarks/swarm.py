@@ -43,11 +43,8 @@ from toolkit.trackers.qammaz.tracker import SwarmTracker
 @benchmark(TAKES, joints=SOURCES, set=DATABASE["set"], work=WORK)
 def suite(options: argparse.Namespace) -> tuple[str, Any]:
     """Track the simulated suite."""
-    settings, takes, tracked = (
-        swarm_settings("swarm", parse_overrides(options.set)),
-        chosen_takes(options.split, count=options.takes),
-        {},
-    )
+    settings, tracked = swarm_settings("swarm", parse_overrides(options.set)), {}
+    takes = chosen_takes(options.split, count=options.takes)
     for take in takes:
         recording = prepared(take, options.joints, options.work, options.frames)
         tracked[take.name] = follow(SwarmTracker(settings), recording)
@@ -103,12 +100,7 @@ PRIMITIVES = {"discrepancy.figure": "balls"}
 
 
 class Bench:
-    """Sequences to track, and their figures.
-
-    Parameters
-    ----------
-    options : of the command
-    """
+    """Sequences to track by the options of the command, and their figures."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.frames, self.work = options.frames, options.work

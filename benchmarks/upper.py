@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks._record import RESULTS, benchmark, drawn, script
+from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, TAKES, poses_of
 from tests.support.scenes import record_scene
 from tests.support.solo import Solo
@@ -84,7 +84,7 @@ def upper_figures(scores: Sequence[UpperScore]) -> dict[str, Any]:
         "first_px": float(np.nanmean(first)) if first else None,
         "hands_near": float(np.mean(pixels[:, HANDS] <= FAR)),
         "wrong_tracked": float(tracked[wrong].mean()) if wrong.any() else 0.0,
-        "curve": {str(limit): float(np.mean(pixels <= limit)) for limit in THRESHOLDS},
+        "curve": {"px": THRESHOLDS, "share": [float(np.mean(pixels <= limit)) for limit in THRESHOLDS]},
     }
 
 
@@ -218,7 +218,7 @@ def take_figures(row: str, recordings: Sequence[Recording], options: argparse.Na
 
 @benchmark(TAKES, DATABASE, frames=90, rows=ROWS, groups=",".join(GROUPS), recovery=False, real=False)
 def track(options: argparse.Namespace) -> tuple[str, Any]:
-    """Track the takes, or with `--real` the stills and the seated man; write the plot."""
+    """Track the takes, or with `--real` the stills and the seated man."""
     rows, figures = options.rows.split(","), dict[str, dict[str, Any]]()
     if options.real:
         for row in rows:
@@ -230,8 +230,6 @@ def track(options: argparse.Namespace) -> tuple[str, Any]:
         figures = {row: take_figures(row, recordings, options) for row in rows}
     own = "" if options.rows == ROWS else "_" + options.rows.replace(",", "_")
     name = ("upper_real" if options.real else f"upper_{options.split}") + own
-    curves = {row: found["curve"] for row, found in figures.items() if "curve" in found}
-    plot_success(curves, RESULTS / f"{name}{options.suffix}.jpg")
     return name, figures
 
 
@@ -251,17 +249,6 @@ def speed(options: argparse.Namespace) -> tuple[str, Any]:
             seconds.append(time.process_time() - begun)
         figures[f"{tile}x{tile} {particles}x3"] = 1.0 / float(np.median(seconds[1:]))
     return "upper_speed", figures
-
-
-def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
-    """Plot the fraction of joints within a number of pixels of a 640x480 image, as in the paper's Fig. 10."""
-    with drawn(path, (6, 4)) as (axes,):
-        for row, curve in curves.items():
-            limits = [float(limit) for limit in curve]
-            axes.plot(limits, [100 * share for share in curve.values()], "o-", ms=3, label=row)
-        axes.set(xlabel="error, pixels of a 640x480 image", ylabel="joints within, %", xlim=(0, 60), ylim=(0, 101))
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
 
 
 main = script(__name__, __doc__, {"track": track, "speed": speed})
