@@ -15,6 +15,7 @@ from sklearn.metrics import roc_auc_score
 
 from benchmarks._record import benchmark, script
 from benchmarks._rows import SPLIT
+from tests.support.calibration import calibration_error
 from tests.support.scenes import people_of
 from tests.support.suite import BODIES, RATE, takes
 from toolkit.body.shape import subject_body
@@ -34,7 +35,6 @@ PATCH = 8
 """Pixels of a side of a patch without people."""
 MIN_PIXELS = 3
 """Measured pixels of a surface."""
-BINS = 10
 
 
 def standing_poses(split: str) -> np.ndarray:
@@ -92,19 +92,12 @@ def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.
     }  # fmt: skip
 
 
-def error_at_even_odds(probability: np.ndarray, truth: np.ndarray) -> float:
-    """Return the expected calibration error where people and the rest weigh alike."""
-    weight = np.where(truth, 0.5 / max(truth.sum(), 1), 0.5 / max((~truth).sum(), 1))
-    number = np.minimum((BINS * probability).astype(int), BINS - 1)
-    gaps = np.bincount(number, weights=weight * (truth - probability), minlength=BINS)
-    return float(np.abs(gaps).sum())
-
-
 def figures_of(columns: dict[str, np.ndarray], name: str) -> dict[str, float]:
     """Return the figures of pixels or surfaces."""
     found, truth = columns[name], columns[f"{name}_truth"]
+    weight = np.where(truth, 0.5 / max(truth.sum(), 1), 0.5 / max((~truth).sum(), 1))
     return {
-        "auc": float(roc_auc_score(truth, found)), "ece": error_at_even_odds(found, truth),
+        "auc": float(roc_auc_score(truth, found)), "ece": calibration_error(found, truth, weight),
         "people_over_half": float((found[truth] > 0.5).mean()), "rest_over_half": float((found[~truth] > 0.5).mean()),
     }  # fmt: skip
 

@@ -94,13 +94,6 @@ def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.nda
     return total
 
 
-def search_scores(total: np.ndarray) -> list[dict[str, float]]:
-    """Return the fractions of the data that a search for classes leaves."""
-    frames, relevant, touched, half, segments = total.tolist()
-    shares = {"touched": touched / segments, "half": half / segments, "left_over_relevant": frames / relevant}
-    return [{"doubt": DOUBT, **shares}]
-
-
 def interval(rows: Sequence[dict[str, Any]], key: str) -> tuple[float, float]:
     """Return the 95 % interval of F by a bootstrap over left-out people and seeds."""
     counts = np.array([[r[key].right_found, r[key].found, r[key].right_true, r[key].true] for r in rows])
@@ -167,7 +160,12 @@ def figures_of(measured: Measured, name: str, labels: Sequence[str]) -> dict[str
     results = measured.rows[name]
     figures: dict[str, Any] = {row: scores_of(found) for row, found in results.items()}
     figures["classes"] = {label: sum((r["classes"][label] for r in results[MODEL]), NOTHING).f for label in labels}
-    figures["search"] = search_scores(measured.searched[name])
+    frames, relevant, touched, half, segments = measured.searched[name].tolist()
+    figures["search"] = {
+        "touched": touched / segments,
+        "half": half / segments,
+        "left_over_relevant": frames / relevant,
+    }
     table, names = sum(row["confusion"] for row in results[MODEL]), [*labels, "no class"]
     figures["confusion"] = {"labels": names, "frames": table}
     return figures

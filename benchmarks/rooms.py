@@ -40,6 +40,7 @@ from toolkit.app.pipeline import TrackerRecipe
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.body.skeleton import REPORTED
 from toolkit.datasets.folder import data_folder
+from toolkit.landmarks.joint_network import OPPOSITE
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.recordings.writer import RecordingWriter
@@ -77,6 +78,9 @@ GROUPS = {
     "arms": ["left_elbow", "right_elbow", "left_wrist", "right_wrist"],
     "legs": ["left_knee", "right_knee", "left_ankle", "right_ankle"],
 }
+
+
+_OTHER_SIDE = {name: REPORTED[other] for name, other in zip(REPORTED, OPPOSITE, strict=True)}
 
 
 def annotations_of(name: str) -> dict[str, Any]:
@@ -221,7 +225,7 @@ class _Scorer:
         for name, pixel in person["joints"].items():
             z = person["depth"][name]
             error[name] = self._distance(self._project(joints[name]), pixel, z)
-            mirrored[name] = self._distance(self._project(joints[_other_side(name)]), pixel, z)
+            mirrored[name] = self._distance(self._project(joints[_OTHER_SIDE[name]]), pixel, z)
         exchanged = sum(min(e, 0.4) for e in mirrored.values()) < sum(min(e, 0.4) for e in error.values())
         for group, names in GROUPS.items():
             for name in error.keys() & set(names):
@@ -261,12 +265,6 @@ class _Scorer:
 
 def _inside(point: Any, box: Any, margin: float) -> bool:
     return bool(box[0] - margin <= point[0] <= box[2] + margin and box[1] - margin <= point[1] <= box[3] + margin)
-
-
-def _other_side(name: str) -> str:
-    exchange = {"left": "right", "right": "left"}
-    side, _, rest = name.partition("_")
-    return f"{exchange[side]}_{rest}" if side in exchange else name
 
 
 @benchmark(

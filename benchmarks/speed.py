@@ -151,7 +151,11 @@ def hybrid(options: argparse.Namespace) -> tuple[str, Any]:
             "times": [timed(own, database, chosen) for own in recordings for chosen in (settings, half)],
             "plain": [compare(own, database, settings, PLAIN_FRAMES) for own in recordings],
         }
-        figures["memory"] = [{"frames": n, "peak_mb": peak_of(n, folder, options.database)} for n in MEMORY_FRAMES]
+        figures["memory"] = []
+        for n in MEMORY_FRAMES:
+            path = made(folder / f"memory_{n}.npz", SIZES[1], n).path
+            peak, _ = tracked(Path(path), options.database, folder / f"run_{n}")
+            figures["memory"].append({"frames": n, "peak_mb": peak})
     return "speed", figures
 
 
@@ -159,12 +163,6 @@ def made(path: Path, pixels: int, frames: int) -> Recording:
     """Return a new recording of the rendered subject."""
     write_recording(path, pixels, frames)
     return open_recording(path)
-
-
-def peak_of(frames: int, folder: Path, database: Path) -> float:
-    """Return the peak memory of `depthmocap track` over a number of frames, megabytes."""
-    made(folder / f"memory_{frames}.npz", SIZES[1], frames)
-    return tracked(folder / f"memory_{frames}.npz", database, folder / f"run_{frames}")[0]
 
 
 PIXELS, COUNTS = 6000, (1, 2, 3, 6)

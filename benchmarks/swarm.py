@@ -19,6 +19,7 @@ primitives P.
 import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,6 @@ from toolkit.app.pipeline.scan import scan_recordings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.evaluation.joint_errors import CURVE, accuracy
-from toolkit.sensing.recording import Recording
 from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 
@@ -109,21 +109,17 @@ class Bench:
         self.figures: dict[str, Any] = {}
         self.runs: dict[str, list[Tracked]] = {}
 
-    def body(self, name: str) -> Body:
-        """Return the scanned body of a subject."""
-        return scanned(name, self.work)
-
-    def recording(self, name: str) -> Recording:
-        """Return a sequence with its image joints."""
-        return sequence(name, "colour", self.work, self.frames)
-
     def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> None:
         """Track sequences with the settings of a row; store and print the figures as `label`.
 
         `body` is the same for all; None takes the person's own.
         """
         settings = swarm_settings(row, {**self.overrides, **more})
-        self.store(label, [follow(SwarmTracker(settings, body=body or self.body(n)), self.recording(n)) for n in names])
+        runs = []
+        for name in names:
+            tracker = SwarmTracker(settings, body=body or scanned(name, self.work))
+            runs.append(follow(tracker, sequence(name, "colour", self.work, self.frames)))
+        self.store(label, runs)
 
     def store(self, label: str, tracked: list[Tracked]) -> None:
         """Store and print the figures of some runs as `label`."""
@@ -147,9 +143,8 @@ class Bench:
 
 def sequences(bench: Bench) -> None:
     """Measure both trackers on each sequence, with the subject's body."""
-    for row in ("swarm", "qammaz"):
-        for name in bench.names:
-            bench.row(f"{row}, {name}", row, [name])
+    for row, name in product(("swarm", "qammaz"), bench.names):
+        bench.row(f"{row}, {name}", row, [name])
 
 
 def table2(bench: Bench) -> None:
@@ -164,7 +159,7 @@ def table2(bench: Bench) -> None:
 
 def models(bench: Bench) -> None:
     """Measure each sequence with the bodies of all subjects (Table 4)."""
-    bodies = {name: bench.body(name) for name in SEQUENCES}
+    bodies = {name: scanned(name, bench.work) for name in SEQUENCES}
     neutral = load_body("neutral")
     for name in bench.names:
         sized = neutral.scaled(sequence_body(name).height / neutral.height)
@@ -188,12 +183,11 @@ def table3(bench: Bench) -> None:
 def budget(bench: Bench) -> None:
     """Measure numbers of particles and generations (Fig. 3)."""
     deltas: dict[str, list[float]] = {}
-    for particles in BUDGETS:
-        for generations in BUDGETS:
-            label = f"{particles} in {generations}"
-            sizes: dict[str, Any] = {"swarm.particles": particles, "swarm.generations": generations}
-            bench.row(label, "qammaz", bench.names, **sizes)
-            deltas.setdefault(f"{particles} particles", []).append(bench.figures[label]["delta_mm"])
+    for particles, generations in product(BUDGETS, BUDGETS):
+        label = f"{particles} in {generations}"
+        sizes: dict[str, Any] = {"swarm.particles": particles, "swarm.generations": generations}
+        bench.row(label, "qammaz", bench.names, **sizes)
+        deltas.setdefault(f"{particles} particles", []).append(bench.figures[label]["delta_mm"])
     bench.figures["over generations"] = {"generations": list(BUDGETS), **deltas}
 
 
