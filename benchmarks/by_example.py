@@ -186,11 +186,6 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
     placed = [positions(motion) for motion in corpus.motions]
     numbers = {name: number for number, name in enumerate(corpus.index.names)}
 
-    def of_matches(matches: Sequence[Any]) -> list[Hit]:
-        return [
-            (m.cost, numbers[m.document], round(m.start * FEATURE_RATE), round(m.end * FEATURE_RATE)) for m in matches
-        ]
-
     def by_positions(_: FeatureMatrix, motion: Motion) -> list[Hit]:
         template = positions(motion)
         return joined([distance_of_positions(template, document) for document in placed])
@@ -199,13 +194,14 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
         template = QuantisedTemplate(example.values.astype(np.int8), np.ones(len(example)))
         return joined([template.distance(document.words) for document in corpus.features])
 
+    def by_search(example: FeatureMatrix, _: Motion) -> list[Hit]:
+        found = shipped.search_example(corpus.index, shipped.SearchExample.of(example), MOST)
+        frames = [(round(match.start * FEATURE_RATE), round(match.end * FEATURE_RATE)) for match in found]
+        return [(m.cost, numbers[m.document], start, stop) for m, (start, stop) in zip(found, frames, strict=True)]
+
     return {
-        "DTW of positions": by_positions,
-        "DTW of booleans": by_booleans,
-        "with places of limbs (shipped)": lambda example, _: of_matches(
-            shipped.search_example(corpus.index, shipped.SearchExample.of(example), MOST)
-        ),
-    }
+        "DTW of positions": by_positions, "DTW of booleans": by_booleans, "with places of limbs (shipped)": by_search
+    }  # fmt: skip
 
 
 def table(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, Any]:

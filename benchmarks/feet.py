@@ -123,12 +123,6 @@ def simulated(found: Tracked) -> dict[str, Any]:
     return figures
 
 
-def of_suite(take: Scene, work: Path, database: Path) -> Tracked:
-    """Return a take of the suite."""
-    (person,) = people_of(take, take.frames)
-    return tracked_shot(person, shot_of(take, [person]), work / "suite" / take.name, database)
-
-
 def on_floor(take: Scene) -> bool:
     """Return whether the floor of a recording is fixed (no treadmill, no turn on the spot)."""
     actor = take.actor
@@ -141,9 +135,9 @@ def on_floor(take: Scene) -> bool:
 def real(person: Person) -> dict[str, Any]:
     """Return figures of a person without true poses, by the placement of the feet."""
     contact, times = person.track.contact & (person.track.state == TRACKED)[:, None], person.track.timestamps
-    still = stands_still(Feet.of(person), contact, times)
-    ways = {"tracked": person, "resting": at_rest(person)}
-    return {way: row(Feet.of(own), contact, still, times) for way, own in ways.items()}
+    ways = {"tracked": Feet.of(person), "resting": Feet.of(at_rest(person))}
+    still = stands_still(ways["tracked"], contact, times)
+    return {way: row(own, contact, still, times) for way, own in ways.items()}
 
 
 def measured(options: argparse.Namespace) -> Iterator[tuple[str, str, dict[str, Any]]]:
@@ -152,7 +146,9 @@ def measured(options: argparse.Namespace) -> Iterator[tuple[str, str, dict[str, 
     for made in TAKES:
         yield "made", made.name, simulated(tracked(made, work, database))
     for take in filter(on_floor, suite.takes("report")):
-        yield "suite", take.name, simulated(of_suite(take, work, database))
+        (person,) = people_of(take, take.frames)
+        found = tracked_shot(person, shot_of(take, [person]), work / "suite" / take.name, database)
+        yield "suite", take.name, simulated(found)
     for file in sorted(options.real.glob("*_depth.mat"))[::STRIDE] if options.real else []:
         yield "utd_mhad", file.stem, real(tracked_run(file, work / "utd_mhad" / file.stem, database))
 

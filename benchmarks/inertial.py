@@ -4,8 +4,8 @@ Simulated sensors on real motions, in three parts. Calibration: true poses of th
 3 degrees of noise each, with and without one stretch of 30 % wrong frames, by the spread of the vertical in the limb.
 Clock: the offset against true poses and tracks, of five sensors. Errors: takes of the suite are tracked, one or two
 stretches per arm and leg replaced by the angles of another pose, calibrated on that very take and checked; so is the
-noise floor of the torso. With them are the thesis's figures 7.12 (precision and recall over thresholds, the two kinds
-of truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor
+noise floor of the torso. With them are the thesis's figures 7.12 (precision and recall over thresholds, true errors in
+place of annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor
 bk, `report` actor dg.
 """
 
@@ -60,8 +60,6 @@ def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
     return out
 
 
-TRUTHS = ("off by 45 degrees", "injected")
-"""Definitions of an error, in place of the thesis's annotators."""
 SIGNALS = ("orientation", "rate of turn", "acceleration")
 CLIPS, TRACKS = 40, 8
 """Clips of the calibration, and tracked takes of the other parts."""
@@ -224,7 +222,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
     the same over thresholds (Fig. 7.12), and the separation of wrong frames by orientations and raw signals (Fig.
     7.13).
     """
-    swept: dict[str, list[tuple[np.ndarray, ...]]] = {name: [] for name in GROUPS}
+    swept: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {name: [] for name in GROUPS}
     off, stretches = dict.fromkeys(GROUPS, NOTHING), dict.fromkeys(GROUPS, NOTHING)
     told, torso = [], []
     for own in checked(tracks, pool, method):
@@ -235,8 +233,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         off[own.kind] += frame_counts(curve.full, own.wrong, TURNED)
         kept = own.without_ramps()
         stretches[own.kind] += frame_scores(kept, own.injected, np.nan_to_num(kept.full) > 30.0)
-        inside = np.any([(curve.times >= s.start) & (curve.times < s.end) for s in own.injected], axis=0)
-        swept[own.kind].append((kept.full, own.wrong, inside))
+        swept[own.kind].append((kept.full, own.wrong))
         apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in own.signals.items()}
         told.append({name: told_apart(v, own.wrong) for name, v in {"orientation": curve.full, **apart}.items()})
     floor = np.concatenate(torso)
@@ -246,10 +243,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         "injected frames, tau 30, P, R": {name: [s.precision, s.recall] for name, s in stretches.items()},
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
         "tau": THRESHOLDS,
-        "over thresholds": {
-            name: over_thresholds(full, dict(zip(TRUTHS, wrong, strict=True)))
-            for name, (full, *wrong) in joined.items()
-        },
+        "over thresholds": {name: over_thresholds(*parts) for name, parts in joined.items()},
         "wrong frames told apart": mean_told(told),
     }
 
@@ -276,13 +270,10 @@ def frame_counts(full: np.ndarray, wrong: np.ndarray, threshold: float) -> Score
     return Scores(both, int((found & known).sum()), both, int((wrong & known).sum()))
 
 
-def over_thresholds(full: np.ndarray, truths: Mapping[str, np.ndarray]) -> dict[str, dict[str, list[float]]]:
+def over_thresholds(full: np.ndarray, wrong: np.ndarray) -> dict[str, list[float]]:
     """Return precision, recall and F of a curve (T,), degrees, against wrong frames, bool (T,), at each threshold."""
-    found = {}
-    for truth, wrong in truths.items():
-        scores = [frame_counts(full, wrong, float(threshold)) for threshold in THRESHOLDS]
-        found[truth] = {key: [getattr(score, key) for score in scores] for key in ("precision", "recall", "f")}
-    return found
+    scores = [frame_counts(full, wrong, float(threshold)) for threshold in THRESHOLDS]
+    return {key: [getattr(score, key) for score in scores] for key in ("precision", "recall", "f")}
 
 
 def signals_of(

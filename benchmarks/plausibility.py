@@ -30,7 +30,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.tracks import Track
 
 COMMAND = f"{sys.executable} -m depthmocap"
-STREAMED = ("npz", "npz, stored", "npy", "png", "db3")
+STREAMED = ("npz", "npy", "png", "db3")
 """Formats whose frames are read one by one and that store images of any size."""
 SIGNALLED: dict[str, str] = {
     "info": "info {recording} --output {out}.png",
@@ -124,10 +124,9 @@ def written(form: str, folder: Path, frames: int) -> tuple[Path, dict[str, Any],
     options = {"intrinsics": (100.0, 100.0, 39.5, 29.5)}
     if form == "npz":
         return box_recording(path.with_suffix(".npz"), frames), options, depth
-    if form in ("npy", "npz, stored"):
-        path, all_frames = path.with_suffix(f".{form[:3]}"), np.broadcast_to(depth, (frames, *depth.shape))
-        np.save(path, all_frames) if form == "npy" else np.savez(path, depth=all_frames)
-        return path, options, depth
+    if form == "npy":
+        np.save(path.with_suffix(".npy"), np.broadcast_to(depth, (frames, *depth.shape)))
+        return path.with_suffix(".npy"), options, depth
     if form == "png":
         import cv2
 

@@ -227,17 +227,13 @@ def crowd(options: argparse.Namespace) -> tuple[str, Any]:
             depth = row_of_people(n, max(COUNTS), options.frames)
             save_recording(path, depth=iter(depth), camera=camera, timestamps=stamps, up_camera=UP)
             recordings.append(open_recording(path))
-        tracker = HybridTracker(
-            database, settings_of("hybrid", parse_overrides(options.set)), body=load_body("neutral")
-        )
+        settings = settings_of("hybrid", parse_overrides(options.set))
+        tracker = HybridTracker(database, settings, body=load_body("neutral"))
         crowds = [MultiPersonTracker(tracker, find_people(own), own.up_camera) for own in recordings]
         times = frame_times(crowds, recordings)
     median = np.median(times, axis=1)
-    people = {
-        str(n): {"median_ms": float(ms), "excess_ms": float(ms - n * median[0])}
-        for n, ms in zip(COUNTS, median, strict=True)
-    }
-    return "speed_crowd", {"people": people}
+    rows = zip(COUNTS, median.tolist(), strict=True)
+    return "speed_crowd", {"people": {str(n): {"median_ms": ms, "excess_ms": ms - n * median[0]} for n, ms in rows}}
 
 
 SIX = ((-1.5, 0.0), (-0.9, -0.8), (-0.3, 0.2), (0.4, -0.6), (0.9, 0.3), (1.6, -0.4))

@@ -193,7 +193,7 @@ def real_figures(found: Mapping[str, Sequence[Shown]]) -> dict[str, Any]:
         truth, camera = np.array([places for *_, places in frames]), frames[0][0].camera
         tracked = np.array([result.state == TRACKED for _, result, _ in frames])
         errors = pixel_errors(joints, truth, camera)
-        scores.append(UpperScore(errors, np.full(errors.shape, np.nan), tracked))
+        scores.append(UpperScore(errors, np.full_like(errors, np.nan), tracked))
     return {name: value for name, value in upper_figures(scores).items() if name != "upper_mm"}
 
 
