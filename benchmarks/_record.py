@@ -164,11 +164,8 @@ def portable(value: Any) -> Any:
 
 def _processor() -> str:
     info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor()
+    named = [line for line in info.read_text().splitlines() if line.startswith("model name")] if info.exists() else []
+    return named[0].split(":", 1)[1].strip() if named else platform.processor()
 
 
 def commit() -> str:

@@ -11,7 +11,6 @@ recordings per group of the report split. The rows are
 """
 
 import argparse
-from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -23,8 +22,7 @@ from benchmarks import rooms
 from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, poses_of, settings_of
 from benchmarks.scenes import tracked_scores
-from tests.support.casting import Scene
-from tests.support.scene_scores import SceneScore, scene_figures
+from tests.support.scene_scores import scene_figures
 from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
 from tests.support.suite import chosen_takes
 from toolkit.app.config import parse_overrides
@@ -61,29 +59,21 @@ def figures_of_row(row: str, options: argparse.Namespace) -> dict[str, Any]:
     }
     # the first of the frames that are spread over a recording is its first one
     with patch.object(survey, "SAMPLES", 1) if row == "first frame" else nullcontext():
-        found = {part: simulated(part, own, tracker, folder / part, options.work) for part, own in scenes.items()}
-        return {"rooms": real(tracker, folder, options.rooms), **found}
+        found: dict[str, Any] = {"rooms": real(tracker, folder, options.rooms)}
+        for part, own in scenes.items():
+            paths = [record_scene(scene, options.work, LONGEST) for scene in own]
+            scores, _ = tracked_scores(paths, tracker, folder / part, people=1 if part == "clean" else None)
+            found[part] = {"all": scene_figures(list(scores.values()))}
+        return found
 
 
 def real(tracker: HybridTracker, folder: Path, recordings: Path) -> dict[str, Any]:
     """Return the counts over all real rooms."""
     runs, failed = rooms.track_rooms(list(rooms.RATES), recordings, folder, tracker)
     return rooms.added(
-        rooms.score(rooms.annotations_of(name), rooms.load_run(run) if name not in failed else [])
+        rooms.RoomScorer(rooms.annotations_of(name)).score(rooms.load_run(run) if name not in failed else [])
         for name, run in runs.items()
     )
-
-
-def simulated(
-    part: str, scenes: Sequence[Scene], tracker: HybridTracker, folder: Path, work: Path
-) -> dict[str, dict[str, Any]]:
-    """Return figures of each group of one simulated part, and of all groups."""
-    made = {record_scene(scene, work, LONGEST): scene for scene in scenes}
-    groups: dict[str, list[SceneScore]] = {}
-    for path, score in tracked_scores(made, tracker, folder, people=1 if part == "clean" else None)[0].items():
-        groups.setdefault(made[path].group, []).append(score)
-        groups.setdefault("all", []).append(score)
-    return {group: scene_figures(scores) for group, scores in groups.items()}
 
 
 @benchmark(DATABASE, rows=",".join(ROWS), takes=1, rooms=rooms.ROOMS)

@@ -67,16 +67,8 @@ def list_pending(names: Sequence[str]) -> None:
 def measure(names: Sequence[str], data: Path, poses: Callable[[], Path]) -> list[str]:
     """Measure those of the results that are missing or of other code; return the names of the failed ones.
 
-    Parameters
-    ----------
-    names : keys of `COMMANDS`
-    data : folder of mocap and recordings
-    poses : returns the database of the benchmarks; called only if there is something to measure
-
-    Raises
-    ------
-    DataError
-        A data set is missing; nothing was measured.
+    `poses` returns the database of the benchmarks; it is called only if there is something to measure. If a data set is
+    missing, a DataError is raised and nothing is measured.
     """
     due = left(names)
     for command in due.values():

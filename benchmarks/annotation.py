@@ -225,18 +225,16 @@ def live_events(options: argparse.Namespace) -> tuple[str, Any]:
             events += annotator.push(pose, float(moment))
         spent, frames = spent + time.process_time() - start, frames + len(clip)
         events += annotator.finish()
-        found = [Segment(e.start, e.end, e.label) for e in events]
-        live += segment_scores(done.segments, found)
+        live += segment_scores(done.segments, [Segment(e.start, e.end, e.label) for e in events])
         delays += [_delay(event, done.segments) for event in events]
     known = np.array([delay for delay in delays if np.isfinite(delay)])
-    figures: dict[str, Any] = {
+    return "events" + "_tune" * (options.split == "tune"), {
         "F segments, whole": whole.f,
         "F segments, live": live.f,
         "delay s, median": float(np.median(known)) if len(known) else None,
         "delay s, 90 %": float(np.quantile(known, 0.9)) if len(known) else None,
         "ms of processor per frame": 1000 * spent / frames,
     }
-    return "events" + "_tune" * (options.split == "tune"), figures
 
 
 def _delay(event: Event, truth: tuple[Segment, ...]) -> float:

@@ -103,10 +103,7 @@ def tracked_rows(
     work: Path,
     people: int | None = 1,
 ) -> list[Rows]:
-    """Track a recording; return the tracked rows of its people beside the nearest person of the reference.
-
-    `about` : source and person; `references` : plain and in time, float64 (N, T, 20, 3) each, metres
-    """
+    """Return tracked rows beside the nearest person of the references: plain and in time, (N, T, 20, 3), metres."""
     run = work / "runs" / "confidence" / recording.name
     shutil.rmtree(run, ignore_errors=True)
     track_recording(recording, tracker, run, people=people)

@@ -26,7 +26,6 @@ from toolkit.motion.angles import ISB_AXES, SAGITTAL
 from toolkit.output.export.opensim import solve
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import CaptureSettings, simulate_scene
-from toolkit.tracks.runs import Person
 
 RATE = 30.0
 NAMES = ("hip_flexion", "hip_adduction", "hip_rotation", "knee_angle", "ankle_angle")
@@ -69,12 +68,6 @@ def poses_of(recording: MarkerRecording, body: Body) -> tuple[np.ndarray, np.nda
     return poses, times
 
 
-def solved_angles(person: Person, model: Path, folder: Path) -> dict[str, np.ndarray]:
-    """Return the angles that OpenSim finds for a person, at the person's frames."""
-    found = read_markers(solve(person, model, folder).motion)
-    return {name: np.interp(person.times, found.times, found.angles[name]) for name in ANGLES}
-
-
 @benchmark(database={"type": Path}, work=suite.WORK / "gait_opensim")
 def gait_opensim(options: argparse.Namespace) -> tuple[str, Any]:
     """Simulate, track, solve and compare the walk."""
@@ -88,7 +81,9 @@ def gait_opensim(options: argparse.Namespace) -> tuple[str, Any]:
     track = depthmocap.track(path, database=options.database)
     truth = {name: np.interp(times, recording.times, recording.angles[name]) for name in ANGLES}
     figures: dict[str, Any] = {}
-    for row in angle_agreement(solved_angles(track.person, model, options.work / "solved"), truth):
+    found = read_markers(solve(track.person, model, options.work / "solved").motion)
+    angles = {name: np.interp(track.person.times, found.times, found.angles[name]) for name in ANGLES}
+    for row in angle_agreement(angles, truth):
         figures[row.angle] = {"bias": row.bias, "rms": row.rms, "r": row.correlation, "range": row.range_reference}
     return "gait_opensim", figures
 

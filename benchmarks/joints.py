@@ -20,7 +20,6 @@ from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.app.pipeline.store_joints import store_joints
 from toolkit.datasets.folder import data_folder
 from toolkit.recordings.opening import open_recording, open_upright
-from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.tracks import TRACKED, Track
 from toolkit.tracks.runs import load_people
@@ -37,15 +36,13 @@ def apart_mm(track: Track, recording: Recording) -> np.ndarray:
         if state != TRACKED:
             continue
         pixels = camera.project(joints)
-        each = [_off(seen, pixels, (camera.fx, camera.fy), joints[:, 2]) for seen in recording.joints_2d(int(i))]
+        each = []
+        for seen in recording.joints_2d(int(i)):
+            offsets = ((seen.pixels - pixels)[seen.sure] / (camera.fx, camera.fy)).T
+            each.append(1000.0 * np.hypot(*offsets) * joints[seen.sure, 2])
         if each := [off for off in each if len(off)]:
             found.append(min(each, key=lambda off: float(np.median(off))))
     return np.concatenate(found) if found else np.empty(0)
-
-
-def _off(seen: Joints2D, pixels: np.ndarray, focal: tuple[float, float], z: np.ndarray) -> np.ndarray:
-    sure = seen.sure
-    return 1000.0 * np.hypot(*((seen.pixels - pixels)[sure] / focal).T) * z[sure]
 
 
 @benchmark(DATABASE, rows="swarm,hybrid,not told")

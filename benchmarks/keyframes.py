@@ -71,9 +71,7 @@ def judged(index: KeyframeIndex, truth: corpus.Truth, queries: Sequence[Keyframe
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     """Return means over classes and actors, and remaining data as a multiple of the relevant data."""
     means = means_of(rows)
-    means["left_hits_over_relevant"] = means["left_hits"] / means["relevant"]
-    means["left_motions_over_relevant"] = means["left_motions"] / means["relevant"]
-    return means
+    return means | {f"left_{of}_over_relevant": means[f"left_{of}"] / means["relevant"] for of in ("hits", "motions")}
 
 
 def means_of(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
@@ -97,17 +95,15 @@ def search(options: argparse.Namespace) -> tuple[str, Any]:
     rng = np.random.default_rng(0)
     clips, filler = corpus.load_examples(options.data), corpus.load_filler(options.data)
     frames = options.frames // len(corpus.ACTORS)
-    made = (corpus.make_documents(own, filler[1::2], frames, rng) for _, _, own in corpus.left_out(clips))
-    documents = [document for each in made for document in each]
+    people = corpus.left_out(clips)
+    documents = [d for _, _, own in people for d in corpus.make_documents(own, filler[1::2], frames, rng)]
     index = through_file(documents)
     together: dict[str, list[dict[str, Any]]] = {}
     pin_to_one_processor()
     for actor, seen, _ in corpus.left_out(clips):
-        counterexamples = [
-            document
-            for _, _, own in corpus.left_out(seen)
-            for document in corpus.make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng)
-        ]
+        counterexamples = []
+        for _, _, own in corpus.left_out(seen):
+            counterexamples += corpus.make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng)
         learned = corpus.learned_from(seen, counterexamples, LearningSettings(runs=options.runs), rng)
         for label, result in learned.items():
             for name, (number, tight) in ALTERNATIVES.items():

@@ -92,9 +92,7 @@ def queries_of_providers(options: argparse.Namespace) -> tuple[str, Any]:
             query = replace(database, search=search).query
             query(queries[0], NEIGHBOURS)  # builds the index
             spent, found = zip(*(timed(query, frame, NEIGHBOURS) for frame in queries), strict=True)
-            apart = float(
-                np.abs(np.array([distances for distances, _ in found]).reshape(reference.shape) - reference).max()
-            )
+            apart = float(np.abs(np.concatenate([distances for distances, _ in found]) - reference).max())
             times = {"median_ms": float(np.median(spent)), "worst_ms": float(np.max(spent))}
             figures.append({"frames": kind, "search": name, **times, "largest_difference_m": apart})
     return "lookup", figures

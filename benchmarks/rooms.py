@@ -159,13 +159,8 @@ def added(counts: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     return total
 
 
-def score(truth: Mapping[str, Any], tracks: Sequence[RoomTrack]) -> dict[str, Any]:
-    """Return the counts of one sequence from its annotation file and its tracks."""
-    return _Scorer(truth).score(tracks)
-
-
-class _Scorer:
-    """Counts of one sequence while its frames are scored in order."""
+class RoomScorer:
+    """Counts of one sequence, of which `truth` is the annotation file, while its frames are scored in order."""
 
     def __init__(self, truth: Mapping[str, Any]) -> None:
         self._truth, (self._fx, self._fy, self._cx, self._cy) = truth, truth["intrinsics"]
@@ -178,6 +173,7 @@ class _Scorer:
         }  # fmt: skip
 
     def score(self, tracks: Sequence[RoomTrack]) -> dict[str, Any]:
+        """Return the counts of the tracks of the sequence."""
         for key in sorted(self._truth["frames"], key=int):
             entries = self._truth["frames"][key]["people"]
             people = [person for person in entries if "joints" in person]
@@ -277,7 +273,7 @@ def measured(options: argparse.Namespace) -> tuple[str, Any]:
     runs, failed = track_rooms(options.names.split(","), options.rooms, options.work, tracker, options.joints)
     figures: dict[str, Any] = {}
     for name, run in runs.items():
-        figures[name] = {"counts": score(annotations_of(name), load_run(run) if run.is_dir() else [])}
+        figures[name] = {"counts": RoomScorer(annotations_of(name)).score(load_run(run) if run.is_dir() else [])}
     figures["all"] = {"counts": added(own["counts"] for own in figures.values()), "failed": failed}
     return "rooms" + "_colour" * (options.joints == "colour"), figures
 

@@ -12,7 +12,7 @@ import pytest
 from benchmarks import rooms as rooms_benchmark
 from benchmarks._keyframe_corpus import Truth, load_all
 from benchmarks.keyframes import MANUAL
-from benchmarks.rooms import RoomTrack, score
+from benchmarks.rooms import RoomScorer, RoomTrack
 from tests.support import suite
 from tests.support.casting import listed
 from tests.support.scenes import scenes
@@ -88,12 +88,12 @@ def test_annotated_joints_get_the_full_score_and_no_track_misses_everything(name
     truth = rooms_benchmark.annotations_of(name)
     people = [p for frame in truth["frames"].values() for p in frame["people"] if "joints" in p]
     required = sum(not person.get("edge") for person in people)
-    counts = score(truth, perfect_tracks(truth))
+    counts = RoomScorer(truth).score(perfect_tracks(truth))
     assert heads(counts) == [required, required]
     assert sum(counts["false"].values()) == counts["switches"] == counts["handed"] == 0
     assert all(within == count for within, _, count in counts["joints"].values())
-    assert heads(score(truth, [])) == [0, required]
-    beside = score(truth, perfect_tracks(truth, shift=3.0))
+    assert heads(RoomScorer(truth).score([])) == [0, required]
+    beside = RoomScorer(truth).score(perfect_tracks(truth, shift=3.0))
     assert heads(beside)[0] == 0 and sum(beside["false"].values()) > 0
 
 
