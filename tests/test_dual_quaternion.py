@@ -47,17 +47,3 @@ def test_vertices_are_moved_by_the_normalised_sum_of_dual_quaternions() -> None:
         found = dual_skinning(body, pose)
         for vertex in range(0, len(body.vertices), 37):
             np.testing.assert_allclose(found[vertex], plain(body, pose, vertex), atol=1e-9)
-
-
-def test_a_twisted_limb_keeps_its_girth() -> None:
-    body, pose = load_body("neutral"), np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.POSE_NAMES.index("left_shoulder_rx")] = 2.2
-    upper = (body.part == skeleton.JOINT_NAMES.index("left_shoulder")) & (body.skin_weights.max(axis=1) < 0.7)
-
-    def girth(vertices: np.ndarray) -> float:
-        return float(
-            np.linalg.norm((vertices - body.joints[skeleton.JOINT_NAMES.index("left_shoulder")])[upper, 1:]).mean()
-        )
-
-    rest = girth(body.vertices)
-    assert abs(girth(dual_skinning(body, pose)) - rest) < abs(girth(body.vertex_positions(pose)) - rest)

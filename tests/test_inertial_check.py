@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.inertial import example_of_offsets, offset_figures, signals_of
+from benchmarks.inertial import signals_of
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.run_helpers import run as run_command
 from tests.test_inertial_clock import typed
@@ -34,19 +34,6 @@ def wrong_poses(start: float = 2.0, end: float = 3.2, by: float = 1.4, entry: in
 def curve(values) -> Distances:
     times = np.arange(len(values)) / RATE
     return Distances("left_shin", times, np.array(values, float), np.zeros(len(values)))
-
-
-def test_one_wrong_offset_shrinks_an_error_and_two_hide_it():
-    """Example of Fig. 7.14."""
-    curves, right = example_of_offsets()
-    true, one, two = curves.values()
-    assert true[right].max() < 1e-6
-    assert true[200] == pytest.approx(70.0)
-    assert one[right].std() < 1e-6, "one wrong offset shifts what is right by a constant"
-    assert one[200] - one[right].mean() < 60.0, "and shrinks the error"
-    assert two[right].std() > 10.0, "with two, what is right already looks like errors"
-    told = [row["told apart"] for row in offset_figures(curves, right).values()]
-    assert told[0] > 0.99 > told[1] > told[2]
 
 
 def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
