@@ -65,10 +65,17 @@ def joints_of(recording: Recording, i: int) -> tuple[Joints2D, ...]:
 
 
 class Tracked(NamedTuple):
-    """Distances to the true joints (T, 20), metres, and milliseconds of each frame (T,), of one recording."""
+    """Estimated and true joints (T, 20, 3), metres, and milliseconds of each frame (T,), of one recording."""
 
-    errors: np.ndarray
-    milliseconds: np.ndarray
+    joints: np.ndarray
+    truth: np.ndarray
+    milliseconds: np.ndarray = np.zeros(0)
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Distances to the true joints (T, 20), metres."""
+        distances: np.ndarray = np.linalg.norm(self.joints - self.truth, axis=2)
+        return distances
 
 
 def follow(tracker: Tracker, recording: Recording) -> Tracked:
@@ -78,8 +85,8 @@ def follow(tracker: Tracker, recording: Recording) -> Tracked:
         solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
         for i in range(len(recording))
     ]
-    errors = np.linalg.norm(np.array([r.joints for r in results]) - recording.joints, axis=2)
-    return Tracked(errors, np.array([r.stage_ms.sum() for r in results]))
+    joints = np.array([r.joints for r in results])
+    return Tracked(joints, np.asarray(recording.joints), np.array([r.stage_ms.sum() for r in results]))
 
 
 def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
@@ -89,7 +96,8 @@ def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
     for limit in (50, 80, 100):
         figures[f"a{limit}"] = float(np.mean([(e < limit / 1000.0).mean() for e in errors]))
     times = np.concatenate([t.milliseconds[1:] for t in tracked])
-    figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
+    if len(times):
+        figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
     return figures
 
 
@@ -97,9 +105,9 @@ TURNS = (0.0, 90.0, 180.0, 270.0)
 """Yaws of the four views of a scan, degrees to the left."""
 
 
-def sequence(name: str, source: str, work: Path, frames: int) -> Recording:
+def sequence(name: str, source: str, work: Path, frames: int, yaw: float = 0.0) -> Recording:
     """Return a sequence of `frames` frames with image joints from `source`; see `with_joints`, `record_sequence`."""
-    return with_joints(record_sequence(name, work, frames), source, work)
+    return with_joints(record_sequence(name, work, frames, yaw), source, work)
 
 
 def view_of(name: str, degrees: float, work: Path) -> Path:

@@ -5,8 +5,8 @@ Simulated sensors on real motions, in three parts. Calibration: true poses of th
 Clock: the offset against true poses and tracks, of five sensors. Errors: takes of the suite are tracked, one or two
 stretches per arm and leg replaced by the angles of another pose, calibrated on that very take and checked; so is the
 noise floor of the torso. With them are the thesis's figures 7.12 (precision and recall over thresholds, true errors in
-place of annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor
-bk, `report` actor dg.
+place of annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is actor bk, `report`
+actor dg.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.metrics import roc_auc_score
 
-from benchmarks._record import benchmark, script
+from benchmarks._movement import Tracked, tracked_shot
+from benchmarks._record import RESULTS, benchmark, drawn, script
 from benchmarks._rows import DATABASE, SPLIT, poses_of
 from tests.support.scenes import people_of, shot_of
 from tests.support.suite import MOCAP, RATE, takes
 from tests.support.worn_sensors import SensorNoise, simulate_sensors
-from toolkit.app.pipeline import track_recording
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import subject_body
-from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.orientations import THRESHOLDS, frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
 from toolkit.inertial.calibration import Calibration
@@ -41,24 +41,8 @@ from toolkit.inertial.synchronise import Clock, synchronise
 from toolkit.io.errors import InertialError
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
-from toolkit.simulation.simulate import simulate_scene
-from toolkit.trackers.hybrid.tracker import HybridTracker
-from toolkit.tracks import Track
-
-
-def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
-    """Return poses (T, P) of a clip in the camera's level frame: first facing the camera, then rotated by yaw."""
-    facing = quat.rotate(quat.exponential(poses[0, skeleton.ROOT_ROTATION]), np.array([0.0, 0.0, 1.0]))
-    turn = quat.exponential([0.0, np.radians(yaw) - np.arctan2(facing[0], facing[2]), 0.0])
-    out = poses.copy()
-    out[:, :3] = quat.rotate(turn, poses[:, :3])
-    out[:, skeleton.ROOT_ROTATION] = quat.logarithm(
-        quat.multiply(turn, quat.exponential(poses[:, skeleton.ROOT_ROTATION]))
-    )
-    return out
-
+from toolkit.tracks import TRACKED
 
 SIGNALS = ("orientation", "rate of turn", "acceleration")
 CLIPS, TRACKS = 40, 8
@@ -76,6 +60,8 @@ CHAINS = {
     for side in ("left", "right")
     for limb, joints in (("arm", ("clavicle", "shoulder", "elbow", "wrist")), ("leg", ("hip", "knee", "ankle")))
 }  # fmt: skip
+DRAWN = "left_shin"
+"""Limb whose signals are plotted, of the first take that its sensor nearly covers; a wrong clock does not."""
 TURNED = 45.0
 """Minimum error of a wrong orientation, degrees."""
 EASED = 5 / RATE
@@ -167,16 +153,15 @@ def injected(poses: np.ndarray, pool: np.ndarray, rng: np.random.Generator) -> t
 
 
 class TrackedTake(NamedTuple):
-    """Tracked take of the suite with its true body, poses (T, P) in the level frame, and simulated sensors."""
+    """Tracked take of the suite with simulated sensors."""
 
-    track: Track
-    body: Body
-    poses: np.ndarray
+    found: Tracked
     simulated: Any
 
     def motion(self, poses: np.ndarray, name: str) -> TrackedMotion:
         """Return the motion of some poses (T, P) at the tracked frames."""
-        return TrackedMotion.of_poses(self.body, poses, self.track.timestamps, self.track.state == 0, name)
+        track = self.found.person.track
+        return TrackedMotion.of_poses(self.found.body, poses, track.timestamps, track.state == TRACKED, name)
 
 
 class Checked(NamedTuple):
@@ -204,8 +189,8 @@ class Checked(NamedTuple):
 def checked(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) -> Iterator[Checked]:
     """Inject wrong stretches into each take, calibrate on it, and yield the check of each limb."""
     for seed, own in enumerate(tracks):
-        poses, segments = injected(own.track.pose, pool, np.random.default_rng(seed))
-        motion, true = own.motion(poses, "take"), own.motion(own.poses, "truth")
+        poses, segments = injected(own.found.person.track.pose, pool, np.random.default_rng(seed))
+        motion, true = own.motion(poses, "take"), own.motion(own.found.poses, "truth")
         clock = synchronise(motion, own.simulated.sensors, check=False)
         take = CalibrationSequence(motion, own.simulated.sensors, clock)
         found = calibrate([take], CalibrationSettings(method=method, refuse=False))
@@ -224,7 +209,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
     """
     swept: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {name: [] for name in GROUPS}
     off, stretches = dict.fromkeys(GROUPS, NOTHING), dict.fromkeys(GROUPS, NOTHING)
-    told, torso = [], []
+    told, torso, pending = [], [], method == "robust"
     for own in checked(tracks, pool, method):
         curve, known = own.curve, np.isfinite(own.curve.full)
         if curve.limb == "chest":
@@ -236,6 +221,14 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         swept[own.kind].append((kept.full, own.wrong))
         apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in own.signals.items()}
         told.append({name: told_apart(v, own.wrong) for name, v in {"orientation": curve.full, **apart}.items()})
+        if pending and curve.limb == DRAWN and known.mean() > 0.9:
+            pending = False
+            rows = {
+                f"{signal}, {axis}": {"tab:red": sensor[:, k], "black": track[:, k]}
+                for signal, (sensor, track) in own.signals.items()
+                for k, axis in enumerate("xyz")
+            }
+            plot_curves(rows, curve.times, own.wrong, RESULTS / "inertial_signals.jpg")
     floor = np.concatenate(torso)
     joined = {name: [np.concatenate(part) for part in zip(*own, strict=True)] for name, own in swept.items()}
     return {
@@ -244,22 +237,21 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
         "tau": THRESHOLDS,
         "over thresholds": {name: over_thresholds(*parts) for name, parts in joined.items()},
-        "wrong frames told apart": mean_told(told),
+        "wrong frames told apart": {
+            name: float(np.mean([row[name] for row in told if row[name] is not None])) for name in SIGNALS
+        },
     }
 
 
 def tracked(options: argparse.Namespace) -> list[TrackedTake]:
     """Simulate and track takes of the suite, and return them with simulated sensors."""
-    tracker, found = HybridTracker(PoseDatabase.load(poses_of(options))), []
+    found, database = [], poses_of(options)
     chosen = [take for take in takes(options.split) if take.actor.clip.startswith(ACTORS[options.split])]
     for seed, take in enumerate(chosen[:TRACKS]):
-        person: Any = people_of(take, take.frames)[0]
-        run, path = options.work / "inertial" / take.name, options.work / "inertial" / f"{take.name}.npz"
-        simulate_scene([person], path, replace(shot_of(take, [person]), furnished=False))
-        track_recording(open_recording(path), tracker, run, warm_up=False)
-        poses = levelled(person.clip.poses, person.yaw)
-        sensors = simulate_sensors(person.body, poses, RATE, LIMBS, NOISE, seed)
-        found.append(TrackedTake(Track.load(run), person.body, poses, sensors))
+        (person,) = people_of(take, take.frames)
+        shot = replace(shot_of(take, [person]), furnished=False)
+        own = tracked_shot(person, shot, options.work / "inertial" / take.name, database)
+        found.append(TrackedTake(own, simulate_sensors(own.body, own.poses, RATE, LIMBS, NOISE, seed)))
     return found
 
 
@@ -309,6 +301,16 @@ def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
     return float(roc_auc_score(wrong, values)) if wrong.any() and not wrong.all() else None
 
 
+def plot_curves(rows: Mapping[str, Mapping[str, np.ndarray]], times: np.ndarray, wrong: np.ndarray, path: Path) -> None:
+    """Plot curves (T,) by colour in a panel for each row, wrong frames, bool (T,), shaded."""
+    with drawn(path, (11, len(rows) + 1.0), len(rows), sharex=True) as panels:
+        for panel, (name, curves) in zip(panels, rows.items(), strict=True):
+            for colour, values in curves.items():
+                panel.plot(times, values, color=colour, lw=0.9)
+            panel.fill_between(times, *panel.get_ylim(), where=wrong, color="0.85", lw=0, zorder=0)
+            panel.set_title(name, fontsize=8, loc="left")
+
+
 def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return Fig. 7.14: distances (640,), degrees, with correct, one wrong and two wrong offsets; and correct frames.
 
@@ -335,14 +337,12 @@ def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
     return curves, (error == 0.0).all(axis=1)
 
 
-def offset_figures(curves: Mapping[str, np.ndarray], right: np.ndarray) -> dict[str, Any]:
-    """Return the separation of wrong frames by a threshold."""
+def offset_figures() -> dict[str, Any]:
+    """Return the separation of wrong frames by a threshold in the example of Fig. 7.14, and plot its curves."""
+    curves, right = example_of_offsets()
+    rows = {name: {"black": values} for name, values in curves.items()}
+    plot_curves(rows, np.arange(len(right)), ~right, RESULTS / "inertial_offsets.jpg")
     return {name: {"told apart": told_apart(np.round(values, 6), ~right)} for name, values in curves.items()}
-
-
-def mean_told(told: Sequence[dict[str, float | None]]) -> dict[str, float]:
-    """Return the means over limbs and recordings of each signal."""
-    return {name: float(np.mean([row[name] for row in told if row[name] is not None])) for name in SIGNALS}
 
 
 @benchmark(SPLIT, DATABASE)
@@ -355,14 +355,15 @@ def simulated(options: argparse.Namespace) -> tuple[str, Any]:
         motion = TrackedMotion.of_poses(body, poses, np.arange(len(poses)) / RATE, name=f"clip {seed}")
         motions.append((motion, simulate_sensors(body, poses, RATE, FIVE, NOISE, seed)))
     tracks = tracked(options)
+    tracked_motions = [(own.motion(own.found.person.track.pose, "t"), own.simulated) for own in tracks]
     pool = np.concatenate(clips_of(options.split, body, 20))
     figures: dict[str, Any] = {
         "calibration": calibration_figures(clips, body),
         "clock against true poses": clock_errors(motions),
-        "clock against own tracks": clock_errors([(own.motion(own.track.pose, "t"), own.simulated) for own in tracks]),
+        "clock against own tracks": clock_errors(tracked_motions),
         "errors, robust": error_figures(tracks, pool, "robust"),
         "errors, thesis": error_figures(tracks, pool, "thesis"),
-        "wrong offsets": offset_figures(*example_of_offsets()),
+        "wrong offsets": offset_figures(),
     }
     return f"inertial{'' if options.split == 'report' else '_tune'}", figures
 

@@ -3,10 +3,13 @@
 - `suite [--split report] [--joints colour|depth|truth]`: the simulated suite. No database, no pose, no shape is given:
   the recording, and joints in the image, which the network finds in colour or in the shaded depth (`depthmocap joints
   --fetch`), or which are the true ones with the errors of such a network (`truth`, `tests/support/image_joints.py`).
-- `sequences`, `table2`, `table3`, `budget`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
+- `sequences`, `table2`, `table3`, `budget`, `models`, `cameras`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
   `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (Table 2, Fig. 5); a plain and a
   perturbed swarm over the weight of the depth term (Table 3, Fig. 4); particles and generations (Fig. 3); each sequence
-  with the bodies scanned from all four subjects, with balls and with the neutral body (Table 4).
+  with the bodies scanned from all four subjects, with balls and with the neutral body (Table 4); other methods, also
+  with two cameras (Fig. 6): the hybrid tracker on depth alone, the mean of two such tracks, and joints of the network
+  triangulated from the colour images of two cameras. The second camera is simulated 60 degrees to the side, and is
+  calibrated by the true joints.
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 
 Delta is the mean distance of the joints, not capped; A(t) the share of them within t millimetres. In the sequences the
@@ -25,16 +28,20 @@ from scipy.spatial import cKDTree
 
 from benchmarks._papers import published
 from benchmarks._record import Benchmark, benchmark, script, show
-from benchmarks._rows import DATABASE, TAKES, swarm_settings
+from benchmarks._rows import DATABASE, TAKES, make_tracker, swarm_settings
 from benchmarks._takes import SOURCES, TURNS, Tracked, follow, prepared, scanned, sequence, swarm_figures, view_of
 from tests.support.bootstrap import paired_bootstrap
 from tests.support.sequences import FRAMES, SEQUENCES, sequence_body
 from tests.support.suite import GROUPS, WORK, chosen_takes
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline.scan import scan_recordings
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.evaluation.joint_errors import CURVE, accuracy
+from toolkit.evaluation.marker_alignment import align
+from toolkit.sensing.recording import Recording
 from toolkit.trackers.qammaz.tracker import SwarmTracker
 
 
@@ -90,6 +97,10 @@ BUDGETS = (16, 32, 64, 128)
 """Numbers of particles, and of generations (Fig. 3)."""
 TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints")
 PRIMITIVES = {"discrepancy.figure": "balls"}
+SECOND_VIEW = 60.0
+"""Angle between the two cameras of Fig. 6, degrees (the paper: wide baseline)."""
+CENTRES = {"neck": ("shoulder",), "pelvis": ("hip",), "spine": ("shoulder", "hip")}
+"""Joints that no detector reports -> the joints of both sides whose mean replaces them."""
 
 
 class Bench:
@@ -184,6 +195,57 @@ def budget(bench: Bench) -> None:
     bench.figures["over generations"] = {"generations": list(BUDGETS), **deltas}
 
 
+def cameras(bench: Bench) -> None:
+    """Measure this tracker beside a tracker of depth alone, with one and with two cameras, and beside joints in two
+    colour images (Fig. 6).
+    """
+    bench.row("qammaz", "qammaz", bench.names)
+    neutral, runs = load_body("neutral"), []
+    for name in bench.names:
+        bench.row(name, "qammaz", [name], neutral.scaled(sequence_body(name).height / neutral.height), **PRIMITIVES)
+        runs += bench.runs.pop(name)
+        del bench.figures[name]
+    bench.store("qammaz with balls", runs)
+
+    def views(name: str, source: str) -> list[Recording]:
+        return [sequence(name, source, bench.work, bench.frames, yaw) for yaw in (0.0, SECOND_VIEW)]
+
+    depth = make_tracker("hybrid", DEFAULT_DATABASE)  # its database has no actor of the sequences
+    tracked = [[follow(depth, view) for view in views(name, "none")] for name in bench.names]
+    bench.store("depth, one camera", [first for first, _ in tracked])
+    bench.store("depth, two cameras", [mean_of(*pair) for pair in tracked])
+    bench.store("joints, two cameras", [triangulated(views(name, "colour")) for name in bench.names])
+    bench.accuracy(list(bench.runs))
+
+
+def mean_of(first: Tracked, second: Tracked) -> Tracked:
+    """Return the means of joints that two cameras give, in the frame of the first one."""
+    turn = align(second.truth, first.truth)
+    return Tracked(0.5 * (first.joints + second.joints @ turn.rotation.T + turn.translation), first.truth)
+
+
+def triangulated(views: Sequence[Recording]) -> Tracked:
+    """Return the joints with the smallest squared distances to the rays of their pixels.
+
+    They are in the frame of the first camera. Distances are weighted by the detector's confidence.
+    """
+    matrix, right, truth = np.zeros((3, 3)), np.zeros(3), np.asarray(views[0].joints)
+    for view in views:
+        turn = align(np.asarray(view.joints), truth)  # from this camera to the first one
+        assert view.image_joints is not None  # of the network
+        u, v, confidence = np.moveaxis(view.image_joints[0].astype(float), -1, 0)
+        camera = view.camera
+        rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones_like(u)], axis=-1)
+        rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ turn.rotation.T
+        across = confidence[..., None, None] * (np.eye(3) - rays[..., :, None] * rays[..., None, :])
+        matrix, right = matrix + across, right + across @ turn.translation
+    joints: np.ndarray = np.linalg.solve(matrix, right[..., None])[..., 0]
+    for name, parts in CENTRES.items():
+        both = [skeleton.REPORTED.index(f"{side}_{part}") for part in parts for side in ("left", "right")]
+        joints[:, skeleton.REPORTED.index(name)] = joints[:, both].mean(axis=1)
+    return Tracked(joints, truth)
+
+
 def table(measure: Callable[[Bench], None], sequences: str, frames: int) -> Benchmark:
     """Return the benchmark of a table with its own sequences and frames of each, a third of each motion."""
 
@@ -203,6 +265,7 @@ TABLES = {
     "table3": table(table3, "MS_1", 60),
     "budget": table(budget, "MS_1", 30),
     "models": table(models, ALL, FRAMES),
+    "cameras": table(cameras, ALL, 60),
 }
 """Part -> benchmark."""
 

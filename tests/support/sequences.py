@@ -31,15 +31,18 @@ def sequence_body(name: str) -> Body:
     return subject_body(SEQUENCES[name], seed=sorted(SEQUENCES).index(name))
 
 
-def record_sequence(name: str, work: Path, frames: int = FRAMES) -> Path:
-    """Return a sequence as a recording of `frames` frames in colour and depth, in `work`; made if missing."""
+def record_sequence(name: str, work: Path, frames: int = FRAMES, yaw: float = 0.0) -> Path:
+    """Return a sequence as a recording of `frames` frames in colour and depth, in `work`; made if missing.
+
+    The person stands turned by `yaw` degrees to the left, as in the view of another camera.
+    """
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
     digest = digest_of((performed, sequence_body, cut, in_place, motion_of), folders, name, frames)
-    path = work / "recordings" / f"{name}_{digest}.npz"
+    path = work / "recordings" / f"{name}_{f'{yaw:.0f}_' if yaw else ''}{digest}.npz"
     if not path.exists():
         body = sequence_body(name)
         simulate_recording(
-            performed(body, frames), path, body=body, sensor="kinect", distance=DISTANCE, height=1.2,
+            performed(body, frames), path, body=body, yaw=yaw, sensor="kinect", distance=DISTANCE, height=1.2,
             seed=sorted(SEQUENCES).index(name), color=True, skinning=dual_skinning,
         )  # fmt: skip
     return path
