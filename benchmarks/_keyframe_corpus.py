@@ -110,19 +110,14 @@ def _backwards(motion: Motion) -> Motion:
     return replace(motion, name=f"{motion.name} (backwards)", joints=joints, root_axis=back)
 
 
-def by_label(clips: Sequence[CutClip]) -> dict[str, list[CutClip]]:
-    """Return the clips of each class."""
-    return {label: [c for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
-
-
 def motions_by_label(clips: Sequence[CutClip]) -> dict[str, list[Motion]]:
     """Return the motions of the clips of each class."""
-    return {label: [clip.motion for clip in own] for label, own in by_label(clips).items()}
+    return {label: [c.motion for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
 
 
 def features_by_label(clips: Sequence[CutClip]) -> dict[str, list[FeatureMatrix]]:
     """Return the features of the clips of each class."""
-    return {label: [clip.features for clip in own] for label, own in by_label(clips).items()}
+    return {label: [c.features for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
 
 
 def load_filler(data: Path, without: Collection[str] = ()) -> list[Motion]:

@@ -10,6 +10,7 @@ import numpy as np
 from tests.support.walking import Rising, Walk
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.io.spans import spans
 
 ONSET = 0.05
 """Fraction of a rise at which it starts, and that is missing when it ends, by definition of the figure."""
@@ -66,20 +67,12 @@ def walk_on_ground(body: Body, poses: np.ndarray, rate: float) -> dict[str, floa
 
 
 def _stands(foot: np.ndarray, ankle: np.ndarray, rate: float) -> list[tuple[float, np.ndarray]]:
-    """Return start, duration and the ankle's place of each stand of a foot (T, V, 3) that begins after the first
-    frame.
-    """
-    rows, start = [], 0
-    for t in range(1, len(foot) + 1):
-        stays = False
-        if t < len(foot):
-            lowest = foot[t, :, 1].argmin()
-            step = foot[t, lowest] - foot[t - 1, lowest]
-            stays = float(np.hypot(step[0], step[2])) * rate < STAYS
-        if stays and start < 0:
-            start = t
-        elif not stays:
-            if start > 0 and (t - start) / rate > SHORTEST:
-                rows.append((start / rate, np.median(ankle[start:t], axis=0)))
-            start = -1
-    return rows
+    """Return start, seconds, and the ankle's place of each stand of a foot (T, V, 3) after the first frame."""
+    times = np.arange(1, len(foot))
+    lowest = foot[1:, :, 1].argmin(axis=1)
+    steps = (foot[times, lowest] - foot[times - 1, lowest])[:, [0, 2]]
+    return [
+        ((s.start + 1) / rate, np.median(ankle[s.start + 1 : s.stop + 1], axis=0))
+        for s in spans(np.linalg.norm(steps, axis=1) * rate < STAYS)
+        if s.start > 0 and (s.stop - s.start) / rate > SHORTEST
+    ]

@@ -187,12 +187,6 @@ def _scores(parts: Sequence[dict[str, Scores]]) -> dict[str, dict[str, float]]:
     return {of: {"precision": s.precision, "recall": s.recall, "f": s.f} for of, s in sums.items()}
 
 
-def features_of(clips: Sequence[CutClip]) -> dict[str, float]:
-    """Return the CPU seconds of the relational features of `MINUTES` at 120 Hz."""
-    seconds = _cpu_seconds(lambda: [relational_features(c.motion) for c in clips])
-    return {"cpu_seconds": seconds * MINUTES * 60.0 / sum(c.motion.duration for c in clips)}
-
-
 @benchmark(data=Path, runs=2)
 def thesis(options: argparse.Namespace) -> tuple[str, Any]:
     """Learn and annotate with 11 and with 15 classes."""
@@ -202,7 +196,9 @@ def thesis(options: argparse.Namespace) -> tuple[str, Any]:
         name: rotations(clips, corpus.load_filler(options.data, holding[name]), options.runs)
         for name, clips in (("hdm05", eleven), ("fifteen", fifteen))
     }
-    figures["hdm05"]["features"] = features_of(eleven)
+    seconds = _cpu_seconds(lambda: [relational_features(clip.motion) for clip in eleven])
+    duration = sum(clip.motion.duration for clip in eleven)
+    figures["hdm05"]["features"] = {"cpu_seconds": seconds * MINUTES * 60.0 / duration}
     return "annotation", figures
 
 

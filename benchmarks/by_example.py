@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import FILLER_SECONDS, FILLER_SHARE, SYMMETRIC, halves, load_examples, load_filler
@@ -39,8 +38,9 @@ from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, TransitionSettings, assemble, excerpt
 from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.lengths import BodyLengths
-from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_joints
-from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.features.motion import Motion, from_joints
+from toolkit.retrieval.features.places import hip_aligned_joints
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, feature_columns, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search import example as shipped
 from toolkit.retrieval.templates import QuantisedTemplate
@@ -128,48 +128,27 @@ def judge(hits: Sequence[Hit], corpus: Corpus, label: str, clip: str) -> tuple[f
 
 
 def positions(motion: Motion) -> np.ndarray:
-    """Return joints at 30 Hz, float32 (T, 72): root at the origin, hips along x, in body lengths."""
-    count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
-    columns = np.minimum(np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(int), len(motion) - 1)
-    joints = motion.joints[columns] / BodyLengths.of(motion).body
-    left, right, root = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
-    across = joints[:, left] - joints[:, right]
-    yaw = np.arctan2(-across[:, 2], across[:, 0])
-    joints = joints - joints[:, [root]]
-    cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    turned = (
-        cosine * joints[..., 0] - sine * joints[..., 2],
-        joints[..., 1],
-        sine * joints[..., 0] + cosine * joints[..., 2],
-    )
-    return np.stack(turned, axis=-1).reshape(count, -1).astype(np.float32)
+    """Return joints at 30 Hz, float32 (3, 24, T): root at the origin, hips along x, in body lengths."""
+    joints = hip_aligned_joints(motion, feature_columns(len(motion), motion.frame_rate))
+    return np.ascontiguousarray(joints.T / BodyLengths.of(motion).body, dtype=np.float32)
 
 
-@njit(cache=True)
 def distance_of_positions(template: np.ndarray, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return subsequence DTW of positions (N, 72) with a document (L, 72), mean distance of a joint per column."""
-    n, length, joints = template.shape[0], document.shape[0], template.shape[1] // 3
-    costs = np.full((3, length), np.inf)
-    starts = np.full((3, length), -1, np.int64)
-    for i in range(n):
-        row, before, earlier = i % 3, (i - 1) % 3, (i - 2) % 3
-        for j in range(length):
-            cell = 0.0
-            for k in range(joints):
-                dx = template[i, 3 * k] - document[j, 3 * k]
-                dy = template[i, 3 * k + 1] - document[j, 3 * k + 1]
-                dz = template[i, 3 * k + 2] - document[j, 3 * k + 2]
-                cell += np.sqrt(dx * dx + dy * dy + dz * dz)
-            cell /= joints * n
-            best, origin = (cell, j) if i == 0 else (np.inf, -1)
-            if i > 0 and j > 0 and costs[before, j - 1] + cell < best:
-                best, origin = costs[before, j - 1] + cell, starts[before, j - 1]
-            if i > 0 and j > 1 and costs[before, j - 2] + cell < best:
-                best, origin = costs[before, j - 2] + cell, starts[before, j - 2]
-            if i > 1 and j > 0 and costs[earlier, j - 1] + 2 * cell < best:
-                best, origin = costs[earlier, j - 1] + 2 * cell, starts[earlier, j - 1]
-            costs[row, j], starts[row, j] = best, origin
-    return costs[(n - 1) % 3], starts[(n - 1) % 3]
+    """Return subsequence DTW of positions (3, J, N) with a document (3, J, L), mean distance of a joint per column."""
+    length, rows = document.shape[2], template.shape[2]
+    costs, starts = np.full((2, length + 2), np.inf), np.full((2, length + 2), -1)  # two rows, after two columns
+    for i in range(rows):
+        cell = np.sqrt(((document - template[:, :, i : i + 1]) ** 2).sum(axis=0)).mean(axis=0) / rows
+        if i == 0:
+            best, origin = cell, np.arange(length)
+        else:
+            steps = np.array([costs[1, 1:-1] + cell, costs[1, :-2] + cell, costs[0, 1:-1] + 2 * cell])
+            chosen, columns = steps.argmin(axis=0), np.arange(length)
+            best = steps[chosen, columns]
+            origin = np.array([starts[1, 1:-1], starts[1, :-2], starts[0, 1:-1]])[chosen, columns]
+        costs[0], starts[0] = costs[1], starts[1]
+        costs[1, 2:], starts[1, 2:] = best, origin
+    return costs[1, 2:], starts[1, 2:]
 
 
 def joined(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:

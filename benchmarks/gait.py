@@ -22,19 +22,17 @@ from toolkit.motion.resting import at_rest
 WAYS = ("tracked", "true poses")
 
 
-def known_walk(take: Take, found: Tracked) -> dict[str, float]:
-    """Return the reference figures of gait; empty for a person who does not walk."""
-    if isinstance(take.motion, Walk):
-        return planned_walk(take.motion)
-    return {} if isinstance(take.motion, Rising) else walk_on_ground(found.body, found.poses, RATE)
-
-
 def compared(take: Take, found: Tracked) -> dict[str, Any]:
     """Return figures of one take, tracked and of the true poses, beside the reference."""
+    known: dict[str, float] = {}
+    if isinstance(take.motion, Walk):
+        known = planned_walk(take.motion)
+    elif not isinstance(take.motion, Rising):
+        known = walk_on_ground(found.body, found.poses, RATE)
     summaries = [summary_of(person) for person in (at_rest(found.person), found.truth)]
     return {
         "strides": [len(summary.gait.strides) for summary in summaries],
-        "known": known_walk(take, found),
+        "known": known,
         "gait": [summary.gait.figures() for summary in summaries],
         "known_rises": planned_rises(take.motion) if isinstance(take.motion, Rising) else [],
         "rises": [[(rise.start, rise.duration, rise.seated) for rise in summary.rises] for summary in summaries],

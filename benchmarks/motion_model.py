@@ -122,14 +122,6 @@ class Measured(NamedTuple):
     annotated: list[float]
 
 
-def annotators_of(seen: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> dict[str, Annotate]:
-    """Return all annotators but the model itself, by row."""
-    found: dict[str, Annotate] = {"without motions of no class": train(seen, [], np.random.default_rng(seed)).annotate}
-    if seed == 0:
-        found["motion templates"] = templates(seen, filler, seed).annotate
-    return found
-
-
 def rotate(
     measured: Measured, seen: Sequence[CutClip], unseen: Sequence[CutClip], filler: Sequence[Motion], seed: int
 ) -> None:
@@ -143,7 +135,9 @@ def rotate(
     begin = time.process_time()
     model = train(seen, early, np.random.default_rng(seed))
     measured.training.append(time.process_time() - begin)
-    others = annotators_of(seen, early, seed)
+    others: dict[str, Annotate] = {"without motions of no class": train(seen, [], np.random.default_rng(seed)).annotate}
+    if seed == 0:
+        others["motion templates"] = templates(seen, early, seed).annotate
     for name, part in documents.items():
         measured.searched[name] += found_by_search(model, part)
         begin = time.process_time()

@@ -14,7 +14,6 @@ Correct is a frame of which 18 of 20 joints are within 150 mm.
 """
 
 import argparse
-from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import cycle, islice
 from typing import Any
@@ -37,12 +36,6 @@ CAP = 90
 """Frames after which a start counts as not recovered."""
 
 
-def frames_from(start: int, total: int) -> Iterator[int]:
-    """Yield frame numbers after `start`, to the end, back to the beginning, and so on."""
-    there_and_back = [*range(total), *range(total - 2, 0, -1)]
-    return islice(cycle(there_and_back), start + 1, None)
-
-
 def recovery(solo: Solo, recording: Recording, start: int, wrong: np.ndarray) -> int | None:
     """Return the recovery time in frames after `start`, None if more than `CAP`; the person's state is unchanged."""
     undisturbed = solo.follower.state
@@ -50,7 +43,8 @@ def recovery(solo: Solo, recording: Recording, start: int, wrong: np.ndarray) ->
     timestamp = float(recording.timestamps[start])
     step = float(np.median(np.diff(recording.timestamps)))
     taken = None
-    for count, i in enumerate(islice(frames_from(start, len(recording)), CAP), start=1):
+    there_and_back = [*range(len(recording)), *range(len(recording) - 2, 0, -1)]
+    for count, i in enumerate(islice(cycle(there_and_back), start + 1, start + 1 + CAP), start=1):
         timestamp += step
         if is_right(solo.step(recording.depth(i), timestamp).joints, recording.joints[i]):
             taken = count

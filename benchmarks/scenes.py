@@ -46,18 +46,16 @@ LINES = {
 """Rows of the table with their groups."""
 
 
-def tracks_of(run: Path) -> list[Track]:
-    """Return the tracks of all people in a run; empty if it has none."""
-    return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
-
-
 def tracked_scores(
     paths: Iterable[Path], tracker: Tracker, folder: Path, people: int | None = None, joints: str = "none"
 ) -> tuple[dict[Path, SceneScore], dict[str, str]]:
     """Track recordings into `folder`; return the score of each, and the reasons of failures by name."""
     runs: dict[Path, Any] = {folder / path.stem: (path, {}) for path in paths}
     failed = track_each(runs, tracker, people=people, joints=JointChoice(joints))
-    scores = {path: score_scene(open_recording(path), tracks_of(run)) for run, (path, _) in runs.items()}
+    scores = {}
+    for run, (path, _) in runs.items():
+        tracks = [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
+        scores[path] = score_scene(open_recording(path), tracks)
     return scores, {run.name: why for run, why in failed.items()}
 
 

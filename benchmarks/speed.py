@@ -93,18 +93,13 @@ def in_turn(trackers: Sequence[HybridTracker], recording: Recording, frames: int
     return np.array(spent, dtype=np.float64)[warm:], np.array(joints, dtype=np.float64), sources
 
 
-def pixels_of(recording: Recording) -> float:
-    """Return the mean number of measured pixels of a frame."""
-    return float(np.mean([(frame.depth_mm > 0).sum() for frame in recording.stream()]))
-
-
 def timed(recording: Recording, database: PoseDatabase, settings: HybridSettings) -> dict[str, Any]:
     """Return times of each stage and of the whole frame, and the error, of one recording."""
     tracker = HybridTracker(database, settings)
     stage_ms, joints, _ = in_turn([tracker], recording, len(recording))
     errors = joint_errors(joints[:, 0], recording.joints)
     return {
-        "pixels": pixels_of(recording),
+        "pixels": float(np.mean([(frame.depth_mm > 0).sum() for frame in recording.stream()])),
         "half_resolution": settings.sensing.half_resolution,
         "frame": percentiles(stage_ms.sum(axis=2)),
         "stages": {name: percentiles(stage_ms[:, 0, s]) for s, name in enumerate(tracker.stage_names)},
@@ -146,23 +141,20 @@ def hybrid(options: argparse.Namespace) -> tuple[str, Any]:
     half = load_settings(HybridSettings, "hybrid", {"sensing.half_resolution": True})
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        recordings = [made(folder / f"{size}.npz", size, options.frames) for size in SIZES]
+        for size in SIZES:
+            write_recording(folder / f"{size}.npz", size, options.frames)
+        recordings = [open_recording(folder / f"{size}.npz") for size in SIZES]
         figures: dict[str, Any] = {
             "times": [timed(own, database, chosen) for own in recordings for chosen in (settings, half)],
             "plain": [compare(own, database, settings, PLAIN_FRAMES) for own in recordings],
         }
         figures["memory"] = []
         for n in MEMORY_FRAMES:
-            path = made(folder / f"memory_{n}.npz", SIZES[1], n).path
-            peak, _ = tracked(Path(path), options.database, folder / f"run_{n}")
+            path = folder / f"memory_{n}.npz"
+            write_recording(path, SIZES[1], n)
+            peak, _ = tracked(path, options.database, folder / f"run_{n}")
             figures["memory"].append({"frames": n, "peak_mb": peak})
     return "speed", figures
-
-
-def made(path: Path, pixels: int, frames: int) -> Recording:
-    """Return a new recording of the rendered subject."""
-    write_recording(path, pixels, frames)
-    return open_recording(path)
 
 
 PIXELS, COUNTS = 6000, (1, 2, 3, 6)

@@ -23,16 +23,21 @@ _CHOSEN = np.array([NAMED_JOINTS.index(name) for name in PLACED])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
 
 
-def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
-    """Return the limb positions in some frames (T,) of a motion, int8 (24, T), in steps."""
+def hip_aligned_joints(motion: Motion, columns: np.ndarray) -> np.ndarray:
+    """Return the joints (T, J, 3) in some frames (T,), metres: root at the origin, hips along x."""
     joints = motion.joints[columns]
     across = joints[:, _LEFT] - joints[:, _RIGHT]
     yaw = np.arctan2(-across[:, 2], across[:, 0])
     cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    x, y, z = np.moveaxis(joints[:, _CHOSEN] - joints[:, [_ROOT]], -1, 0)
+    x, y, z = np.moveaxis(joints - joints[:, [_ROOT]], -1, 0)
+    return np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1)
+
+
+def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
+    """Return the limb positions in some frames (T,) of a motion, int8 (24, T), in steps."""
     size = BodyLengths.of(motion).body
     steps_per_body = 200.0  # quantisation steps per body length; an outstretched arm, 0.6 body lengths, is below `FULL`
-    turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (steps_per_body / (size or 1.0))
+    turned = hip_aligned_joints(motion, columns)[:, _CHOSEN] * (steps_per_body / (size or 1.0))
     return np.ascontiguousarray(np.clip(np.rint(turned), -FULL, FULL).astype(np.int8).reshape(len(columns), ROWS).T)
 
 
