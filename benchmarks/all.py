@@ -23,8 +23,6 @@ from tests.support.suite import ROOT, WORK
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 
-TIMED = ("speed", "lookup")
-"""Benchmarks of times per frame."""
 COMMANDS: dict[str, str] = {
     name: command.replace("{packaged}", DEFAULT_DATABASE.relative_to(ROOT).as_posix())
     for name, command in commands()["results"].items()
@@ -75,7 +73,7 @@ def measure(names: Sequence[str], data: Path, poses: Callable[[], Path]) -> list
         check_data(shlex.split(command))
     database = poses() if due else None
     typed = {name: shlex.split(command.format(database=database, data=data)) for name, command in due.items()}
-    timed = {name: words for name, words in typed.items() if words[0] in TIMED}
+    timed = {name: words for name, words in typed.items() if words[0] in ("speed", "lookup")}
     failed = [name for name, words in timed.items() if not measured(name, words)]
     rest = {name: words for name, words in typed.items() if name not in timed}
     with ThreadPoolExecutor(os.cpu_count()) as pool:

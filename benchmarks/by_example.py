@@ -52,8 +52,6 @@ PARTS = 20
 """Parts of a document."""
 MOST = 300
 """Number of examined results."""
-HOUR = 108_000
-"""Frames of an hour at 30 Hz."""
 
 Hit = tuple[float, int, int, int]
 """Cost, number of the document, first frame, frame after the last."""
@@ -207,7 +205,7 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
     """Return milliseconds of a search in an hour, the corpus repeated."""
     documents: list[FeatureMatrix] = []
     frames = 0
-    while frames < HOUR:
+    while frames < 3600 * 30:  # an hour at 30 Hz
         features = corpus.features[len(documents) % len(corpus.features)]
         documents.append(replace(features, name=f"{features.name} {len(documents)}"))
         frames += len(features)

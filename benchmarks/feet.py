@@ -43,8 +43,6 @@ COURSE = 0.15
 """Standard deviation of the course filter, seconds."""
 STILL = 0.05
 """Maximum speed of a standing person, m/s: the faster ankle along its course."""
-STRIDE = 5
-"""Step between the measured recordings of UTD-MHAD."""
 ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
 MEANS = ("sliding_mm", "sliding_beside_truth_mm", "jitter_mm", "jitter_beside_truth_mm", "error_mm", "contacts_right")
 
@@ -149,7 +147,7 @@ def measured(options: argparse.Namespace) -> Iterator[tuple[str, str, dict[str, 
         (person,) = people_of(take, take.frames)
         found = tracked_shot(person, shot_of(take, [person]), work / "suite" / take.name, database)
         yield "suite", take.name, simulated(found)
-    for file in sorted(options.real.glob("*_depth.mat"))[::STRIDE] if options.real else []:
+    for file in sorted(options.real.glob("*_depth.mat"))[::5] if options.real else []:
         yield "utd_mhad", file.stem, real(tracked_run(file, work / "utd_mhad" / file.stem, database))
 
 

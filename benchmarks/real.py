@@ -2,8 +2,8 @@
 
 - `tracked [--stride 4] [--rows hybrid,local]`: all recordings of UTD-MHAD (27 actions by 4 people). The Kinect SDK's
   skeleton beside each is a reference and no truth, so figures are how well the fitted body explains the depth image,
-  and agreement within 100 mm without hands and feet: plain, with an offset per joint that was fitted on the other
-  people, and with the skeleton in step with the depth. Results of a part of it go to a file ending in `_part`.
+  agreement within 100 mm without hands and feet (plain, with an offset per joint fitted on the other people, with the
+  skeleton in step with the depth), and the share of bodies with a shape coefficient at its bound.
 - `offsets`: how our joints differ from the SDK's, joint by joint. Every `--stride`-th recording of UTD-MHAD and MSR
   Action3D is tracked. For each joint the mean offset from the SDK's place to ours in the frame of the torso (left, up,
   forwards), the mean distance, and what is left of it without the offset.
@@ -22,17 +22,18 @@ from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, figures_of, make_tracker, poses_of, track_each
 from toolkit.app.config import parse_overrides
 from toolkit.body import skeleton
+from toolkit.body.shape import ShapeSpace
 from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import agreement, shifted, torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
+from toolkit.fitting.shape import ShapeSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
-from toolkit.tracks import TRACKED, Track
+from toolkit.tracks import TRACKED, RunInfo, Track
 
 DEPTH = data_folder() / "depth"
 SHIFTS = {"utd_mhad": -1.5, "msr_action3d": 0.5}
 """Frames by which the skeleton of each data set is read later than its depth, so that both show the same moment."""
-SIDES = ("left", "right")
 LAGS = np.arange(-4.0, 2.1, 0.5)
 """Shifts that `lag` compares, frames."""
 ON_SURFACE = 0.12
@@ -50,11 +51,14 @@ def tracked(options: argparse.Namespace) -> tuple[str, Any]:
         failed = track_each(runs, make_tracker(row, poses_of(options), overrides))
         done = {run: path for run, (path, _) in runs.items() if run not in failed}
         table = evaluate_runs(list(done))
-        in_time = []
+        own: dict[str, list[float]] = {"agreement_in_time": [], "at_bound": []}
         for run, path in done.items():
             track, reference = Track.load(run), shifted(open_recording(path).reference_joints, SHIFTS["utd_mhad"])
-            in_time.append(agreement(track.joints, reference[: len(track)]))
-        mean = figures_of(table.mean()) | {"agreement_in_time": float(np.mean(in_time))}
+            own["agreement_in_time"].append(agreement(track.joints, reference[: len(track)]))
+            shape = np.array(RunInfo.load(run).shape)
+            away = np.abs(shape - ShapeSpace.load().childhood(shape[0])).max()
+            own["at_bound"].append(away > ShapeSettings().limit - 1e-3)
+        mean = figures_of(table.mean()) | {name: float(np.mean(values)) for name, values in own.items()}
         figures[row] = {"mean": mean, "recordings": {scores.recording: figures_of(scores) for scores in table}}
     return "real", figures
 
@@ -98,7 +102,8 @@ def offsets(options: argparse.Namespace) -> tuple[str, Any]:
 
 def on_surface(recording: Recording) -> dict[float, float]:
     """Return the fraction of the reference's wrists and hands that lie on the measured surface, by shift in frames."""
-    camera, rows = recording.camera, [skeleton.REPORTED.index(f"{a}_{b}") for a in SIDES for b in ("wrist", "hand")]
+    camera, sides = recording.camera, ("left", "right")
+    rows = [skeleton.REPORTED.index(f"{side}_{joint}") for side in sides for joint in ("wrist", "hand")]
     depth = np.stack([recording.depth(i) for i in range(len(recording))]) / 1000.0
     frames, (height, width) = np.arange(len(depth))[:, None], depth.shape[1:]
     found = {}
