@@ -18,7 +18,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.kernels import linear
 from toolkit.kernels.learning import joint_crop
-from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.cloud import Cloud, window_of
 from toolkit.sensing.exact_network import ExactNetwork
 
 ASSET = Path(__file__).parent / "assets" / "joints.onnx"
@@ -143,17 +143,23 @@ def without_specks(depth: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    measured = depth > 0.0
-    if not measured.any():
+    rows, columns = window_of(depth)
+    own = depth[rows, columns]
+    if not own.size:
         return depth
-    mean = float(depth[measured].mean(dtype=np.float64))
+    mean = float(own[own > 0.0].mean(dtype=np.float64))
     pixel = mean / math.sqrt(intrinsics[0] * intrinsics[1])
     area, behind = 0.01, 0.3  # m^2; metres behind the mean depth
+    far = own > mean + behind
+    if not far.any():
+        return depth
     # Metres between neighbouring pixels of one surface: noise, quantisation of a Kinect v1, and a slope of 2.
     step = 0.03 + 0.0028 * mean**2 + 2.0 * pixel
-    millimetres = np.minimum(np.rint(1000.0 * depth), np.iinfo(np.int16).max).astype(np.int16)
+    millimetres = np.minimum(np.rint(1000.0 * own), np.iinfo(np.int16).max).astype(np.int16)
     cv2.filterSpeckles(millimetres, 0.0, int(area / pixel**2), 1000.0 * step)
-    return np.where((millimetres == 0) & (depth > mean + behind), np.float32(0.0), depth)
+    cleaned = depth.copy()
+    cleaned[rows, columns][far & (millimetres == 0)] = 0.0
+    return cleaned
 
 
 def _digest(*arrays: np.ndarray | None) -> bytes:
