@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from toolkit.evaluation.scores import EvaluationTable
     from toolkit.output.rendering.open3d_geometry import Open3DFrame
-    from toolkit.people.hypothesis import PersonClassifier
 
     Trackable = str | Path | np.ndarray | Recording | Any
     """Any: PointCloud and RGBDImage of Open3D, and lists of them."""
@@ -234,15 +233,12 @@ def track(
         The recording, or the track, is probably not what was meant (`docs/troubleshooting.md`).
     """
     from toolkit.app.pipeline import track_recording
-    from toolkit.people.person_network import person_network
 
     if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
         raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
     given = {"intrinsics": intrinsics, "frame_rate": frame_rate, **options}
     tracker = tracker_of(database, config, settings)
-    recording = _recording(
-        depth, timestamps, background, {k: v for k, v in given.items() if v is not None}, person_network()
-    )
+    recording = _recording(depth, timestamps, background, {k: v for k, v in given.items() if v is not None})
     count = None if people == "all" else people
     with TemporaryDirectory(prefix="depthmocap-") as run:
         summary = track_recording(
@@ -257,11 +253,7 @@ def track(
 
 
 def _recording(
-    depth: Trackable,
-    timestamps: np.ndarray | None,
-    background: np.ndarray | None,
-    options: dict[str, Any],
-    classifier: PersonClassifier | None,
+    depth: Trackable, timestamps: np.ndarray | None, background: np.ndarray | None, options: dict[str, Any]
 ) -> Recording:
     """Return the upright recording of the arguments."""
     from toolkit.recordings.open3d_frames import is_open3d, recording_of_open3d
@@ -270,13 +262,12 @@ def _recording(
     if not isinstance(depth, (str, Path, Recording)):
         read = recording_of_open3d if is_open3d(depth) else recording_of
         return upright(
-            lambda **turned: read(depth, timestamps=timestamps, background=background, **{**options, **turned}),
-            classifier,
+            lambda **turned: read(depth, timestamps=timestamps, background=background, **{**options, **turned})
         )
     if timestamps is not None or background is not None:
         raise UsageError("timestamps and background belong to an array; a recording contains its own")
     if isinstance(depth, (str, Path)):
-        return open_upright(depth, classifier, **options)
+        return open_upright(depth, **options)
     if options:
         raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is already open")
     return depth

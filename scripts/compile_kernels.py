@@ -122,12 +122,9 @@ def describe_example(room: Path, folder: Path) -> None:
     """Describe a recording, as `depthmocap info` does."""
     from toolkit.output.rendering.survey_picture import save_picture
     from toolkit.people.description import describe
-    from toolkit.people.person_network import person_network
     from toolkit.recordings.opening import open_upright
-    from toolkit.sensing.sensing_settings import SensingSettings
 
-    classifier = person_network()
-    save_picture(describe(open_upright(room, classifier), SensingSettings(), classifier), folder / "info.png")
+    save_picture(describe(open_upright(room)), folder / "info.png")
 
 
 def build_example(folder: Path) -> None:

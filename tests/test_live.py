@@ -320,7 +320,7 @@ class RoomFinder:
     """Finder of people that keeps the rooms that it receives, and what it is asked for."""
 
     camera = CAMERA
-    coarse = SimpleNamespace(downsampled=lambda depth: depth)
+    coarse, classifier = SimpleNamespace(downsampled=lambda depth: depth), None
 
     def __init__(self) -> None:
         self.rooms: list[Any] = []
@@ -339,7 +339,7 @@ class RoomFinder:
 
 
 def room_finder(take: Recording, finder: RoomFinder) -> live_room.RoomLearningFinder:
-    return live_room.RoomLearningFinder(finder, FakeTracker().settings.sensing, take, None, -1.2)  # type: ignore[arg-type]
+    return live_room.RoomLearningFinder(finder, FakeTracker().settings.sensing, take, -1.2)  # type: ignore[arg-type]
 
 
 def test_a_room_is_learned_from_the_samples_so_far_in_parts(take: Recording, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ from tests.sensing_scenes import KINECT, scene, up_of_tilt
 from toolkit.output.rendering.style import person_color
 from toolkit.output.rendering.survey_picture import picture
 from toolkit.people.description import describe
-from toolkit.people.person_network import person_network
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 
@@ -29,10 +28,12 @@ def test_a_description_names_camera_vertical_room_people_and_useful_options(tmp_
     assert camera == "camera: 320 x 240, 59 degrees wide, 9 frames, 30.0 frames a second"
     assert up == "up: file; the camera looks 11 degrees down, rolled by 0"
     assert surroundings.startswith("room: known")
-    why = "person score +5.0 (shape matched in 1 of 1 sampled frames)"
+    why = "shape matched in 1 of 1 sampled frames, pixels"
     assert people.split("\n  ") == [
-        "people: 2 in the first 3 s", f"1 at 2.5 m, whole ({why})", f"2 at 3.1 m, whole ({why})"
-    ]  # fmt: skip
+        "people: 2 in the first 3 s",
+        f"1 at 2.5 m, whole (person score +9.7 ({why} +5.9))",
+        f"2 at 3.1 m, whole (person score +9.8 ({why} +6.0))",
+    ]
     assert advice == "advice: --people all follows all of them"
 
 
@@ -52,8 +53,7 @@ def test_colour_is_evidence_for_a_visible_person(tmp_path):
 def test_a_camera_on_its_side_is_noticed(tmp_path):
     upright = scene(KINECT, ((0.0, 2.6),), height=1.5, wall=4.0, floor=True)[0]
     path = recorded(tmp_path, [np.rot90(upright)], KINECT.rotated(3))
-    classifier = person_network()
-    look = describe(open_recording(path), classifier=classifier)
+    look = describe(open_recording(path))
     assert "give --rotate 90" in look.concerns[0].text and "--rotate" not in look.lines[4]
     assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.sensing_scenes import KINECT, scene
+from tests.sensing_scenes import KINECT, ConstantOdds, scene
 from toolkit.people.hypothesis import EvidenceSample, log_odds
 from toolkit.people.learning import learnt, person_pixels
 from toolkit.people.multi_person import MultiPersonFinder
@@ -14,18 +14,6 @@ from toolkit.sensing.sensing_settings import SensingSettings
 UP = np.array([0.0, -1.0, 0.0])
 FIGURE = EvidenceSample(shaped=True, moved=0.0)
 ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
-
-
-class Sure:
-    """Classifier with one score for all pixels that counts its calls."""
-
-    def __init__(self, odds):
-        self.odds, self.asked = odds, 0
-
-    def log_odds(self, depth, camera):
-        assert depth.shape == camera.shape
-        self.asked += 1
-        return np.where(depth > 0, np.float32(self.odds), np.float32(0))
 
 
 def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
@@ -67,7 +55,7 @@ def downsampled(frames):
 def test_a_motionless_sitter_is_background_unless_the_classifier_disagrees():
     frames = downsampled([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
     coarse = coarse_camera_of()
-    furniture, person = (learnt(frames, coarse, classifier) for classifier in (None, Sure(2.0)))
+    furniture, person = (learnt(frames, coarse, classifier) for classifier in (ConstantOdds(), ConstantOdds(2.0)))
     v, u = coarse.camera.height // 2, coarse.camera.width // 2
     assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and len(furniture.figures) == 1
     assert person.background[v, u] == 0.0 and len(person.figures) == 0
@@ -83,7 +71,7 @@ def test_a_person_who_moves_in_place_with_a_head_measured_at_times_is_no_backgro
         if k >= 10:
             depth[: int(v.min() + 0.3 * np.ptp(v))] = 0
         frames.append(depth)
-    room = learnt(downsampled(frames), coarse_camera_of(), Sure(2.0))
+    room = learnt(downsampled(frames), coarse_camera_of(), ConstantOdds(2.0))
     camera = coarse_camera_of().camera
     assert room.background[camera.height // 2, camera.width // 2] == 0.0
 
@@ -112,7 +100,7 @@ def seated_on_a_block():
 
 def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_rejects_it():
     frames, own, block = seated_on_a_block()
-    one, two = (learnt(frames, coarse_camera_of(), classifier) for classifier in (Sure(2.0), Likes(own)))
+    one, two = (learnt(frames, coarse_camera_of(), classifier) for classifier in (ConstantOdds(2.0), Likes(own)))
     assert (one.background[block] == 0).mean() > 0.7, "the block flows together with them"
     assert (two.background[block] > 0).mean() > 0.7 and (two.background[own] == 0).mean() > 0.7
     assert two.owned[own].mean() > 0.7 and two.resting[own].mean() > 0.7 and not two.resting[two.background > 0].any()
@@ -131,19 +119,18 @@ def test_a_person_has_connected_pixels_that_are_not_rejected_and_likely_ones_bel
     assert person_pixels(view, nothing, place, likely)[near].all()
     found = person_pixels(view, own | block, place, likely)
     assert found[own].all() and not found[block].any()
-    assert (person_pixels(view, own | block, place, None) == (own | block)).all()
 
 
 def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_classifier():
     frames = [scene(KINECT, ((0.1 * k, 2.5),), **ROOM)[0] for k in range(8)]
-    classifier = Sure(2.0)
-    followed = MultiPersonFinder(KINECT, UP, classifier=classifier)
+    classifier = ConstantOdds(2.0)
+    followed = MultiPersonFinder(KINECT, UP, classifier)
     assert len(followed.find(frames[0], 0.0, {})) == 1
     classifier.odds = 0.5
     for k, depth in enumerate(frames):
         assert [s.id for s in followed.find(depth, 0.1 * (k + 1), {})] == [1]
         assert followed.people[0].head[0] == pytest.approx(0.1 * k, abs=0.05)
-    assert not MultiPersonFinder(KINECT, UP, classifier=classifier).find(frames[-1], 0.0, {})
+    assert not MultiPersonFinder(KINECT, UP, classifier).find(frames[-1], 0.0, {})
 
 
 def test_a_desk_that_people_pass_is_no_part_of_them():
@@ -154,7 +141,7 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
         desk = np.s_[150:220, 150:200]
         depth[desk] = np.where(depth[desk] < 2500, depth[desk], 2500)
         frames.append(depth)
-    room = learnt(downsampled(frames), coarse_camera_of(), None)
+    room = learnt(downsampled(frames), coarse_camera_of(), ConstantOdds())
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.5, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
@@ -162,9 +149,9 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
 def test_the_classifier_rejects_person_like_furniture_in_a_still():
     depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
     for odds, count in ((2.0, 1), (-2.0, 0)):
-        classifier = Sure(odds)
-        assert len(MultiPersonFinder(KINECT, UP, classifier=classifier).find(depth, 0.0, {})) == count
-        assert classifier.asked > 0
+        classifier = ConstantOdds(odds)
+        assert len(MultiPersonFinder(KINECT, UP, classifier).find(depth, 0.0, {})) == count
+        assert classifier.calls > 0
 
 
 HEAD = np.array([0.2, 0.1, -2.5])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker
-from tests.sensing_scenes import KINECT, scene
+from tests.sensing_scenes import KINECT, ConstantOdds, scene
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.io.errors import SegmentationError
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
@@ -101,26 +101,16 @@ def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are
 # Dropped people.
 
 
-class Says:
-    """Classifier with the same score for all pixels."""
-
-    def __init__(self, odds):
-        self.odds = odds
-
-    def log_odds(self, depth, camera):
-        return np.full(depth.shape, np.float32(self.odds))
-
-
 @pytest.mark.parametrize(("odds", "dropped"), [(1.0, frozenset()), (-6.9, frozenset({1}))])
 def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
-    finder = MultiPersonFinder(KINECT, UP, room, classifier=Says(odds))
+    finder = MultiPersonFinder(KINECT, UP, ConstantOdds(odds), room)
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
     assert furniture(finder.evidence) == dropped
     assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
-    again = MultiPersonFinder(KINECT, UP, room, classifier=Says(odds))
+    again = MultiPersonFinder(KINECT, UP, ConstantOdds(odds), room)
     again.restore_state(finder.export_state())
     assert again.evidence == finder.evidence
 

@@ -11,7 +11,6 @@ from tests.sensing_scenes import KINECT, neutral, scene, standing, up_of_tilt
 from toolkit.body.skeleton import POSE_NAMES
 from toolkit.io.errors import PlausibilityWarning
 from toolkit.people.connection import FASTEST, HELD, VISIBILITY_SHIFT, connected
-from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import are_unconnected, plausibility
 from toolkit.people.survey import survey
 from toolkit.recordings.opening import UNCONNECTED, recording_of, upright
@@ -70,28 +69,26 @@ def test_the_person_is_detected_again_after_a_cut_in_a_film() -> None:
 
 @pytest.mark.parametrize("room", [{}, {"wall": 4.5, "floor": True, "height": 1.4}])
 def test_a_walk_and_a_sprint_are_films(room: dict[str, Any]) -> None:
-    classifier = person_network()
     for step in (0.0, 0.05, 0.3):  # metres a frame: 0, 1.5 and 9 m/s
         depth = np.stack([scene(KINECT, ((x * step - 0.6, 3.4),), **room)[0] for x in range(4)])
-        assert not are_unconnected(recording_of(depth, intrinsics=CENTRED), classifier)
+        assert not are_unconnected(recording_of(depth, intrinsics=CENTRED))
 
 
 def test_photographs_of_people_in_rooms_are_told_from_a_film() -> None:
-    classifier = person_network()
     views = [((-1.0, 2.4), 4.5, 1.4), ((1.0, 3.8), 5.5, 1.2), ((-0.9, 3.0), 3.6, 1.0)]
     depth = np.stack(
         [scene(KINECT, (place,), wall=wall, floor=True, height=height)[0] for place, wall, height in views]
     )
-    recording = upright_quietly(depth, classifier)
-    assert recording.options["frame_rate"] == UNCONNECTED and plausibility(recording, classifier) == ()
-    room = survey(recording, SensingSettings(), classifier)
+    recording = upright_quietly(depth)
+    assert recording.options["frame_rate"] == UNCONNECTED and plausibility(recording) == ()
+    room = survey(recording, SensingSettings())
     assert not room.known and not room.cut_out  # of one frame, and decided again in the next
 
 
-def upright_quietly(depth: np.ndarray, classifier: Any) -> Any:
+def upright_quietly(depth: np.ndarray) -> Any:
     """Return the recording of depth as the library opens it."""
     with pytest.warns(PlausibilityWarning, match="as a photograph"):
-        return upright(lambda **more: recording_of(depth, intrinsics=CENTRED, **more), classifier)
+        return upright(lambda **more: recording_of(depth, intrinsics=CENTRED, **more))
 
 
 def test_a_step_of_a_sprinter_connects_and_a_longer_one_does_not() -> None:

@@ -23,9 +23,7 @@ from toolkit.app.pipeline.manifest import MANIFEST_FILE
 from toolkit.app.pipeline.run_summary import RunSummary, track_warnings
 from toolkit.body import skeleton
 from toolkit.io.errors import PlausibilityWarning, RecordingError
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.image_rotation import quarter_turns
-from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
 from toolkit.recordings.opening import recording_of, upright
 from toolkit.recordings.writer import save_recording
@@ -40,26 +38,20 @@ ROOM: dict[str, Any] = {"wall": 4.5, "floor": True, "height": 1.4}
 SQUARER = Camera(365.5, 365.5, 255.5, 211.5, 512, 424)
 
 
-@pytest.fixture(scope="module")
-def classifier() -> PersonClassifier:
-    return person_network()
-
-
 def frames(room: dict[str, Any] = ALONE, camera: Camera = KINECT) -> np.ndarray:
     """Return a person who shifts from foot to foot: uint16 (4, H, W), millimetres."""
     return np.stack([scene(camera, ((x, 3.4),), **room)[0] for x in (-0.2, -0.1, 0.0, 0.1)])
 
 
-def kinds(depth: np.ndarray, classifier: PersonClassifier | None, **options: Any) -> dict[str, str]:
+def kinds(depth: np.ndarray, **options: Any) -> dict[str, str]:
     """Return the kind of each concern with its text."""
     recording = recording_of(depth, **{"intrinsics": CENTRED, "frame_rate": 30.0, **options})
-    return {concern.kind: concern.text for concern in plausibility(recording, classifier)}
+    return {concern.kind: concern.text for concern in plausibility(recording)}
 
 
 @pytest.mark.parametrize("room", [ALONE, ROOM])
-def test_a_plausible_recording_raises_no_concern(classifier: PersonClassifier, room: dict[str, Any]) -> None:
-    for used in (classifier, None):
-        assert kinds(frames(room), used) == {}
+def test_a_plausible_recording_raises_no_concern(room: dict[str, Any]) -> None:
+    assert kinds(frames(room)) == {}
 
 
 @pytest.mark.parametrize(
@@ -75,27 +67,27 @@ def test_a_plausible_recording_raises_no_concern(classifier: PersonClassifier, r
     ],
 )
 def test_intrinsics_of_another_image_size_are_named(intrinsics: tuple[float, ...], says: str) -> None:
-    found = kinds(frames(), None, intrinsics=intrinsics)
+    found = kinds(frames(), intrinsics=intrinsics)
     assert list(found) == ["intrinsics"] and says in found["intrinsics"] and "--intrinsics" in found["intrinsics"]
 
 
 def test_exchanged_centres_of_a_nearly_square_image_are_named() -> None:
     image = np.stack([scene(SQUARER, ((0.0, 3.4),))[0]] * 2)
     right = (SQUARER.fx, SQUARER.fy, SQUARER.cx, SQUARER.cy)
-    assert kinds(image, None, intrinsics=right) == {}
-    assert "exchanged" in kinds(image, None, intrinsics=(*right[:2], right[3], right[2]))["intrinsics"]
+    assert kinds(image, intrinsics=right) == {}
+    assert "exchanged" in kinds(image, intrinsics=(*right[:2], right[3], right[2]))["intrinsics"]
 
 
-def test_a_principal_point_is_that_of_the_image_in_the_file(classifier: PersonClassifier) -> None:
+def test_a_principal_point_is_that_of_the_image_in_the_file() -> None:
     turned = np.ascontiguousarray(np.rot90(frames(), -1, axes=(1, 2)))
     camera = KINECT.rotated(1)
-    found = kinds(turned, classifier, intrinsics=(camera.fx, camera.fy, camera.cx, camera.cy), rotate=270)
+    found = kinds(turned, intrinsics=(camera.fx, camera.fy, camera.cx, camera.cy), rotate=270)
     assert found == {}
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_a_focal_length_of_another_size_makes_dwarfs_and_giants(factor: float) -> None:
-    found = kinds(frames(), None, intrinsics=(KINECT.fx * factor, KINECT.fy * factor, KINECT.cx, KINECT.cy))
+    found = kinds(frames(), intrinsics=(KINECT.fx * factor, KINECT.fy * factor, KINECT.cx, KINECT.cy))
     assert found and "--depth-unit" in " ".join(found.values())
 
 
@@ -104,14 +96,12 @@ UNITS = [name for name in DEPTH_UNITS if name not in ("mm", "m")]
 
 @pytest.mark.parametrize("room", [ALONE, ROOM])
 @pytest.mark.parametrize("unit", UNITS)
-def test_depth_in_another_unit_is_named_with_the_unit_that_fits(
-    classifier: PersonClassifier, unit: str, room: dict[str, Any]
-) -> None:
+def test_depth_in_another_unit_is_named_with_the_unit_that_fits(unit: str, room: dict[str, Any]) -> None:
     stored = frames(room) * (0.001 / DEPTH_UNITS[unit])
     stored = np.rint(stored).astype(np.uint16)
-    assert kinds(stored, classifier, depth_unit=unit) == {}
+    assert kinds(stored, depth_unit=unit) == {}
     try:
-        found = kinds(stored, classifier)
+        found = kinds(stored)
     except RecordingError as error:
         assert "--depth-unit" in str(error)
         return
@@ -129,44 +119,44 @@ def test_what_is_no_measurement_is_not_in_the_depth(beyond: float, kind: Any) ->
     np.testing.assert_array_equal(recording_of(depth.astype(">u2"), intrinsics=CENTRED).depth(1), depth[1])
 
 
-def test_a_sensor_that_is_rolled_by_45_degrees_raises_no_concern(classifier: PersonClassifier) -> None:
+def test_a_sensor_that_is_rolled_by_45_degrees_raises_no_concern() -> None:
     body, pose = neutral()[0], standing(0.0, 3.4, 1.2)
     for up in ([0.7, -0.7, 0.0], [0.0, -0.7, -0.7]):
         depth = np.rint(1000 * render_depth(body, pose, KINECT, level_rotation(np.array(up)))).astype(np.uint16)
-        assert kinds(np.stack([depth] * 2), classifier, up_camera=up) == {}
+        assert kinds(np.stack([depth] * 2), up_camera=up) == {}
 
 
 def test_a_person_who_lies_has_the_size_of_a_person() -> None:
     body, pose = neutral()[0], standing(0.0, 3.4, 0.0)
     pose[skeleton.ROOT_ROTATION] = 0.0, 0.0, np.pi / 2
     depth = np.rint(1000 * render_depth(body, pose, KINECT, level_rotation(np.array([0.0, -1.0, 0.0]))))
-    assert kinds(np.stack([depth.astype(np.uint16)] * 2), None) == {}
+    assert not kinds(np.stack([depth.astype(np.uint16)] * 2)).keys() & {"size", "unit"}
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3])
-def test_a_person_who_is_cut_out_is_turned_upright(classifier: PersonClassifier, turns: int) -> None:
+def test_a_person_who_is_cut_out_is_turned_upright(turns: int) -> None:
     turned = np.ascontiguousarray(np.rot90(frames(), turns, axes=(1, 2)))
     camera = KINECT.rotated(4 - turns)
     given = {"intrinsics": (camera.fx, camera.fy, camera.cx, camera.cy), "frame_rate": 30.0}
-    assert quarter_turns(recording_of(frames(), intrinsics=CENTRED), classifier) == 0
+    assert quarter_turns(recording_of(frames(), intrinsics=CENTRED)) == 0
     with pytest.warns(PlausibilityWarning, match=f"turned upright by {90 * turns} degrees; --rotate 0"):
-        recording = upright(lambda **more: recording_of(turned, **{**given, **more}), classifier)
+        recording = upright(lambda **more: recording_of(turned, **{**given, **more}))
     assert recording.options["rotate"] == 90 * turns
     np.testing.assert_array_equal(recording.depth(0), frames()[0])
-    assert kinds(turned, classifier, **given) == {
+    assert kinds(turned, **given) == {
         "orientation": f"people stand upright in turned images; give --rotate {90 * turns}"
     }
 
 
 @pytest.mark.parametrize("room", [{"wall": 3.5}, ROOM])
-def test_an_empty_room_is_not_turned(classifier: PersonClassifier, room: dict[str, Any]) -> None:
+def test_an_empty_room_is_not_turned(room: dict[str, Any]) -> None:
     empty = np.stack([scene(KINECT, (), **room)[0]] * 2)
-    assert kinds(empty, classifier) == {}
-    assert quarter_turns(recording_of(empty, intrinsics=CENTRED), classifier) == 0
+    assert kinds(empty) == {}
+    assert quarter_turns(recording_of(empty, intrinsics=CENTRED)) == 0
 
 
 @pytest.mark.parametrize("kind", ["disparity", "infra-red", "8 bits"])
-def test_images_that_hold_no_depth_are_doubted(classifier: PersonClassifier, kind: str) -> None:
+def test_images_that_hold_no_depth_are_doubted(kind: str) -> None:
     depth = frames().astype(np.float64)
     there = depth > 0
     if kind == "disparity":
@@ -177,9 +167,9 @@ def test_images_that_hold_no_depth_are_doubted(classifier: PersonClassifier, kin
         image = np.where(there, 255.0 * depth / 8000.0, 0.0)
     if kind == "8 bits":
         with pytest.raises(RecordingError, match="8 bits a pixel"):
-            kinds(image.astype(np.uint8), classifier)
+            kinds(image.astype(np.uint8))
     try:
-        found = kinds(image.astype(np.uint16), classifier)
+        found = kinds(image.astype(np.uint16))
     except RecordingError as error:
         assert "--depth-unit" in str(error)
         return

@@ -5,7 +5,6 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.io.errors import SegmentationError
-from toolkit.people.person_network import person_network
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
@@ -207,7 +206,7 @@ def test_one_of_five_real_people_is_cut_out(data_folder):
 @pytest.mark.data("realsense")
 def test_a_real_person_in_a_cluttered_room_is_followed(data_folder):
     recording = open_recording(data_folder / "depth" / "realsense" / "images_n40")
-    finder = find_person(recording, SensingSettings(segment="seed:450,200"), person_network())
+    finder = find_person(recording, SensingSettings(segment="seed:450,200"))
     for i, frame in enumerate(recording.frames()):
         v, u = np.nonzero(finder.find(frame, float(recording.timestamps[i]), {})[0].depth)
         assert abs(np.median(u) - 440) < 60, "the one who stands on the right"

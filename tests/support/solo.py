@@ -7,7 +7,6 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.people.joint_masks import GivenJoints
-from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PeopleFinder, Sighting
 from toolkit.people.survey import find_person
 from toolkit.sensing.camera import level_rotation
@@ -60,7 +59,7 @@ class Solo:
         return self.follower.step(sighting, timestamp, clock)
 
     def _new_finder(self, recording: Recording) -> PeopleFinder:
-        return find_person(recording, self._tracker.settings.sensing, person_network())
+        return find_person(recording, self._tracker.settings.sensing)
 
     def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
         finder = self._new_finder(recording)

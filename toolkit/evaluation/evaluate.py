@@ -19,7 +19,6 @@ from toolkit.io.errors import TrackError, UsageError
 from toolkit.io.progress import Progress, silent
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.people.known_people import assigned
-from toolkit.people.person_network import person_network
 from toolkit.people.survey import find_person
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
@@ -233,8 +232,8 @@ def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference:
     # Full resolution, so that runs at both resolutions are comparable. The silhouette is the measured one, because
     # cleaning removes its contour, which has a tenth of its pixels.
     settings = replace(SensingSettings(**info.sensing), half_resolution=False)
-    cleaner = find_person(recording, settings, person_network())
-    cutter = find_person(recording, replace(settings, contour="keep", median=False), person_network())
+    cleaner = find_person(recording, settings)
+    cutter = find_person(recording, replace(settings, contour="keep", median=False))
     body, rotation = info.body(), info.R_level_camera
     visible = np.zeros((len(track), len(REPORTED)), dtype=bool)
     overlap, residual = np.full(len(track), np.nan), np.full(len(track), np.nan)

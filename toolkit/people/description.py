@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.people.evidence import Evidence, furniture
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.multi_person import MultiPersonFinder
+from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import Concern, plausibility
 from toolkit.people.sighting import Sighting
 from toolkit.people.surroundings import Surroundings
@@ -44,10 +44,8 @@ class FirstLook:
     concerns: tuple[Concern, ...] = ()
 
 
-def describe(
-    recording: Recording, sensing: SensingSettings | None = None, classifier: PersonClassifier | None = None
-) -> FirstLook:
-    """Describe the first seconds of a recording; `classifier` classifies people and furniture.
+def describe(recording: Recording, sensing: SensingSettings | None = None) -> FirstLook:
+    """Describe the first seconds of a recording.
 
     Raises
     ------
@@ -55,8 +53,8 @@ def describe(
         A frame cannot be read.
     """
     sensing = sensing or SensingSettings()
-    surroundings = survey(recording, sensing, classifier)
-    finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, classifier=classifier)
+    surroundings = survey(recording, sensing)
+    finder = MultiPersonFinder(recording.camera, recording.up_camera, person_network(), surroundings, sensing)
     first_seconds = 3.0
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + first_seconds))
     frames = 45  # maximum number of examined frames
@@ -70,7 +68,7 @@ def describe(
     depth = recording.depth(frame)
     coarse = CoarseCamera(recording.camera.undistorted(), recording.up_camera, sensing)
     people = [person_text(s, coarse, finder.evidence.get(s.id)) for s in sightings]
-    concerns = plausibility(recording, classifier)
+    concerns = plausibility(recording)
     advice = _advice(recording, surroundings, sightings)
     lines = (
         _camera_line(recording),

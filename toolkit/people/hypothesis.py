@@ -48,12 +48,10 @@ def lowness(place: np.ndarray, floor: float | None) -> float:
     return 0.0 if floor is None else float(np.clip((SEATED - (place[1] - floor)) / (SEATED - LOWEST), 0.0, 1.0))
 
 
-def head_log_odds(
-    view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier | None
-) -> float | None:
-    """Return the mean log odds of a person around a head (3,), level frame; None without classifier or pixel."""
+def head_log_odds(view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier) -> float | None:
+    """Return the mean log odds of a person around a head (3,), level frame; None without a pixel."""
     near = near_head(view, place) & view.foreground
-    if classifier is None or not near.any():
+    if not near.any():
         return None
     return float(classifier.log_odds(view.depth, coarse.camera)[near].mean(dtype=np.float64))
 
@@ -66,7 +64,7 @@ class EvidenceSample:
     ----------
     shaped : True with a person's shape
     moved : fraction of the head's pixels before the lasting background
-    judged : mean log odds of the classifier over the head's pixels; None without one
+    judged : mean log odds of the classifier over the head's pixels; None without a pixel
     low : see `lowness`
     """
 

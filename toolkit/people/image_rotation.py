@@ -6,7 +6,6 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.people.floor import Floor, find_floor
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.plausibility import better_turns, sampled_frames
 from toolkit.people.surroundings import is_cut_out
 from toolkit.people.vertical import people_axes
@@ -19,11 +18,11 @@ CLEARLY = np.cos(np.radians(35.0))
 """Minimum cosine between up and the vertical of the turned image; a tilted camera needs `--rotate`."""
 
 
-def quarter_turns(recording: Recording, classifier: PersonClassifier | None = None) -> int:
+def quarter_turns(recording: Recording) -> int:
     """Return the quarter turns clockwise that bring the images upright; 0 without evidence for another orientation.
 
     The vertical of the file decides. Else, where people are cut out, the orientation decides in which heads have the
-    highest log odds of `classifier`. Else a floor decides that is visible in a turned image only and on which a person
+    highest log odds of a person. Else a floor decides that is visible in a turned image only and on which a person
     stands. A ceiling is no floor: no person stands on it in the turned image. `--rotate` and `--up` override.
     """
     if recording.options.keys() & {"rotate", "up_camera"}:
@@ -39,7 +38,7 @@ def quarter_turns(recording: Recording, classifier: PersonClassifier | None = No
     scene = depth if recording.background is None else recording.background
     coarse = CoarseCamera(camera.undistorted(), np.array(DEFAULT_UP), SensingSettings())
     if recording.background is None and is_cut_out(coarse.downsampled(depth), coarse):
-        return better_turns(sampled_frames(recording), camera, classifier)
+        return better_turns(sampled_frames(recording), camera)
     if _standing(depth, camera, 0):
         return 0
     others = (1, 3, 2)  # quarter turns clockwise, the most frequent ones first

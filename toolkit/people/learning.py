@@ -53,7 +53,7 @@ class HeadTrack:
 def learnt(
     frames: Sequence[np.ndarray],
     coarse: CoarseCamera,
-    classifier: PersonClassifier | None,
+    classifier: PersonClassifier,
     floor: float | None = None,
 ) -> Surroundings:
     """Learn the background from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
@@ -66,7 +66,7 @@ def learnt(
 def learnt_parts(
     frames: Sequence[np.ndarray],
     coarse: CoarseCamera,
-    classifier: PersonClassifier | None,
+    classifier: PersonClassifier,
     floor: float | None = None,
 ) -> Parts[Surroundings]:
     """Compute the same as `learnt` in parts: two for each frame, and some for all."""
@@ -111,14 +111,12 @@ def learnt_parts(
     return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(furniture), owned=owned)
 
 
-def person_pixels(view: View, connected: np.ndarray, place: np.ndarray, odds: np.ndarray | None) -> np.ndarray:
+def person_pixels(view: View, connected: np.ndarray, place: np.ndarray, odds: np.ndarray) -> np.ndarray:
     """Return the pixels of the person with a head at `place` (3,), if it is one: bool (h, w).
 
     Two kinds: those connected to the head, unless the classifier rejects them (a chair), and likely ones around the
-    head and below it (legs behind a carried box or a desk). `odds` (h, w) are its log odds, None without a classifier.
+    head and below it (legs behind a carried box or a desk). `odds` (h, w) are its log odds.
     """
-    if odds is None:
-        return connected
     aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
     head_top = 0.3  # m from a head's centre to above its hair
     radius = 0.4  # m, horizontally, around a head: likely pixels below it are the person's
@@ -183,17 +181,17 @@ def _seen(
     moved: np.ndarray,
     planes: list[Plane],
     coarse: CoarseCamera,
-    classifier: PersonClassifier | None,
+    classifier: PersonClassifier,
     floor: float | None,
 ) -> Parts[list[HeadTrack]]:
     """Return the head candidates of one sample. `moved` bool (K, h, w): surfaces before the rough background."""
     depth = stack[frame]
     on = on_planes(depth, coarse.rays, tolerances(depth, coarse), planes)
     view = coarse.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
-    people, others, labels = people_and_furniture(view, coarse)
+    people, others, labels = people_and_furniture(view, coarse, classifier=None)
     found = []
     yield
-    odds = None if classifier is None else classifier.log_odds(depth, coarse.camera)
+    odds = classifier.log_odds(depth, coarse.camera)
     for k, place in enumerate([*people, *others], start=1):
         head = near_head(view, place) & view.foreground
         judged, low = head_log_odds(view, coarse, place, classifier), lowness(place, floor)

@@ -14,14 +14,15 @@ import numpy as np
 
 from toolkit.io.parts import Parts
 from toolkit.people.evidence import Evidence, furniture
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.learning import FEWEST, learnt_parts
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
+from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting, WrappedFinder
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings, first_look
 from toolkit.people.survey import SAMPLES, find_people
 from toolkit.people.vertical import floor_height
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
@@ -32,9 +33,7 @@ LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 """Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
 
 
-def live_finder(
-    first: Recording, sensing: SensingSettings, people: int | None, classifier: PersonClassifier | None
-) -> PeopleFinder:
+def live_finder(first: Recording, sensing: SensingSettings, people: int | None) -> PeopleFinder:
     """Return a finder of one person, of several or with None of all people, for the frames that follow `first`.
 
     Parameters
@@ -42,7 +41,6 @@ def live_finder(
     first : a recording of the first frame, with the background if there is one
     sensing : settings of segmentation and depth filter
     people : number of people, None = all
-    classifier : person classifier
 
     Raises
     ------
@@ -52,18 +50,18 @@ def live_finder(
     mode = SegmentationMode.parse(sensing.segment).name
     cut_out, look = mode not in ("auto", "person") or first.background is not None, None
     if not cut_out:
-        coarse = MultiPersonFinder(first.camera, first.up_camera, None, sensing).coarse
-        depth = coarse.downsampled(DepthFilter(first.camera, sensing).checked(first.depth(0)))
-        look = first_look(depth, coarse)
+        polisher = DepthFilter(first.camera, sensing)
+        coarse = CoarseCamera(polisher.flat_camera, first.up_camera, sensing)
+        look = first_look(coarse.downsampled(polisher.checked(first.depth(0))), coarse)
         cut_out = mode == "auto" and look.cut_out
     if cut_out and people == 1:
         return SinglePersonSegmenter.of(first, sensing)
     if cut_out:
-        return find_people(first, sensing, most=people, classifier=classifier)
+        return find_people(first, sensing, most=people)
     most = MOST_PEOPLE if people in (None, 1) else people
-    finder = MultiPersonFinder(first.camera, first.up_camera, look, sensing, most, classifier)
+    finder = MultiPersonFinder(first.camera, first.up_camera, person_network(), look, sensing, most)
     height = floor_height(first)
-    learning = RoomLearningFinder(finder, sensing, first, classifier, None if height is None else -height)
+    learning = RoomLearningFinder(finder, sensing, first, None if height is None else -height)
     return FirstPersonFinder(learning) if people == 1 else learning
 
 
@@ -75,17 +73,15 @@ class RoomLearningFinder(WrappedFinder):
     finder : finder of all people, before its first frame
     sensing : settings of the depth filter
     first : recording with the camera of the frames
-    classifier : person classifier
     floor : y of the floor, metres, level frame, None where it is not known
     """
 
     _finder: MultiPersonFinder
 
     def __init__(
-        self, finder: MultiPersonFinder, sensing: SensingSettings, first: Recording,
-        classifier: PersonClassifier | None, floor: float | None,
-    ) -> None:  # fmt: skip
-        self._finder, self._classifier, self._floor = finder, classifier, floor
+        self, finder: MultiPersonFinder, sensing: SensingSettings, first: Recording, floor: float | None
+    ) -> None:
+        self._finder, self._floor = finder, floor
         self._filter = DepthFilter(first.camera, sensing)
         self.camera = finder.camera
         self._samples: list[np.ndarray] = []
@@ -124,8 +120,8 @@ class RoomLearningFinder(WrappedFinder):
         self._due = timestamp + sample_seconds
         self._samples.append(self._finder.coarse.downsampled(self._filter.checked(depth_mm)))
         if len(self._samples) in LEARNED_AFTER:
-            frames = list(self._samples)
-            self._learning = learnt_parts(frames, self._finder.coarse, self._classifier, self._floor)
+            finder = self._finder
+            self._learning = learnt_parts(list(self._samples), finder.coarse, finder.classifier, self._floor)
 
     def _learn(self, learning: Parts[Surroundings]) -> None:
         """Compute the next part, and use the room after the last one."""

@@ -59,10 +59,10 @@ class MultiPersonFinder:
     ----------
     camera : camera of the raw frames, lens distortion included
     up_camera : (3,), the vertical in the camera frame
+    classifier : person classifier
     surroundings : background model; None decides with the first frame
     sensing : settings of the depth filter
     most : maximum number of tracked people
-    classifier : person classifier; None for none
 
     Attributes
     ----------
@@ -74,18 +74,18 @@ class MultiPersonFinder:
         self,
         camera: Camera,
         up_camera: np.ndarray,
+        classifier: PersonClassifier,
         surroundings: Surroundings | None = None,
         sensing: SensingSettings | None = None,
         most: int = MOST_PEOPLE,
-        classifier: PersonClassifier | None = None,
     ) -> None:
         sensing = sensing or SensingSettings()
-        self._made_of = camera, up_camera, sensing, most, classifier
+        self._made_of = camera, up_camera, sensing, most
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
         self.coarse = CoarseCamera(self._polisher.flat_camera, up_camera, sensing)
         self._surroundings = surroundings
-        self._classifier = classifier
+        self.classifier = classifier
         self._known = KnownPeople(self.coarse, most)
         self._newcomers = Newcomers()
         self._labels = np.zeros(self.coarse.camera.shape, dtype=np.int32)
@@ -170,8 +170,8 @@ class MultiPersonFinder:
 
     def redetect(self) -> MultiPersonFinder:
         """Return a finder for the same room, see `PeopleFinder.redetect`."""
-        camera, up_camera, sensing, most, classifier = self._made_of
-        return MultiPersonFinder(camera, up_camera, self._surroundings, sensing, most, classifier)
+        camera, up_camera, sensing, most = self._made_of
+        return MultiPersonFinder(camera, up_camera, self.classifier, self._surroundings, sensing, most)
 
     @property
     def people(self) -> list[KnownPerson]:
@@ -233,7 +233,7 @@ class MultiPersonFinder:
         if not searches:
             return [], [], self._furniture
         floor = surroundings.floor
-        people, furniture, _ = people_and_furniture(view, self.coarse, classifier=self._classifier, floor=floor)
+        people, furniture, _ = people_and_furniture(view, self.coarse, classifier=self.classifier, floor=floor)
         self._furniture = furniture
         return people, [False] * len(people), furniture
 
@@ -308,8 +308,8 @@ class MultiPersonFinder:
         for k, place in enumerate(furniture, start=len(places) + 1):
             everything[near_head(view, place) & view.foreground & (everything == 0)] = k
         labels = share_out(view, self.coarse, everything, [*places, *furniture], bridge=bridge)
-        if not surroundings.known and limbs and self._classifier is not None:
-            labels = attach_limbs(view, self.coarse, labels, len(places), self._classifier)
+        if not surroundings.known and limbs:
+            labels = attach_limbs(view, self.coarse, labels, len(places), self.classifier)
         labels[labels > len(places)] = 0
         if not surroundings.known:
             return labels
@@ -356,7 +356,7 @@ class MultiPersonFinder:
             return True
         here = near_head(view, place) & view.foreground
         moved = share_of(surroundings.background > 0, here)
-        judged, low = head_log_odds(view, self.coarse, place, self._classifier), lowness(place, surroundings.floor)
+        judged, low = head_log_odds(view, self.coarse, place, self.classifier), lowness(place, surroundings.floor)
         return log_odds([EvidenceSample(False, moved, judged=judged, low=low)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
@@ -368,7 +368,7 @@ class MultiPersonFinder:
         for person in self.people:
             if person.id in heads and timestamp - person.looked >= look_again:
                 head = heads[person.id]
-                judged = head_log_odds(view, self.coarse, head, self._classifier) or 0.0
+                judged = head_log_odds(view, self.coarse, head, self.classifier) or 0.0
                 shaped, rests = shaped_alone(view, self.coarse, head), _rests(view, head, surroundings)
                 self._known.keep(person.with_sample(shaped, judged, rests, timestamp))
 

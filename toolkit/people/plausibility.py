@@ -17,8 +17,9 @@ import numpy as np
 from toolkit.io.errors import PlausibilityWarning
 from toolkit.people.connection import FASTEST, HELD, connected
 from toolkit.people.detection import find_heads
-from toolkit.people.hypothesis import PersonClassifier, head_log_odds
+from toolkit.people.hypothesis import head_log_odds
 from toolkit.people.learning import share_of
+from toolkit.people.person_network import person_network
 from toolkit.people.stills import LEAST_CUT_OUT
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.unassigned import surfaces
@@ -118,18 +119,8 @@ class PersonEvidence:
         return other.score >= max(settings.person, self.score + margin)
 
 
-def plausibility(
-    recording: Recording,
-    classifier: PersonClassifier | None = None,
-    settings: PlausibilitySettings = PlausibilitySettings(),
-) -> tuple[Concern, ...]:
+def plausibility(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> tuple[Concern, ...]:
     """Return the reasons to doubt a recording, the gravest first; none where everything is plausible.
-
-    Parameters
-    ----------
-    classifier : scores heads; without one the unit is checked by the stature of people who are cut out alone, and the
-        orientation is not checked
-    settings : thresholds
 
     Raises
     ------
@@ -138,9 +129,9 @@ def plausibility(
     """
     intrinsics = intrinsics_concern(recording, settings)
     frames = sampled_frames(recording, settings)
-    found = [intrinsics, *_people_concerns(recording, frames, classifier, settings, known=intrinsics is not None)]
+    found = [intrinsics, *_people_concerns(recording, frames, settings, known=intrinsics is not None)]
     found += [times_concern(recording)]
-    if not any(found) and are_unconnected(recording, classifier, settings):
+    if not any(found) and are_unconnected(recording, settings):
         found += [Concern("times", "people move faster than a sprinter between the frames; check --frame-rate")]
     return tuple(concern for concern in found if concern is not None)
 
@@ -182,11 +173,7 @@ def times_concern(recording: Recording) -> Concern | None:
     )
 
 
-def are_unconnected(
-    recording: Recording,
-    classifier: PersonClassifier | None = None,
-    settings: PlausibilitySettings = PlausibilitySettings(),
-) -> bool:
+def are_unconnected(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> bool:
     """Return True if in no sampled pair of consecutive frames a person can have moved from one place to the other.
 
     The frames are photographs then, or a film at a wrong rate. Pairs without people in both frames, or more than `HELD`
@@ -203,7 +190,7 @@ def are_unconnected(
         if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > settings.another_room:
             moved = True
             continue
-        (_, sure), (after, _) = (_places(image, coarse, classifier, settings) for image in images)
+        (_, sure), (after, _) = (_places(image, coarse, settings) for image in images)
         if not sure or not after:
             continue
         if any(connected(a, b, seconds) for a in sure for b in after):
@@ -213,7 +200,7 @@ def are_unconnected(
 
 
 def _places(
-    depth: np.ndarray, coarse: CoarseCamera, classifier: PersonClassifier | None, settings: PlausibilitySettings
+    depth: np.ndarray, coarse: CoarseCamera, settings: PlausibilitySettings
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the places (3,), level frame, where people may be in a coarse frame (h, w), and those where they are:
     medians of surfaces where people are cut out, heads in a room.
@@ -225,7 +212,7 @@ def _places(
         places = [np.median(view.points[labels == k], axis=0) for k in large]
         return places, places
     heads = [head.place for head in find_heads(view, coarse, cut_out=False)]
-    scores = [head_log_odds(view, coarse, head, classifier) for head in heads]
+    scores = [head_log_odds(view, coarse, head, person_network()) for head in heads]
     likely = (score is not None and score >= settings.sure_in_room for score in scores)
     return heads, [head for head, sure in zip(heads, likely, strict=True) if sure]
 
@@ -247,12 +234,7 @@ def sampled_frames(recording: Recording, settings: PlausibilitySettings = Plausi
 
 
 def person_evidence(
-    frames: Sequence[np.ndarray],
-    camera: Camera,
-    up_camera: np.ndarray,
-    classifier: PersonClassifier | None,
-    *,
-    scale: float = 1.0,
+    frames: Sequence[np.ndarray], camera: Camera, up_camera: np.ndarray, *, scale: float = 1.0
 ) -> PersonEvidence:
     """Return the evidence for people in frames (uint16 (H, W), millimetres) whose depth is multiplied by `scale`.
 
@@ -266,10 +248,9 @@ def person_evidence(
         cut_out += surroundings.cut_out
         if (stature := _stature(depth, view.points)) is not None:
             statures.append(stature)
-        if classifier is not None:
-            heads = find_heads(view, coarse, cut_out=surroundings.cut_out)
-            judged = [head_log_odds(view, coarse, head.place, classifier) for head in heads]
-            scores.append(max([0.0, *(log_odds for log_odds in judged if log_odds is not None)]))
+        heads = find_heads(view, coarse, cut_out=surroundings.cut_out)
+        judged = [head_log_odds(view, coarse, head.place, person_network()) for head in heads]
+        scores.append(max([0.0, *(log_odds for log_odds in judged if log_odds is not None)]))
     return PersonEvidence(
         float(np.mean(scores)) if scores else 0.0,
         float(np.median(statures)) if statures else None,
@@ -304,29 +285,24 @@ def _stature(depth: np.ndarray, points: np.ndarray) -> float | None:
 
 
 def _people_concerns(
-    recording: Recording,
-    frames: Sequence[np.ndarray],
-    classifier: PersonClassifier | None,
-    settings: PlausibilitySettings,
-    *,
-    known: bool,
+    recording: Recording, frames: Sequence[np.ndarray], settings: PlausibilitySettings, *, known: bool
 ) -> list[Concern]:
     """Return concerns about the visible people: unit, orientation, size; `known`: the intrinsics are wrong."""
     if not frames or known:
         return []
-    own = person_evidence(frames, recording.camera, recording.up_camera, classifier)
+    own = person_evidence(frames, recording.camera, recording.up_camera)
     fits = own.stature is None or settings.stature[0] <= own.stature <= settings.stature[1]
     floor = None if own.cut_out else _floor_fits(recording, settings)
-    if fits and floor is not False and (classifier is None or floor or own.sure(settings)):
+    if fits and floor is not False and (floor or own.sure(settings)):
         return []
     own = replace(own, doubtful=floor is False)
-    unit = _fitting_unit(recording, frames, own, classifier, settings)
+    unit = _fitting_unit(recording, frames, own, settings)
     if unit:
         present = recording.converter.unit
         size = unit_in_metres(present) / DEPTH_UNITS[unit]
         text = f"people have {size:.2g} times life size with --depth-unit {present}; give --depth-unit {unit}"
         return [Concern("unit", text)]
-    turns = better_turns(frames, recording.camera, classifier, settings)
+    turns = better_turns(frames, recording.camera, settings)
     if turns:
         return [Concern("orientation", f"people stand upright in turned images; give --rotate {90 * turns}")]
     if own.stature is not None and not fits:
@@ -351,16 +327,9 @@ def _floor_fits(recording: Recording, settings: PlausibilitySettings) -> bool | 
 
 
 def _fitting_unit(
-    recording: Recording,
-    frames: Sequence[np.ndarray],
-    own: PersonEvidence,
-    classifier: PersonClassifier | None,
-    settings: PlausibilitySettings,
+    recording: Recording, frames: Sequence[np.ndarray], own: PersonEvidence, settings: PlausibilitySettings
 ) -> str:
-    """Return the unit of depth, a name in `DEPTH_UNITS`, in which people have a person's size; "" if none fits better.
-
-    Without a classifier it is the largest unit in which a person who is cut out has a person's stature.
-    """
+    """Return the unit in `DEPTH_UNITS` in which people have a person's size; "" if none fits better."""
     present = unit_in_metres(recording.converter.unit)
     small, large = settings.stature
     best = ("", own)
@@ -368,32 +337,25 @@ def _fitting_unit(
         scale = metres / present
         if abs(scale - 1.0) < 0.01 or (own.stature is not None and not small <= own.stature * scale <= large):
             continue
-        if classifier is None:
-            if own.stature is not None and not best[0]:
-                best = (name, own)
-            continue
-        there = person_evidence(frames[:2], recording.camera, recording.up_camera, classifier, scale=scale)
+        there = person_evidence(frames[:2], recording.camera, recording.up_camera, scale=scale)
         if (there.score >= settings.person and own.worse_than(there, settings)) and there.score > best[1].score:
             best = (name, there)
     return best[0]
 
 
 def better_turns(
-    frames: Sequence[np.ndarray],
-    camera: Camera,
-    classifier: PersonClassifier | None,
-    settings: PlausibilitySettings = PlausibilitySettings(),
+    frames: Sequence[np.ndarray], camera: Camera, settings: PlausibilitySettings = PlausibilitySettings()
 ) -> int:
     """Return the quarter turns clockwise after which people stand upright in frames (uint16 (H, W), millimetres).
 
-    0 where they stand upright as the images are, where no turn is clearly better, and without a classifier.
+    0 where they stand upright as the images are, and where no turn is clearly better.
     """
-    if classifier is None or not frames:
+    if not frames:
         return 0
 
     def evidence(turns: int) -> PersonEvidence:
         turned = [np.ascontiguousarray(np.rot90(frame, -turns)) for frame in frames]
-        return person_evidence(turned, camera.rotated(turns), np.array(DEFAULT_UP), classifier)
+        return person_evidence(turned, camera.rotated(turns), np.array(DEFAULT_UP))
 
     own = evidence(0)
     if own.sure(settings):

@@ -16,14 +16,14 @@ def people_and_furniture(
     view: View,
     coarse: CoarseCamera,
     *,
+    classifier: PersonClassifier | None,
     cut_out: bool = False,
-    classifier: PersonClassifier | None = None,
     floor: float | None = None,
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """Return people and furniture with a head in a single image of a room.
 
-    Shape and classifier are evidence: a person with an arm in front of the face has no such shape. `floor` is its y,
-    metres, level frame, where it is known.
+    Shape and classifier are evidence: a person with an arm in front of the face has no such shape. With None as
+    classifier the shape alone decides. `floor` is its y, metres, level frame, where it is known.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def people_and_furniture(
     alone = [mask for mask, big in zip(alone, large, strict=True) if big]
     shared = hanging_on(view, coarse, heads)
     shaped = _shaped(view, coarse, heads, alone, shared)
-    judged = [head_log_odds(view, coarse, head, classifier) for head in heads]
+    judged = [None if classifier is None else head_log_odds(view, coarse, head, classifier) for head in heads]
     good = [
         possible_height(head, floor) and alone_log_odds(shape, said, lowness(head, floor)) > 0
         for head, shape, said in zip(heads, shaped, judged, strict=True)

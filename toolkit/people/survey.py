@@ -10,9 +10,9 @@ import numpy as np
 
 from toolkit.io.errors import SegmentationError
 from toolkit.people.connection import HELD
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.learning import camera_moved, learnt, rooms_differ
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
+from toolkit.people.person_network import person_network
 from toolkit.people.selected_person import SelectedPersonFinder, meant_person
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.single_person import SinglePersonSegmenter
@@ -29,10 +29,7 @@ SAMPLES = 40  # frames over a recording: a walking person leaves each pixel free
 
 
 def find_people(
-    recording: Recording,
-    sensing: SensingSettings | None = None,
-    most: int | None = None,
-    classifier: PersonClassifier | None = None,
+    recording: Recording, sensing: SensingSettings | None = None, most: int | None = None
 ) -> MultiPersonFinder:
     """Return a finder of all people in a recording, or of the first `most`.
 
@@ -42,14 +39,12 @@ def find_people(
         `sensing.segment` requires a background that the recording lacks.
     """
     sensing = sensing or SensingSettings()
-    surroundings = survey(recording, sensing, classifier)
+    surroundings = survey(recording, sensing)
     most = MOST_PEOPLE if most is None else most
-    return MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, most, classifier)
+    return MultiPersonFinder(recording.camera, recording.up_camera, person_network(), surroundings, sensing, most)
 
 
-def find_person(
-    recording: Recording, sensing: SensingSettings | None = None, classifier: PersonClassifier | None = None
-) -> PeopleFinder:
+def find_person(recording: Recording, sensing: SensingSettings | None = None) -> PeopleFinder:
     """Return a finder of the person that `sensing` selects; in a room the whole recording decides.
 
     Raises
@@ -60,16 +55,14 @@ def find_person(
     sensing = sensing or SensingSettings()
     mode = SegmentationMode.parse(sensing.segment).name
     if mode in ("person", "seed") or (mode == "auto" and recording.background is None):
-        room = survey(recording, sensing, classifier)
+        room = survey(recording, sensing)
         if not room.cut_out:
-            given = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, classifier
-            return SelectedPersonFinder(
-                MultiPersonFinder(*given), meant_person(recording, MultiPersonFinder(*given), sensing)
-            )
+            finder = MultiPersonFinder(recording.camera, recording.up_camera, person_network(), room, sensing)
+            return SelectedPersonFinder(finder, meant_person(recording, finder.redetect(), sensing))
     return SinglePersonSegmenter.of(recording, sensing)
 
 
-def survey(recording: Recording, sensing: SensingSettings, classifier: PersonClassifier | None = None) -> Surroundings:
+def survey(recording: Recording, sensing: SensingSettings) -> Surroundings:
     """Return the background model of a recording: its empty scene, people only, or a model of sampled frames.
 
     `sensing.segment` selects the model; "person" and "seed" mean that people are not segmented.
@@ -112,7 +105,7 @@ def survey(recording: Recording, sensing: SensingSettings, classifier: PersonCla
             "people, track the parts before and after as two recordings",
             recording.name,
         )
-    room = learnt(frames, coarse, classifier, floor)
+    room = learnt(frames, coarse, person_network(), floor)
     return replace(room, floor=floor)
 
 

@@ -112,7 +112,7 @@ def people_axes(depth: np.ndarray, coarse: CoarseCamera) -> list[tuple[np.ndarra
     surroundings = first_look(depth, coarse)
     foreground = surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse))
     view = coarse.view(depth, foreground, surroundings.still)
-    heads, _, labels = people_and_furniture(view, coarse, cut_out=surroundings.cut_out)
+    heads, _, labels = people_and_furniture(view, coarse, classifier=None, cut_out=surroundings.cut_out)
     axes = []
     elongated = 2.2  # length over width of a standing person with the arms down
     for k, head in enumerate(heads, start=1):

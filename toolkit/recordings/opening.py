@@ -12,7 +12,6 @@ import numpy as np
 
 from toolkit.io.errors import PlausibilityWarning, RecordingError
 from toolkit.io.files import is_file, is_folder, link_out_of
-from toolkit.people.hypothesis import PersonClassifier
 from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.plausibility import HELP, are_unconnected
 from toolkit.recordings.reader_options import ReaderOptions
@@ -46,37 +45,32 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
     return read(target, chosen)
 
 
-def open_upright(path: str | Path, classifier: PersonClassifier | None = None, **options: Any) -> Recording:
+def open_upright(path: str | Path, **options: Any) -> Recording:
     """Open as `open_recording`, rotate the images of a tilted camera, and separate photographs.
 
     Images of a camera on its side or upside down are rotated; the options of the recording then contain `rotate`.
     Frames without times between which no person can have moved are photographs; the options then contain a low
     `frame_rate`. A PlausibilityWarning is issued of both, unless the file contains the vertical.
 
-    Parameters
-    ----------
-    classifier : scores heads; if None, only a floor or a stored vertical decides the orientation, and people are
-        compared between frames only where they are cut out
-
     Raises
     ------
     RecordingError, UsageError
         As `open_recording`.
     """
-    return upright(lambda **more: open_recording(path, **{**options, **more}), classifier)
+    return upright(lambda **more: open_recording(path, **{**options, **more}))
 
 
-def upright(opened: Callable[..., Recording], classifier: PersonClassifier | None = None) -> Recording:
+def upright(opened: Callable[..., Recording]) -> Recording:
     """Return the recording of `opened(**options)` with the options that `open_upright` adds."""
     recording = opened()
     added: dict[str, Any] = {}
-    if degrees := 90 * quarter_turns(recording, classifier):
+    if degrees := 90 * quarter_turns(recording):
         added["rotate"], source = degrees, recording.vertical.source
         recording = opened(**added)
         logger.info("%s: images are turned by %d degrees", recording.name, degrees)
         if source != "file":
             _warn(recording, f"images are turned upright by {degrees} degrees; --rotate 0 leaves them")
-    if recording.times_assumed and are_unconnected(recording, classifier):
+    if recording.times_assumed and are_unconnected(recording):
         recording = opened(**added, frame_rate=UNCONNECTED)
         text = "people are elsewhere in each frame, so each is tracked as a photograph"
         _warn(recording, f"{text}; --frame-rate 30 takes the frames as a film")

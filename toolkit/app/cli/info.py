@@ -27,15 +27,12 @@ def info(
     from toolkit.io.files import check_output
     from toolkit.output.rendering.survey_picture import save_picture
     from toolkit.people.description import describe
-    from toolkit.people.person_network import person_network
     from toolkit.people.plausibility import HELP
     from toolkit.recordings.opening import open_upright
     from toolkit.sensing.sensing_settings import SensingSettings
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
-    classifier = person_network()
-    opened = open_upright(recording, classifier, **reading.options())
-    look = describe(opened, SensingSettings(**given(segment=segment)), classifier)
+    look = describe(open_upright(recording, **reading.options()), SensingSettings(**given(segment=segment)))
     save_picture(look, target)
     print_lines("\n".join(look.lines))
     for concern in look.concerns:

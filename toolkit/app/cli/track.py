@@ -146,7 +146,6 @@ def _track_one(
     from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recording
     from toolkit.io.workers import usable_processors
-    from toolkit.people.person_network import person_network
     from toolkit.recordings.opening import open_upright
 
     guide, watcher = guiding.guide([path]), guiding.watcher([path])
@@ -158,7 +157,7 @@ def _track_one(
         tracker = recipe.build(guide)
         bars(preparing, 1, 1)
         summary = track_recording(
-            open_upright(path, person_network(), **options),
+            open_upright(path, **options),
             tracker,
             run,
             resume=resume,

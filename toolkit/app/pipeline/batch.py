@@ -22,7 +22,6 @@ from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.io.errors import DepthMocapError, PlausibilityWarning, RecordingError, UsageError
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.io.workers import Task
-from toolkit.people.person_network import person_network
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.tracking.tracker_protocol import Tracker
@@ -120,7 +119,7 @@ class _Job:
         try:
             with _recorded() as doubts:
                 summary = track_recording(
-                    open_upright(self.recording, person_network(), **self.options), tracker, self.run,
+                    open_upright(self.recording, **self.options), tracker, self.run,
                     people=self.people, resume=self.resume, warm_up=warm_up, progress=progress, joints=self.joints,
                     made_of=self.recipe, workers=workers,
                 )  # fmt: skip

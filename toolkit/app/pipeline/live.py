@@ -19,7 +19,6 @@ from toolkit.fitting.placed import Placer
 from toolkit.io.errors import DepthMocapError
 from toolkit.output.pose_stream import LiveOutput, LiveUpdate
 from toolkit.people.live_room import live_finder
-from toolkit.people.person_network import person_network
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.live_sources import LiveSource
 from toolkit.recordings.writer import RecordingWriter
@@ -45,9 +44,9 @@ def begin_live(first: Recording, tracker: Tracker, people: int | None) -> LivePe
     SegmentationError
         The setting of the segmentation needs a whole recording.
     """
-    sensing, classifier = tracker.settings.sensing, person_network()
-    finder = live_finder(first, sensing, people, classifier)
-    live_finder(first, sensing, people, classifier).find(first.depth(0), 0.0, {})
+    sensing = tracker.settings.sensing
+    finder = live_finder(first, sensing, people)
+    live_finder(first, sensing, people).find(first.depth(0), 0.0, {})
     _warm_up(tracker, first.camera, first.up_camera)
     return LivePeople(tracker, finder, first.up_camera, floor=floor_of(first))
 

@@ -30,7 +30,6 @@ from toolkit.io.files import locked
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.people.evidence import furniture
 from toolkit.people.joint_masks import JointSource
-from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import plausibility
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
@@ -84,8 +83,8 @@ class Job(NamedTuple):
 def finder_of(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
     """Return the finder of the selected person, of up to `people` people, or (None) of all."""
     if people == 1:
-        return find_person(recording, sensing, person_network())
-    return find_people(recording, sensing, most=people, classifier=person_network())
+        return find_person(recording, sensing)
+    return find_people(recording, sensing, most=people)
 
 
 def track_recording(
@@ -206,7 +205,7 @@ def _track(
 
 def _warn_of(recording: Recording) -> None:
     """Warn of a recording that is not plausible, on the screen and in the run's log."""
-    for concern in plausibility(recording, person_network()):
+    for concern in plausibility(recording):
         logger.warning("%s: %s", recording.name, concern.text)
         warnings.warn(concern.warning(recording.name), stacklevel=5)
 

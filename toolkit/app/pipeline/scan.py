@@ -10,7 +10,6 @@ import numpy as np
 
 from toolkit.fitting.scan_fit import Scan, ScanView, fit_scan
 from toolkit.io.errors import UsageError
-from toolkit.people.person_network import person_network
 from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
@@ -53,7 +52,7 @@ def scan_recordings(
 
 def _standing_still(recording: Recording, sensing: SensingSettings) -> Cloud:
     """Return the cloud of the median of the first frames, level frame."""
-    finder = find_person(recording, sensing, person_network())
+    finder = find_person(recording, sensing)
     stream = islice(recording.stream(), VIEW_FRAMES)
     frames = np.array([finder.find(frame.depth_mm, frame.timestamp, {})[0].depth for frame in stream])
     known = 2 * np.count_nonzero(frames, axis=0) > len(frames)

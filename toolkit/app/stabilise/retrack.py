@@ -13,7 +13,6 @@ from toolkit.body import skeleton
 from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.priors import LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
-from toolkit.people.person_network import person_network
 from toolkit.people.survey import find_person
 from toolkit.retrieval.priors.gap_trajectories import PRIOR_SPREAD, RETRACKED, GapCandidates
 from toolkit.tracking.clock import StageClock
@@ -88,7 +87,7 @@ def retrack(source: SourceRun, candidates: Sequence[GapCandidates], guide: GapGu
     """
     tracker, recording, poses = source.tracker, source.recording, source.track.pose
     tracker.guide = guide
-    finder = find_person(recording, tracker.settings.sensing, person_network())
+    finder = find_person(recording, tracker.settings.sensing)
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
     explained = np.full(len(poses), np.inf)

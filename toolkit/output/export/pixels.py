@@ -12,7 +12,6 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.io.errors import UsageError
 from toolkit.io.files import atomic_path
-from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.people.survey import find_people, find_person
 from toolkit.sensing.camera import Camera
@@ -50,11 +49,7 @@ def labelled_frames(
     if max(person.id for person in people) >= BACKGROUND:
         raise UsageError(f"a body index map has room for {BACKGROUND - 1} people; this run has more")
     whole = replace(sensing, half_resolution=False)
-    finder: PeopleFinder
-    if several:
-        finder = find_people(recording, whole, classifier=person_network())
-    else:
-        finder = find_person(recording, whole, person_network())
+    finder: PeopleFinder = find_people(recording, whole) if several else find_person(recording, whole)
     lookup = _pixels_of(recording.camera, finder.camera)
     frames = min(len(recording), min(len(person.track) for person in people))
     contour_width = 2  # pixels
