@@ -2,8 +2,9 @@
 
 A wrong unit, the intrinsics of another image size or a camera upside down raise no error by themselves: the tracker
 fits a body to whatever surface there is. The checks compare the recording with what is known of people and cameras.
-The person classifier of the pose database scores heads: in 18 real recordings of people who are cut out it scores 2.6
-to 3.5 log odds in upright images at true scale, at most 2.6 at half the scale and at most 2.4 upside down.
+The person network scores heads. The thresholds were chosen with an earlier classifier: in 18 real recordings of people
+who are cut out it scored 2.6 to 3.5 log odds in upright images at true scale, at most 2.6 at half the scale and at most
+2.4 upside down.
 """
 
 from __future__ import annotations
