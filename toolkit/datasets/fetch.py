@@ -41,7 +41,7 @@ def fetch_data_set(data_set: DataSet | str, folder: str | Path | None = None, *,
     if not (missing := wanted.missing(root)):
         return place
     for file in missing:
-        if (root / file.path).exists():
+        if (root / file.path).exists() and not file.is_at(root):  # another fetch may have brought it by now
             raise DataError(
                 f"{root / file.path} is another file than that of the data set {wanted.name}; "
                 "move it away or name another folder with --data"
