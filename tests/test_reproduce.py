@@ -76,6 +76,11 @@ def test_stored_results_are_compared_without_measuring(
     assert out.splitlines()[-1] == f"Fig. 4.3: {thesis_results / 'keyframe_learning.png'}"
 
 
+def test_an_unknown_paper_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("reproduce", "ganapathi2010") == 2
+    assert "baak2013" in capsys.readouterr().err
+
+
 def test_without_a_checkout_there_is_one_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

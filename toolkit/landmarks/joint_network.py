@@ -20,6 +20,7 @@ from toolkit.kernels import linear
 from toolkit.kernels.learning import joint_crop
 from toolkit.sensing.cloud import Cloud, window_of
 from toolkit.sensing.exact_network import ExactNetwork
+from toolkit.sensing.sensing_settings import SensingSettings
 
 ASSET = Path(__file__).parent / "assets" / "joints.onnx"
 SIZE, STRIDE = 96, 8
@@ -136,10 +137,10 @@ def joint_network() -> JointNetwork:
 
 
 def without_specks(depth: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
-    """Return a person's depth image, float32 (H, W), metres, without small surfaces far behind it.
+    """Return a person's depth image, float32 (H, W), metres, without small surfaces far behind the person.
 
     Stereo cameras measure specks between a person and the background. The network was trained without them and confuses
-    front and back if they are there. Nearer small surfaces are kept, because limbs can be such.
+    front and back if they are there. Nearer small surfaces are kept, because they may be parts of limbs.
     """
     import cv2
 
@@ -153,8 +154,8 @@ def without_specks(depth: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
     far = own > mean + behind
     if not far.any():
         return depth
-    # Metres between neighbouring pixels of one surface: noise, quantisation of a Kinect v1, and a slope of 2.
-    step = 0.03 + 0.0028 * mean**2 + 2.0 * pixel
+    # Metres between neighbouring pixels of one surface: as for its contour, and a slope of 2.
+    step = SensingSettings.contour_tolerance + SensingSettings.quantisation * mean**2 + 2.0 * pixel
     millimetres = np.minimum(np.rint(1000.0 * own), np.iinfo(np.int16).max).astype(np.int16)
     cv2.filterSpeckles(millimetres, 0.0, int(area / pixel**2), 1000.0 * step)
     cleaned = depth.copy()
