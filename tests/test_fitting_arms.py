@@ -1,4 +1,4 @@
-"""Arms of other poses for a tracked one: the balls of a body, their cost and fit, and the search."""
+"""Arms of other poses for a tracked one: the balls of a body, their cost and fit, and the search at joints."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,12 +11,13 @@ from tests.test_fitting import CAMERA, HORIZONTAL, SETTINGS, joint_error, scene_
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.fitting.arms import ArmPoses, ArmSettings
+from toolkit.fitting.arms import Arm, ArmSettings, entries_of
 from toolkit.fitting.balls import Balls
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import balls_of
-from toolkit.fitting.scene import Scene
+from toolkit.fitting.refiner import Refiner
 from toolkit.kernels.fit import limbs
+from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.tracking.search.arm_search import ArmSearch
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
@@ -84,7 +85,7 @@ def test_an_arm_in_the_trunk_is_pushed_out(body: Body) -> None:
 def chain_and_measured(seed: int, body: Body, poses: np.ndarray) -> tuple[limbs.Chain, limbs.Measured, np.ndarray]:
     """Return the left arm, an image with a square of depth and a hole, and samples around places of an arm."""
     rng = np.random.default_rng(seed)
-    arm = ArmPoses(poses, body, 20).of(body)[0]
+    arm = Arm("left", body, np.ascontiguousarray(poses[:20, entries_of("left")]))
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
     depth[30:110, 60:140] = rng.uniform(2.3, 3.2, (80, 80))
     rotation, origin = HORIZONTAL.astype(float), np.array([0.1, -0.2, 2.7])
@@ -123,7 +124,7 @@ def test_costs_are_those_of_the_plain_twin(seed: int, body: Body, poses: np.ndar
 
 
 def test_balls_follow_the_chain(body: Body, poses: np.ndarray) -> None:
-    arm = ArmPoses(poses, body, 20).of(body)[0]
+    arm = Arm("left", body, np.ascontiguousarray(poses[:20, entries_of("left")]))
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[arm.entries] = arm.angles[3]
     joints = body.joint_positions(pose)
@@ -159,24 +160,21 @@ def test_the_fit_finds_an_arm_again_and_keeps_its_limits(body: Body, poses: np.n
 # The search
 
 
-def improved(fit: Fit, poses: np.ndarray, pose: np.ndarray, scene: Scene) -> tuple[Hypothesis, ...]:
-    """Return the arm search's answer for a person whose best hypothesis is `pose`."""
-    search = ArmSearch(ArmPoses(poses, fit.body, 128), fit.objective, fit.refiner, ArmSettings())
-    rng = np.random.default_rng(0)
-    state = replace(PersonState.begin(fit.body, sized=True, seed=0), previous=Previous.of_pose(fit.body, pose))
-    best = ScoredHypothesis.of(Hypothesis("local", pose), fit.body, fit.compare(pose, scene), redetected=False)
-    return search.propose(SimpleNamespace(scene=scene), state, rng, best).hypotheses
-
-
-def test_an_arm_in_the_wrong_place_is_found(body: Body, fit: Fit, poses: np.ndarray) -> None:
+def test_an_arm_in_the_wrong_place_is_moved_to_its_estimated_joints(body: Body, fit: Fit) -> None:
     truth = standing(left_shoulder_rz=0.9, left_elbow_ry=-1.2)
     scene = scene_of(body, truth)
     wrong = fit.refine(standing(left_shoulder_rz=-1.4, left_shoulder_ry=0.6, left_elbow_ry=-0.2), scene)
     assert joint_error(body, wrong, truth) > 0.06
     first, given = fit.compare(wrong, scene), wrong.copy()
-    (found,) = improved(fit, poses, wrong, scene)
-    assert found.improves is not None and found.comparison is not None
-    pose, again = found.pose, found.comparison
-    assert joint_error(body, pose, truth) < 0.5 * joint_error(body, wrong, truth)
-    assert again.sample_gaps.mean() < first.sample_gaps.mean()
-    assert (wrong == given).all() and (wrong[ARM] != pose[ARM]).any()
+    off = np.random.default_rng(0).normal(0.0, 0.03, (20, 3))  # metres: error of the network
+    seen = JointEstimate(body.joint_positions(truth) + off, np.full(20, 0.5))
+    kinematics = Refiner(fit.placer, SETTINGS, fit.refiner.pose_terms, terms=())
+    search = ArmSearch(fit.objective, fit.refiner, kinematics, ArmSettings())
+    state = replace(PersonState.begin(body, sized=True, seed=0), previous=Previous.of_pose(body, wrong))
+    best = ScoredHypothesis.of(Hypothesis("local", wrong), body, first, redetected=False)
+    observation = SimpleNamespace(scene=scene, estimate=seen, cloud=SimpleNamespace(rotation=HORIZONTAL))
+    (found,) = search.propose(observation, state, np.random.default_rng(0), best).hypotheses
+    assert found.improves is best and found.comparison is not None
+    assert joint_error(body, found.pose, truth) < 0.5 * joint_error(body, wrong, truth)
+    assert found.comparison.sample_gaps.mean() < first.sample_gaps.mean()
+    assert (wrong == given).all() and (wrong[ARM] != found.pose[ARM]).any()

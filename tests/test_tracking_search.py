@@ -2,7 +2,6 @@
 
 import inspect
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
-from toolkit.tracking.search.arm_search import ITERATIONS, ArmSearch
+from toolkit.tracking.search.arm_search import HOLD, ITERATIONS, ArmSearch
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_due
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
@@ -194,19 +193,6 @@ def _centre(seen: Any) -> np.ndarray:
 # Arms
 
 
-class FakeArm:
-    """Arm search that proposes the pose with the root at given places."""
-
-    def __init__(self, *places: float) -> None:
-        self._places, self.starts = places, []
-
-    def propose(
-        self, pose: np.ndarray, comparison: Any, scene: Any, settings: Any, sigma: float, most: int
-    ) -> list[np.ndarray]:
-        self.starts.append((float(pose[0]), comparison.distance))
-        return [pose_at(x) for x in self._places[:most]]
-
-
 class FakeArmObjective:
     """Comparisons by the place of the root."""
 
@@ -218,11 +204,16 @@ class FakeArmObjective:
         return self.known[float(pose[0])]
 
 
-def arm_search(arms: list[FakeArm], objective: Any, refiner: FakeRefiner | None = None, period: int = 1) -> ArmSearch:
-    poses: Any = SimpleNamespace(of=lambda body: tuple(arms))
-    if isinstance(objective, dict):
-        objective = FakeArmObjective(objective)
-    return ArmSearch(poses, objective, refiner or FakeRefiner(), ArmSettings(margin=0.001, prior=0.5), period)
+def arm_search(known: dict[float, Any], refiner: FakeRefiner | None = None, period: int = 1) -> ArmSearch:
+    """Return a search whose kinematics move the root by 1."""
+    objective: Any = FakeArmObjective(known)
+    arms = ArmSettings(margin=0.001, prior=0.5)
+    return ArmSearch(objective, refiner or FakeRefiner(), FakeRefiner(step=1.0), arms, period)
+
+
+def estimated() -> Any:
+    """Return an observation with joints of which the network is certain."""
+    return observation(estimate=JointEstimate(np.zeros((20, 3)), np.ones(20)))
 
 
 BEST = rival(pose_at(), 0.1, gaps=0.010, energy=0.0)
@@ -237,26 +228,46 @@ def test_an_arm_wins_by_what_it_leaves_unexplained_and_by_how_likely_it_is(
     gaps: float, energy: float, better: bool
 ) -> None:
     refiner = FakeRefiner()
-    search = arm_search([FakeArm(1.0)], {1.0: compared(0.11, gaps=gaps, energy=energy)}, refiner)
-    proposal = search.propose(observation(), state(pose_at()), RNG, BEST)
+    answers = {1.0: compared(0.11, gaps=gaps, energy=energy), 2.0: compared(0.11, gaps=0.02)}
+    search = arm_search(answers, refiner)
+    proposal = search.propose(estimated(), state(pose_at()), RNG, BEST)
     assert bool(proposal.hypotheses) == better
-    assert refiner.calls[0].iterations == ITERATIONS
+    assert [call.iterations for call in refiner.calls] == [ITERATIONS, ITERATIONS]
     if better:
         (found,) = proposal.hypotheses
         assert (found.source, found.improves, found.continues) == ("arms", BEST, False)
         assert found.pose[0] == 1.0 and found.comparison is not None and found.comparison.distance == 0.11
 
 
-def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost() -> None:
-    search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)}, period=3)
+def test_arms_and_whole_poses_are_searched_in_different_frames_unless_the_person_is_lost() -> None:
+    search = arm_search({1.0: compared(0.01, gaps=0.0), 2.0: compared(0.2, gaps=0.02)}, period=3)
     turns = [state(pose_at(), turn=turn) for turn in range(6)]
-    waits = [False, False, True, False, False, True]
-    assert [search.propose(observation(), now, RNG, BEST) is NOTHING for now in turns] == waits
-    assert [is_due(now, 3) for now in turns] == waits
+    waits = [search.propose(estimated(), now, RNG, BEST) is NOTHING for now in turns]
+    assert waits == [False, True, True, False, True, True]
+    assert [is_due(now, 3) for now in turns] == [False, False, True, False, False, True]
     assert all(is_due(replace(now, lost=1), 2) for now in turns)
-    assert search.propose(observation(), replace(turns[2], lost=1), RNG, BEST) is not NOTHING
-    always = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
-    assert always.propose(observation(), turns[2], RNG, BEST) is not NOTHING
+    assert search.propose(estimated(), replace(turns[2], lost=1), RNG, BEST) is not NOTHING
+
+
+def test_each_arm_is_moved_to_its_own_joints_while_the_others_stay() -> None:
+    kinematics, level = FakeRefiner(), np.diag([1.0, -1.0, -1.0])
+    objective: Any = FakeArmObjective({0.0: compared(0.2, gaps=0.02)})
+    confidence = np.linspace(0.05, 1.0, 20)
+    seen = observation(estimate=JointEstimate(np.ones((20, 3)), confidence))
+    search = ArmSearch(objective, FakeRefiner(), kinematics, ArmSettings())
+    assert search.propose(seen, state(pose_at()), RNG, BEST) is NOTHING
+    stay = BODY.joint_positions(pose_at()) @ level
+    for side, call in zip(("left", "right"), kinematics.calls, strict=True):
+        (term,) = call.terms
+        own = np.isin(skeleton.REPORTED, [f"{side}_{joint}" for joint in ("elbow", "wrist", "hand")])
+        assert term.targets[own] == pytest.approx(np.tile([1.0, -1.0, -1.0], (3, 1)))
+        assert term.targets[~own] == pytest.approx(stay[~own])
+        assert term.weights[~own] == pytest.approx(HOLD)
+        assert term.weights[own] == pytest.approx(HOLD * np.sqrt(confidence[own]))
+
+
+def test_without_an_estimate_arms_stay() -> None:
+    assert arm_search({}).propose(observation(), state(pose_at()), RNG, BEST) is NOTHING
 
 
 # Assembly by the hybrid tracker

@@ -1,21 +1,15 @@
-"""Search for alternative arm poses in the database.
-
-A retrieved whole pose rarely beats the local optimum (Baak 2013, 5.4.3), although one of its arms often would. The arms
-of the database, as chains of balls, are therefore compared with the part of the frame that the rest of the body leaves
-unexplained, and the best are fitted to it.
-"""
+"""Arm candidates as chains of balls, compared with the part of a frame that the rest of the body leaves unexplained."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Comparison
-from toolkit.fitting.placed import PlacedBody, balls_of, spread_rows
+from toolkit.fitting.placed import PlacedBody, balls_of
 from toolkit.fitting.scene import Scene
 from toolkit.io.errors import SettingsError
 from toolkit.kernels import linear
@@ -32,8 +26,8 @@ class ArmSettings:
 
     Attributes
     ----------
-    count : number of different arms of the database that are compared with a frame (0.25 ms)
-    fitted : number of the best that are fitted as chains of balls; before the fit the correct arm is rarely the best
+    fitted : number of the best candidates that are fitted as chains of balls; before the fit the correct arm is rarely
+        the best
     iterations : iterations of that fit, which the refinement of the whole body completes
     refined : number of the best that are refined with the whole body, over both arms of a frame; each costs as much as
         the local hypothesis. With 1 the error on the tuning split is 1.0 mm larger
@@ -48,7 +42,6 @@ class ArmSettings:
     prior : cost in metres per unit of the pose prior's energy, which decides between arms with equal fit
     """
 
-    count: int = 128
     fitted: int = 8
     iterations: int = 3
     refined: int = 2
@@ -60,43 +53,20 @@ class ArmSettings:
     prior: float = 0.05
 
     def __post_init__(self) -> None:
-        if min(self.count, self.fitted, self.iterations, self.refined) < 1 or self.fitted > self.count:
+        if min(self.fitted, self.iterations, self.refined) < 1:
             raise SettingsError(
-                "arms.count, fitted, iterations and refined are at least 1 and fitted at most count, "
-                f"not {self.count}, {self.fitted}, {self.iterations}, {self.refined}"
+                "arms.fitted, iterations and refined are at least 1, "
+                f"not {self.fitted}, {self.iterations}, {self.refined}"
             )
 
 
-class ArmPoses:
-    """Arms of the database, selected to differ as much as possible.
-
-    Parameters
-    ----------
-    poses : (N, P), of the database
-    body : on which they are compared
-    count : number of arms kept of either side
-    """
-
-    def __init__(self, poses: np.ndarray, body: Body, count: int) -> None:
-        self._angles: dict[str, np.ndarray] = {}
-        for side in SIDES:
-            chain, entries = _chain_of(side, body), entries_of(side)
-            angles = np.ascontiguousarray(poses[:, entries], dtype=np.float64)
-            self._angles[side] = angles[spread_rows(_placed_balls(angles, chain).reshape(len(angles), -1), count)]
-        self.of = lru_cache(maxsize=16)(self._of)
-
-    def _of(self, body: Body) -> tuple[Arm, ...]:
-        """Return both arms of `body`, cached for each body."""
-        return tuple(Arm(side, body, self._angles[side]) for side in SIDES)
-
-
 class Arm:
-    """One arm of one body, and its candidates from the database.
+    """One arm of one body, and its candidates.
 
     Attributes
     ----------
     entries : int64 (D,), indices of its angles in a pose vector
-    angles : float64 (C, D), the arms of the database, radians
+    angles : float64 (C, D), the candidates, radians
     chain : the arm as a chain of balls
     """
 

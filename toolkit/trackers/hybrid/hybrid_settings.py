@@ -31,7 +31,7 @@ class HybridSettings:
     passes : 2 adds forward and backward tracking from keyframes for each person; 1 finishes each frame when it arrives,
         as for a stream
     hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by joints
-        of the joint network, for extrema that merge with the body), "arms" (the local one with arms of other poses),
+        of the joint network, for extrema that merge with the body), "arms" (the best one with arms at these joints),
         "head_hands" (on first frames and after losses: hands at extrema of the cloud, and the best pose turned by 180
         degrees), "swarm" (likewise, with image joints, which are then evidence in each frame; settings as in
         configs/swarm.yaml)
@@ -42,8 +42,8 @@ class HybridSettings:
         fifth of a refinement. 1 takes the best by Eq. 5.6 without comparison
     promising : maximum ratio of a retrieved pose's distance to that of the local hypothesis for a refinement, which
         rarely reduces a distance by more than half
-    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched in the other
-        frames; with 2 or 3 the error is the same, and no frame pays for both
+    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched as often, in
+        other frames, so that no frame pays for both
     restarts : number of poses refined on a first frame or after a loss, per body size
     momentum : fraction of the last velocity in the prediction, in [0, 1]; higher values follow fast limbs and amplify
         noise

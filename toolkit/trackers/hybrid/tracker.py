@@ -9,7 +9,6 @@ from functools import cached_property
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.pose_search import SEARCHES
-from toolkit.fitting.arms import ArmPoses
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
@@ -65,7 +64,8 @@ class HybridTracker(SearchingTracker):
         super().__init__(self.settings, body)
         self.database = database_path
         self._poses = database.searched_by(SEARCHES[self.settings.lookup.search])
-        self._network: JointNetwork | None = joint_network() if "joints" in self.settings.hypotheses else None
+        uses_network = {"joints", "arms"} & set(self.settings.hypotheses)
+        self._network: JointNetwork | None = joint_network() if uses_network else None
 
     @property
     def stage_names(self) -> tuple[str, ...]:
@@ -102,8 +102,9 @@ class HybridTracker(SearchingTracker):
         queries = self.queries()
         # without the local hypothesis, each frame needs a lookup
         period = settings.lookup_period if "local" in asked else 1
-        if self._arms is not None:
-            members.append(ArmSearch(self._arms, objective, refiner, settings.arms, period if queries else 1))
+        if {"local", "arms"} <= set(asked):
+            kinematics = Refiner(objective.placer, settings.fitting, self.priors, terms=())
+            members.append(ArmSearch(objective, refiner, kinematics, settings.arms, period))
         budget = LookupBudget(settings.candidates, settings.restarts, settings.promising, period)
         members.append(DatabaseLookup(queries, objective, refiner, budget))
         if "head_hands" in asked:
@@ -139,7 +140,7 @@ class HybridTracker(SearchingTracker):
         queries: list[Query] = []
         if "extrema" in self.settings.hypotheses:
             queries.append(ExtremaQuery(self._poses, self.settings.lookup))
-        if self._network is not None:
+        if "joints" in self.settings.hypotheses:
             queries.append(self._estimates)
         return queries
 
@@ -172,11 +173,6 @@ class HybridTracker(SearchingTracker):
     @cached_property
     def _estimates(self) -> EstimatedJointsQuery:
         return EstimatedJointsQuery(self._poses, self.settings.estimate_pull)
-
-    @cached_property
-    def _arms(self) -> ArmPoses | None:
-        wanted = {"local", "arms"} <= set(self.settings.hypotheses)
-        return ArmPoses(self._poses.poses, self._first_body, self.settings.arms.count) if wanted else None
 
 
 register(
