@@ -30,7 +30,6 @@ from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body import skeleton
 from toolkit.datasets.folder import data_folder
-from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.io.errors import DepthMocapError
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
@@ -123,8 +122,8 @@ def score_take(solo: Solo, recording: Recording, frames: int) -> UpperScore:
 def wrong_arms(pose: np.ndarray, *, raised: bool) -> np.ndarray:
     """Return the pose (P,) with both arms hanging or raised."""
     wrong = pose.copy()
-    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        wrong[entries_of(side)] = 0.0
+    for side, entries, sign in zip(skeleton.SIDES, skeleton.ARM_ENTRIES, (1.0, -1.0), strict=True):
+        wrong[entries] = 0.0
         wrong[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * (1.2 if raised else -1.1)
     return wrong
 

@@ -1,4 +1,4 @@
-"""First frames: pose of the fork, hands moved to the cloud's ends, both headings, refined alike."""
+"""First frames: arms moved to the joints of the network, both headings, refined alike."""
 
 from dataclasses import replace
 
@@ -12,33 +12,33 @@ from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import body_facing
-from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.fitting_settings import FittingSettings
+from toolkit.fitting.refiner import Refiner
 from toolkit.io.parts import whole
 from toolkit.kernels.fit import particles as kernel
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
-from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.trackers.hybrid.initial_pose import (
     InitialPoseVerifier,
     best_of_each_body,
     facing_elsewhere,
     other_ways_round,
 )
-from toolkit.trackers.lopez2011.head_hands import HeadHandSearch, HeadHandSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.search.search_protocol import Hypothesis, Proposal, ScoredHypothesis
-from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracking.search.arm_search import ArmSettings, NetworkArms
+from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
+from toolkit.tracking.state import PersonState
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 BODY = load_body()
 FIT = Fit(BODY, CAMERA, LEVEL, FittingSettings())
 BODIES = UpperBodies(LEVEL)
-ARMS = AimedArms(FIT.objective, FIT.refiner, ArmSettings(), BODIES)
+KINEMATICS = Refiner(FIT.placer, FittingSettings(), FIT.refiner.pose_terms, terms=())
+ARMS = NetworkArms(FIT.objective, FIT.refiner, KINEMATICS, ArmSettings())
 HAND = skeleton.REPORTED.index("left_hand")
 
 
@@ -63,36 +63,22 @@ def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:
     return ScoredHypothesis.of(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene), redetected=True)
 
 
-def asked(truth: np.ndarray, *, first: bool) -> Proposal:
-    """Return the search's answer for a frame of `truth`."""
-    search, observation = HeadHandSearch(HeadHandSettings(), FIT.objective, FIT.refiner, BODIES), observed(truth)
-    state = PersonState(
-        BODY, True, observation._state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
-    )
-    return search.propose(observation, state, np.random.default_rng(0), None)
-
-
 def hand_off(pose: np.ndarray) -> float:
     return float(np.linalg.norm((BODY.joint_positions(pose) - BODY.joint_positions(RAISED))[HAND]))
 
 
-def test_on_a_first_frame_a_fork_gives_a_pose_of_its_own() -> None:
-    both = pose_of(left_shoulder_rz=0.2, right_shoulder_rz=-0.2, left_elbow_ry=-0.8, right_elbow_ry=0.8)
-    found = asked(both, first=True).hypotheses[-1].pose
-    off = (BODY.joint_positions(found) - BODY.joint_positions(both))[[HAND, skeleton.REPORTED.index("right_hand")]]
-    assert np.linalg.norm(off, axis=1).max() < 0.12
-
-
-def test_a_tracked_person_gets_no_fork_hypothesis() -> None:
-    both = pose_of(left_shoulder_rz=0.2, right_shoulder_rz=-0.2, left_elbow_ry=-0.8, right_elbow_ry=0.8)
-    assert asked(both, first=False).hypotheses == ()
-
-
 def test_a_hanging_arm_is_brought_to_a_raised_hand() -> None:
     observation = observed(RAISED)
-    found = ARMS.of(rival(pose_of(), observation), observation)
-    assert found.hypothesis.source == "head_hands"
+    observation.estimate = JointEstimate(BODY.joint_positions(RAISED), np.full(20, 0.5))
+    (found, *_) = finished(observation, rival(pose_of(), observation))
+    assert found.hypothesis.source == "arms"
     assert hand_off(pose_of()) > 0.5 and hand_off(found.hypothesis.pose) < 0.12
+
+
+def test_without_an_estimate_the_pose_stays() -> None:
+    observation = observed(RAISED)
+    hanging = rival(pose_of(), observation)
+    assert finished(observation, hanging) == [hanging]
 
 
 @settings(max_examples=25, deadline=None)

@@ -12,7 +12,6 @@ from tests.fake_tracker_parts import FakeObjective, FakeRefiner, compared, obser
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
-from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
@@ -23,7 +22,7 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
-from toolkit.tracking.search.arm_search import HOLD, ITERATIONS, ArmSearch
+from toolkit.tracking.search.arm_search import HOLD, ITERATIONS, ArmSearch, ArmSettings, NetworkArms
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_due
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
@@ -207,8 +206,8 @@ class FakeArmObjective:
 def arm_search(known: dict[float, Any], refiner: FakeRefiner | None = None, period: int = 1) -> ArmSearch:
     """Return a search whose kinematics move the root by 1."""
     objective: Any = FakeArmObjective(known)
-    arms = ArmSettings(margin=0.001, prior=0.5)
-    return ArmSearch(objective, refiner or FakeRefiner(), FakeRefiner(step=1.0), arms, period)
+    settings = ArmSettings(margin=0.001, prior=0.5)
+    return ArmSearch(NetworkArms(objective, refiner or FakeRefiner(), FakeRefiner(step=1.0), settings), period)
 
 
 def estimated() -> Any:
@@ -254,8 +253,8 @@ def test_each_arm_is_moved_to_its_own_joints_while_the_others_stay() -> None:
     objective: Any = FakeArmObjective({0.0: compared(0.2, gaps=0.02)})
     confidence = np.linspace(0.05, 1.0, 20)
     seen = observation(estimate=JointEstimate(np.ones((20, 3)), confidence))
-    search = ArmSearch(objective, FakeRefiner(), kinematics, ArmSettings())
-    assert search.propose(seen, state(pose_at()), RNG, BEST) is NOTHING
+    arms = NetworkArms(objective, FakeRefiner(), kinematics, ArmSettings())
+    assert arms.better(BEST, seen) is None
     stay = BODY.joint_positions(pose_at()) @ level
     for side, call in zip(("left", "right"), kinematics.calls, strict=True):
         (term,) = call.terms

@@ -54,7 +54,10 @@ JOINTS: tuple[Joint, ...] = (
 """The 18 articulated joints, parents before children; only the root is unconstrained."""
 
 JOINT_NAMES: tuple[str, ...] = tuple(joint.name for joint in JOINTS)
-LEGS = tuple(f"{side}_{name}" for side in ("left", "right") for name in ("hip", "knee", "ankle"))
+SIDES = ("left", "right")
+LEGS = tuple(f"{side}_{name}" for side in SIDES for name in ("hip", "knee", "ankle"))
+ARMS = tuple(tuple(f"{side}_{name}" for name in ("clavicle", "shoulder", "elbow", "wrist")) for side in SIDES)
+"""Joints of the left and the right arm."""
 PARENTS: np.ndarray = np.array([JOINT_NAMES.index(j.parent) if j.parent else -1 for j in JOINTS], dtype=np.int64)
 
 ROOT_POSITION = slice(0, 3)
@@ -77,6 +80,10 @@ DOF_JOINT: np.ndarray = np.array(
 DOF_AXIS: np.ndarray = np.array([0, 1, 2] + ["xyz".index(a) for joint in JOINTS for a in joint.limits], dtype=np.int64)
 """Axis (0, 1, 2) of each rotational entry `pose[3:]`, int64 (40,)."""
 
+ARM_ENTRIES: tuple[np.ndarray, ...] = tuple(
+    3 + np.flatnonzero(np.isin(DOF_JOINT, [JOINT_NAMES.index(name) for name in arm])) for arm in ARMS
+)
+"""Entries of a pose vector with the angles of the left and the right arm, int64 (D,) each."""
 POSE_LIMITS: np.ndarray = np.array(
     [(-np.inf, np.inf)] * 6 + [joint.limits[a] for joint in JOINTS for a in joint.limits], dtype=np.float64
 )

@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.errors import SettingsError
 from toolkit.io.typed_values import constant
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.sensing_settings import SensingSettings
-from toolkit.trackers.lopez2011.head_hands import HeadHandSettings
 from toolkit.trackers.qammaz.discrepancy import DiscrepancySettings
 from toolkit.trackers.qammaz.swarm import SwarmSettings
 from toolkit.trackers.qammaz.swarm_search import SwarmSearchSettings
+from toolkit.tracking.search.arm_search import ArmSettings
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.tracking_settings import check_seed
 
@@ -31,10 +30,9 @@ class HybridSettings:
     passes : 2 adds forward and backward tracking from keyframes for each person; 1 finishes each frame when it arrives,
         as for a stream
     hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by joints
-        of the joint network, for extrema that merge with the body), "arms" (the best one with arms at these joints),
-        "head_hands" (on first frames and after losses: hands at extrema of the cloud, and the best pose turned by 180
-        degrees), "swarm" (likewise, with image joints, which are then evidence in each frame; settings as in
-        configs/swarm.yaml)
+        of the joint network, for extrema that merge with the body), "arms" (the best one with arms at these joints; on
+        first frames and after losses also turned by 180 degrees), "swarm" (on first frames and after losses, with image
+        joints, which are then evidence in each frame; settings as in configs/swarm.yaml)
     body : visible part of a person: "auto" (the joint network decides per frame), "whole" (all links, unless
         occluded), "upper" (no legs)
     extrema : number of geodesic extrema per frame, for the lookup and as correspondences of the local optimisation
@@ -61,7 +59,7 @@ class HybridSettings:
     tracker: Literal["hybrid", "baak2013"] = "hybrid"
     seed: int = 0
     passes: Literal[1, 2] = 2
-    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
+    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "swarm")
     body: Literal["auto", "whole", "upper"] = "auto"
     extrema: int = 20
     candidates: int = constant(2)
@@ -81,14 +79,13 @@ class HybridSettings:
     arms: ArmSettings = constant(ArmSettings())
     fitting: FittingSettings = constant(FittingSettings())
     shape: ShapeSettings = field(default_factory=ShapeSettings)
-    head_hands: HeadHandSettings = constant(HeadHandSettings())
     search: SwarmSearchSettings = constant(SwarmSearchSettings())
     swarm: SwarmSettings = constant(SwarmSettings())
     discrepancy: DiscrepancySettings = constant(DiscrepancySettings())
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        known = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
+        known = ("local", "extrema", "joints", "arms", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
         if self.passes not in (1, 2):

@@ -15,8 +15,8 @@ from toolkit.database import canonical
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.io.parts import Parts
-from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.arm_search import SOURCE, NetworkArms
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, cost_of
 
@@ -28,30 +28,36 @@ class InitialPoseVerifier:
     """Refiner of the hypotheses of a first frame or of a frame after a loss; the nearest one is selected.
 
     Candidates are the best of each body size, the best with a clearly different facing, and that one turned by 180
-    degrees. Their arms are moved to extrema of the cloud (Lopez-Mendez 2011, 2.2), because a wrong body size often fits
-    better until the arms are right. Turning requires the joint network, since depth alone does not separate front from
-    back.
+    degrees. Their arms are moved to the joints of the network, because a wrong body size often fits better until the
+    arms are right. Turning requires the joint network, since depth alone does not separate front from back.
 
     Parameters
     ----------
     objective, refiner : compare poses with the frame, and refine
-    arms : aims at the ends of the cloud
+    arms : moves the arms
     """
 
-    name = "head_hands"
+    name = SOURCE
 
-    def __init__(self, objective: Objective, refiner: Refiner, arms: AimedArms) -> None:
+    def __init__(self, objective: Objective, refiner: Refiner, arms: NetworkArms) -> None:
         self._objective, self._refiner, self._arms = objective, refiner, arms
 
     def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> Parts[list[ScoredHypothesis]]:
         """See `Verifier.verified`: `scored` are the hypotheses of all searches and bodies."""
-        aimed = [self._arms.of(each, observation) for each in best_of_each_body(scored)]
+        armed = [self._armed(each, observation) for each in best_of_each_body(scored)]
         yield
-        best = min(aimed, key=cost_of)
+        best = min(armed, key=cost_of)
         others = facing_elsewhere(best, scored)
         if observation.estimate is not None:
             others.append(self._turned(best, observation))
-        return aimed + [self._arms.of(each, observation) for each in others]
+        return armed + [self._armed(each, observation) for each in others]
+
+    def _armed(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
+        """Return the hypothesis with better arms, or the same one."""
+        found = self._arms.better(scored, observation)
+        if found is None or found.comparison is None:
+            return scored
+        return ScoredHypothesis.of(found, scored.body, found.comparison, redetected=True)
 
     def _turned(self, best: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """Return the refined pose turned by 180 degrees, with its own or with mirrored limbs, by lower cost."""

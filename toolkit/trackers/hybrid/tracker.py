@@ -14,18 +14,15 @@ from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.landmarks.joint_network import JointNetwork, joint_network
-from toolkit.trackers.hybrid.aimed import AimedArms
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.initial_pose import InitialPoseVerifier
-from toolkit.trackers.lopez2011.head_hands import HeadHandSearch
-from toolkit.trackers.lopez2011.upper import upper_bodies
 from toolkit.trackers.qammaz.swarm_search import SwarmSearch
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.registry import Registration, register
-from toolkit.tracking.search.arm_search import ArmSearch
+from toolkit.tracking.search.arm_search import ArmSearch, NetworkArms
 from toolkit.tracking.search.database_lookup import DatabaseLookup, LookupBudget, Query
 from toolkit.tracking.search.estimate_query import EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
@@ -66,22 +63,17 @@ class HybridTracker(SearchingTracker):
         self._poses = database.searched_by(SEARCHES[self.settings.lookup.search])
         uses_network = {"joints", "arms"} & set(self.settings.hypotheses)
         self._network: JointNetwork | None = joint_network() if uses_network else None
+        self._verifies = "arms" in self.settings.hypotheses
 
     @property
     def stage_names(self) -> tuple[str, ...]:
         """See `Tracker.stage_names`."""
-        return ("prepare", "landmarks", "local", "arms", "lookup", *self._more, "select")
+        return ("prepare", "landmarks", "local", "arms", "lookup", *self._swarm, "select")
 
     @property
     def source_names(self) -> tuple[str, ...]:
         """See `Tracker.source_names`."""
-        return ("local", "extrema", "joints", "arms", *self._more, PREDICTED)
-
-    @property
-    def _more(self) -> tuple[str, ...]:
-        """Optional searches: head and hands, and the swarm."""
-        head_hands = ("head_hands",) if "head_hands" in self.settings.hypotheses else ()
-        return (*head_hands, *self._swarm)
+        return ("local", "extrema", "joints", "arms", *self._swarm, PREDICTED)
 
     @property
     def passes(self) -> int:
@@ -103,12 +95,9 @@ class HybridTracker(SearchingTracker):
         # without the local hypothesis, each frame needs a lookup
         period = settings.lookup_period if "local" in asked else 1
         if {"local", "arms"} <= set(asked):
-            kinematics = Refiner(objective.placer, settings.fitting, self.priors, terms=())
-            members.append(ArmSearch(objective, refiner, kinematics, settings.arms, period))
+            members.append(ArmSearch(self._arms(objective, refiner), period))
         budget = LookupBudget(settings.candidates, settings.restarts, settings.promising, period)
         members.append(DatabaseLookup(queries, objective, refiner, budget))
-        if "head_hands" in asked:
-            members.append(HeadHandSearch(settings.head_hands, objective, refiner, upper_bodies(objective.placer)))
         if self._swarm:
             parts = settings.search, settings.swarm, settings.discrepancy
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
@@ -123,17 +112,17 @@ class HybridTracker(SearchingTracker):
     def of_preview(self) -> HybridTracker:
         """See `SearchingTracker.of_preview`: detects a person by the joint network, if it is used, and one pose."""
         other, asked = copy(self), self.settings.hypotheses
-        omitted = {"head_hands", "extrema"} if "joints" in asked else {"head_hands"}
-        fewer = tuple(name for name in asked if name not in omitted)
-        other.settings = replace(self.settings, hypotheses=fewer or asked, restarts=1)
+        fewer = tuple(name for name in asked if name != "extrema") if "joints" in asked else asked
+        other.settings, other._verifies = replace(self.settings, hypotheses=fewer, restarts=1), False
         return other
 
     def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
         """See `SearchingTracker.verifier`."""
-        if "head_hands" not in self.settings.hypotheses:
-            return None
-        arms = AimedArms(objective, refiner, self.settings.arms, upper_bodies(objective.placer))
-        return InitialPoseVerifier(objective, refiner, arms)
+        return InitialPoseVerifier(objective, refiner, self._arms(objective, refiner)) if self._verifies else None
+
+    def _arms(self, objective: Objective, refiner: Refiner) -> NetworkArms:
+        kinematics = Refiner(objective.placer, self.settings.fitting, self.priors, terms=())
+        return NetworkArms(objective, refiner, kinematics, self.settings.arms)
 
     def queries(self) -> list[Query]:
         """Return the database queries for whole poses that the settings name."""

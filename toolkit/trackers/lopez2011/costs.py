@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.fitting.arms import SIDES
 from toolkit.fitting.terms import SOFT
 from toolkit.io.errors import SettingsError
 from toolkit.kernels import linear
@@ -192,5 +191,5 @@ def _joints(upper: UpperBody, pose: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _arm_joints(upper: UpperBody, side: int, pose: np.ndarray) -> np.ndarray:
-    names = [f"{SIDES[side]}_{name}" for name in ("shoulder", "elbow", "wrist", "hand")]
+    names = [f"{skeleton.SIDES[side]}_{name}" for name in ("shoulder", "elbow", "wrist", "hand")]
     return _joints(upper, pose, np.array([skeleton.REPORTED.index(name) for name in names]))

@@ -10,7 +10,6 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database import canonical
-from toolkit.fitting.arms import SIDES
 from toolkit.io.errors import SettingsError
 from toolkit.kernels import linear, quaternions
 from toolkit.kernels.fit import aiming
@@ -67,7 +66,7 @@ def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0, leani
     pose = np.zeros(skeleton.POSE_SIZE)
     yaw = math.atan2(-head[0], -head[2]) + turned
     pose[skeleton.ROOT_ROTATION] = quaternions.leaning_and_turned(leaning, yaw)
-    for side, sign in zip(SIDES, (-1.0, 1.0), strict=True):
+    for side, sign in zip(skeleton.SIDES, (-1.0, 1.0), strict=True):
         pose[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * HANGING
     crown = upper.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head")]
     pose[skeleton.ROOT_POSITION] = head - crown
@@ -190,8 +189,8 @@ def _best_arm(
 
 def _rested(pose: np.ndarray, side: int) -> np.ndarray:
     """Return the pose (P,) with one arm hanging, lifted or raised, straight or bent: float64 (n, P)."""
-    lift = skeleton.POSE_NAMES.index(f"{SIDES[side]}_shoulder_rz")
-    bend = skeleton.POSE_NAMES.index(f"{SIDES[side]}_elbow_ry")
+    lift = skeleton.POSE_NAMES.index(f"{skeleton.SIDES[side]}_shoulder_rz")
+    bend = skeleton.POSE_NAMES.index(f"{skeleton.SIDES[side]}_elbow_ry")
     low, high = skeleton.POSE_LIMITS[bend]
     lifts = (-HANGING, -0.5, 0.2, 1.0)  # elevations from the T-pose of arms without a candidate, radians
     bends = (0.0, 0.6)  # fractions of the elbow's range of arms without a candidate

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.kernels.fit import aiming
 from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_near_arm, likelihood
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
@@ -21,7 +20,7 @@ NEAR_SCALE = 0.25
 """Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR_SCALE)^power)."""
 DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
     f"{side}_{name}": spread
-    for side in SIDES
+    for side in skeleton.SIDES
     for name, spread in (("clavicle", 0.04), ("shoulder", 0.2), ("elbow", 0.25), ("wrist", 0.1))
 }
 """Diffusion of joint angles per frame at 30 Hz, radians: fast arms turn by 6 rad/s, trunks move little."""
@@ -74,7 +73,7 @@ class UpperProposals:
 
         With `look`, half of the aimed arms are drawn by cost. This doubles the time of a frame, so the arms alternate.
         """
-        s, arm, entries, candidates = self.settings, upper.arms[side], entries_of(SIDES[side]), frame.candidates
+        s, arm, entries, candidates = self.settings, upper.arms[side], skeleton.ARM_ENTRIES[side], frame.candidates
         start = poses.copy()
         self._diffuse(poses, entries, dt, rng)
         wanted = by_inverse_kinematics(len(poses), s.alpha if len(candidates) else 1.0)

@@ -9,7 +9,6 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.fitting.arms import SIDES
 from toolkit.kernels import linear
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011.upper import arm_of
@@ -48,7 +47,7 @@ def _settled(values: Sequence[float]) -> float:
 
 
 def _breadth(body: Body) -> float:
-    left, right = (body.joints[skeleton.JOINT_NAMES.index(f"{side}_shoulder")] for side in SIDES)
+    left, right = (body.joints[skeleton.JOINT_NAMES.index(f"{side}_shoulder")] for side in skeleton.SIDES)
     flesh = 0.02  # difference between the silhouette's width at the shoulders and the distance of the joints, metres
     return float(left[0] - right[0]) + flesh
 

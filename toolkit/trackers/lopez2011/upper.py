@@ -10,8 +10,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.fitting.arms import SIDES, joints_of
-from toolkit.fitting.placed import Placer, balls_of
+from toolkit.fitting.placed import balls_of
 from toolkit.kernels.fit.aiming import Aim, ArmRig, aim_arms
 from toolkit.kernels.fit.particles import Rig
 from toolkit.kernels.fit.swivel import ArmBones
@@ -68,8 +67,9 @@ class UpperBodies:
         place = np.full(len(balls.joint), -1)
         place[rows] = np.arange(len(rows))
         apart = place[balls.apart]
-        of_arm = tuple(np.flatnonzero(np.isin(whole.ball_joint, joints_of(side)[1:])) for side in SIDES)
-        left, right = (arm_of(side, body) for side in SIDES)
+        arms = [[skeleton.JOINT_NAMES.index(name) for name in arm] for arm in skeleton.ARMS]
+        of_arm = tuple(np.flatnonzero(np.isin(whole.ball_joint, arm)) for arm in arms)
+        left, right = (arm_of(side, body) for side in skeleton.SIDES)
         return UpperBody(
             body=body,
             whole=whole,
@@ -105,7 +105,9 @@ def _rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
 
 def arm_of(side: str, body: Body) -> ArmRig:
     """Return one arm of a body for inverse kinematics."""
-    _, clavicle, shoulder, elbow, wrist = joints_of(side)
+    clavicle, shoulder, elbow, wrist = (
+        skeleton.JOINT_NAMES.index(name) for name in skeleton.ARMS[skeleton.SIDES.index(side)]
+    )
     shoulder_entry = skeleton.POSE_NAMES.index(f"{side}_shoulder_rx")
     elbow_entry = skeleton.POSE_NAMES.index(f"{side}_elbow_ry")
     tip = body.vertices[body.end_effectors[skeleton.END_EFFECTORS.index(f"{side}_hand")]]
@@ -130,12 +132,6 @@ def arm_of(side: str, body: Body) -> ArmRig:
         fore=body.joints[wrist] - body.joints[elbow],
         hand=hand_fraction * (tip - body.joints[wrist]),
     )
-
-
-@lru_cache(maxsize=4)
-def upper_bodies(placer: Placer) -> UpperBodies:
-    """Return the shared upper bodies of a placer's camera."""
-    return UpperBodies(placer.from_level.T)
 
 
 def aimed_all_round(
