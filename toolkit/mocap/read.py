@@ -21,13 +21,8 @@ FOREIGN_SUFFIXES = (".c3d", ".fbx", ".trc", ".mvnx", ".glb")
 """Suffixes of unsupported motion capture formats."""
 
 
-def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
+def read_clip(path: str | Path) -> Clip:
     """Read one motion file: BVH, AMC (with the ASF beside it) or AMASS, recognised by its content.
-
-    Parameters
-    ----------
-    path : the file
-    unit : metres of one file unit; None guesses it, see `units.metres_per_unit` and `asf_amc.read_asf`
 
     Raises
     ------
@@ -49,11 +44,11 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
     if not head:
         raise MocapError(f"{file.name} is empty; copy it again")
     if head.startswith("HIERARCHY"):
-        return check_clip(read_bvh(file, unit=unit))
+        return check_clip(read_bvh(file))
     if ":bonedata" in head.lower() or ":version" in head.lower():
         raise MocapError(f"{file.name} is an ASF skeleton without motion; give one of its AMC files")
     if ":FULLY-SPECIFIED" in head.upper() or file.suffix.lower() == ".amc":
-        return check_clip(read_amc(file, unit=unit))
+        return check_clip(read_amc(file))
     raise MocapError(f"{file.name} is neither BVH nor AMC nor AMASS; convert it to BVH")
 
 
