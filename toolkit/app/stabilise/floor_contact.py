@@ -21,17 +21,17 @@ CONTACT_FEATURES: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg
 """Numbers of the relational features that are 0 while a leg's foot is at rest: foot raised, foot fast."""
 
 
-def contact_columns(template: QuantisedTemplate, leg: str, shortest: int = 5) -> np.ndarray:
+def contact_columns(template: QuantisedTemplate, leg: str) -> np.ndarray:
     """Return a bool (K,) mask of the template columns in which the foot of a leg is at rest.
 
-    Both features of the leg are 0, each in a run of at least `shortest` columns.
+    Both features of the leg are 0, each in a run of at least 5 columns.
     """
     values, _ = template.expanded
     found = np.ones(values.shape[1], dtype=np.bool_)
     for number in CONTACT_FEATURES[leg]:
         runs = np.zeros_like(found)
         for span in spans(values[number - 1] == 0):
-            runs[span] = span.stop - span.start >= shortest
+            runs[span] = span.stop - span.start >= 5
         found &= runs
     return found
 

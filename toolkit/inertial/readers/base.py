@@ -50,11 +50,11 @@ def read_text(path: Path) -> str:
     return data.decode("utf-8-sig", errors="replace")
 
 
-def head_of(path: Path, size: int = 4096) -> str:
+def head_of(path: Path) -> str:
     """Return the beginning of a file as text; empty for unreadable and binary files."""
     try:
         with open_file(path) as stream:
-            data = stream.read(size)
+            data = stream.read(4096)
     except OSError:
         return ""
     return "" if b"\0" in data else data.decode("utf-8-sig", errors="replace")
