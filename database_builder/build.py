@@ -4,29 +4,70 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from database_builder.prior import learn_prior
-from database_builder.processes import process_pool
 from database_builder.reading import MocapFile, find_sources, of_clip, read_source
 from database_builder.sampling import PosePool
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import RootView, observed_offsets
-from toolkit.io.errors import MocapError, PlausibilityWarning, UsageError
+from toolkit.io.errors import DatabaseError, MocapError, PlausibilityWarning, UsageError
 from toolkit.io.files import check_output, is_folder
 from toolkit.io.progress import Progress, silent
-from toolkit.io.workers import usable_processors
+from toolkit.io.workers import Task, usable_processors
 from toolkit.kernels.linear import lengths
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
+
+WAITING = 8
+"""Maximum number of unread results per process."""
+
+
+@contextmanager
+def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
+
+    The pool is joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster replaces it. At most
+    `WAITING` results per process are buffered, so that memory does not grow with the number of items.
+
+    Raises
+    ------
+    DatabaseError
+        A process was killed.
+    """
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    around = joblib.parallel.get_active_backend()[0]
+    if workers <= 1 and isinstance(around, joblib.parallel.LokyBackend):
+        yield map
+        return
+
+    def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        rest = iter(items)
+        while some := list(islice(rest, WAITING * workers)):
+            yield from parallel(joblib.delayed(Task.of(function))(item) for item in some)
+
+    own = isinstance(around, joblib.parallel.LokyBackend)
+    try:
+        with joblib.parallel_config("loky", inner_max_num_threads=1) if own else nullcontext():
+            with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
+                yield mapped
+    except TerminatedWorkerError as error:
+        raise DatabaseError(
+            "a process of the build was killed, perhaps by lack of memory; use fewer workers"
+        ) from error
+
 
 SAMPLING_THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the
