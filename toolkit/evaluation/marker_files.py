@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, optional_package
 from toolkit.io.yaml_reader import read_text
 
 SUFFIXES = frozenset({".trc", ".c3d", ".csv", ".bvh", ".mot"})
@@ -146,10 +146,7 @@ def _read_trc(file: Path) -> MarkerRecording:
 
 
 def _read_c3d(file: Path) -> MarkerRecording:
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise UsageError("C3D files need the package ezc3d; type `pip install 'depthmocap[c3d]'`") from error
+    ezc3d = optional_package("ezc3d", "c3d", "a C3D file")
     try:
         content = ezc3d.c3d(str(file))
         parameters = content["parameters"]["POINT"]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, os_errors_as
 from toolkit.io.safe_open import is_inside, open_file, read_file
 
 LARGEST_FOLDER = 1_000_000
@@ -38,25 +38,20 @@ def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
     target = Path(path)
     if os.path.exists(target) and not is_file(target):
         raise OutputError(f"cannot write {target}: it is a folder or a device; choose another name")
-    try:
+    with os_errors_as(OutputError, f"cannot write {target}", "choose a folder that can be written"):
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem[:100]}-", suffix=target.suffix, dir=target.parent)
         os.close(handle)
-    except OSError as error:
-        reason = error.strerror or error
-        raise OutputError(f"cannot write {target}: {reason}; choose a folder that can be written") from error
     temporary = Path(name)
     try:
-        yield temporary
-        os.chmod(temporary, 0o666 & ~_umask())
-        if lasting:
-            flush_to_disk(temporary, os.O_RDWR)
-        os.replace(temporary, target)
-        if lasting and os.name == "posix":
-            flush_to_disk(target.parent, os.O_RDONLY)
-    except OSError as error:
-        reason = error.strerror or error
-        raise OutputError(f"cannot write {target}: {reason}; free some space or choose another folder") from error
+        with os_errors_as(OutputError, f"cannot write {target}", "free some space or choose another folder"):
+            yield temporary
+            os.chmod(temporary, 0o666 & ~_umask())
+            if lasting:
+                flush_to_disk(temporary, os.O_RDWR)
+            os.replace(temporary, target)
+            if lasting and os.name == "posix":
+                flush_to_disk(target.parent, os.O_RDONLY)
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolkit.io.errors import MocapError
+from toolkit.io.errors import MocapError, os_errors_as
 from toolkit.io.files import is_file, is_folder
 from toolkit.io.safe_open import open_file
 from toolkit.mocap.amass import is_amass, read_amass
@@ -36,11 +36,8 @@ def read_clip(path: str | Path) -> Clip:
         raise MocapError(f"{file.name} cannot be read: there is no reader of {file.suffix} files; convert it to BVH")
     if file.suffix.lower() == ".npz":
         return check_clip(read_amass(file))
-    try:
-        with open_file(file) as stream:
-            head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
-    except OSError as error:
-        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    with os_errors_as(MocapError, f"cannot read {file}", "check the path"), open_file(file) as stream:
+        head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
     if not head:
         raise MocapError(f"{file.name} is empty; copy it again")
     if head.startswith("HIERARCHY"):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, optional_package
 from toolkit.output.export.rerun import PERSON_COLORS, UNOBSERVED_COLOR, log_camera, point_step
 from toolkit.output.pose_stream import LiveUpdate
 from toolkit.sensing.depth_filter import DepthFilter
@@ -54,10 +54,7 @@ class RerunView:
     """
 
     def __init__(self, first: Recording, connect: Callable[[Any], None] | None = None) -> None:
-        try:
-            import rerun as rr
-        except ImportError as error:
-            raise UsageError("--view needs the package rerun; type `pip install 'depthmocap[rerun]'`") from error
+        rr = optional_package("rerun", "rerun", "--view")
         self._rr, self._stream = rr, rr.RecordingStream("depthmocap live")
         (connect or spawn_viewer)(self._stream)
         self._polisher, self._step = DepthFilter(first.camera, SensingSettings()), point_step(first.depth(0))

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from toolkit.body.skeleton import REPORTED
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, optional_package, os_errors_as
 from toolkit.tracking.live_people import LivePose
 from toolkit.tracks import STATE_NAMES
 
@@ -95,13 +95,11 @@ class DatagramStream:
 
     def __init__(self, url: str) -> None:
         host, port = _address(url, self.scheme)
-        try:
+        with os_errors_as(OutputError, f"cannot stream to {url}", "check the address"):
             family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
             self._socket.setblocking(False)
             self._socket.connect(address)
-        except OSError as error:
-            raise OutputError(f"cannot stream to {url}: {error.strerror or error}; check the address") from error
         self.lost = 0
 
     def close(self) -> None:
@@ -142,12 +140,9 @@ class OscStream(DatagramStream):
     scheme = "osc"
 
     def __init__(self, url: str) -> None:
-        try:
-            from pythonosc import osc_bundle_builder, osc_message_builder
-        except ImportError as error:
-            raise UsageError("OSC needs its package; type `pip install 'depthmocap[osc]'`") from error
+        self._bundles = optional_package("pythonosc.osc_bundle_builder", "osc", "OSC")
+        self._messages = optional_package("pythonosc.osc_message_builder", "osc", "OSC")
         super().__init__(url)
-        self._bundles, self._messages = osc_bundle_builder, osc_message_builder
 
     def send(self, update: LiveUpdate) -> None:
         """See `LiveOutput.send`."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.errors import UsageError
+from toolkit.io.errors import optional_package
 from toolkit.io.files import atomic_path
 from toolkit.output.export.origin import Origin
 from toolkit.sensing.camera import Camera
@@ -49,11 +49,8 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
     OutputError
         The file cannot be written.
     """
-    try:
-        import rerun as rr
-        import rerun.blueprint as views
-    except ImportError as error:
-        raise UsageError("rerun files need its package; type `pip install 'depthmocap[rerun]'`") from error
+    rr = optional_package("rerun", "rerun", "a .rrd file")
+    views = optional_package("rerun.blueprint", "rerun", "a .rrd file")
     with atomic_path(path) as temporary:
         stream = rr.RecordingStream("depthmocap", recording_id="depthmocap")
         scene, plots = views.Spatial3DView(origin="world"), views.TimeSeriesView(origin="plots")
