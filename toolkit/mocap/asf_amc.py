@@ -122,7 +122,7 @@ def find_asf(amc: str | Path) -> Path:
     if len(found) == 1:
         return found[0]
     listed = ", ".join(p.name for p in found) or "none"
-    raise MocapError(f"no ASF skeleton for {file.name} beside it (there are: {listed}); give `asf`")
+    raise MocapError(f"no ASF skeleton for {file.name} beside it (there are: {listed}); put it there")
 
 
 def _read(file: Path) -> str:
