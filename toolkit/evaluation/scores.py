@@ -211,14 +211,5 @@ def _cell(value: float | None, style: str) -> str:
 
 
 def _plain(row: RunScores) -> dict[str, Any]:
-    """Convert a value to JSON: NaN becomes null; plot series are left out."""
-    value = {f.name: getattr(row, f.name) for f in fields(row) if f.name not in _SERIES}
-    return {name: _nullable(item) for name, item in value.items()}
-
-
-def _nullable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _nullable(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return [_nullable(item) for item in value.tolist()]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    """Return the scores of a row without plot series."""
+    return {f.name: getattr(row, f.name) for f in fields(row) if f.name not in _SERIES}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import socket
 import tempfile
@@ -96,18 +97,20 @@ def save_bytes(path: str | Path, data: bytes) -> None:
 
 
 def save_json(path: str | Path, value: Any) -> None:
-    """Write JSON with an indent of two spaces, atomically; arrays and NumPy scalars are converted."""
-    save_text(path, json.dumps(value, indent=2, default=_plain) + "\n")
+    """Write JSON with an indent of two spaces, atomically; arrays become lists, numbers that are not finite null."""
+    save_text(path, json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    raise TypeError(f"cannot write {type(value).__name__} as JSON")
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def is_file(path: str | Path) -> bool:
