@@ -48,8 +48,8 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joint_errors import frame_errors, joint_errors
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
+from toolkit.people.image_joints.detected_joints import ENLARGED, shaded
 from toolkit.people.image_joints.pose_model import Crop, PoseModel
-from toolkit.people.image_joints.shaded import ENLARGED, shaded
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording

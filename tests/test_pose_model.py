@@ -19,7 +19,7 @@ from toolkit.datasets.folder import data_folder
 from toolkit.io.errors import ModelError, RecordingError
 from toolkit.mocap.clip import PoseClip
 from toolkit.people.image_joints import pose_model
-from toolkit.people.image_joints.detected_joints import DetectedJoints
+from toolkit.people.image_joints.detected_joints import ENLARGED, DetectedJoints, shaded
 from toolkit.people.image_joints.pose_model import (
     CENTRE,
     MEMBER,
@@ -33,7 +33,6 @@ from toolkit.people.image_joints.pose_model import (
     fetch_pose_model,
     refined,
 )
-from toolkit.people.image_joints.shaded import ENLARGED, shaded
 from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
