@@ -10,8 +10,8 @@ import numpy as np
 
 from toolkit.evaluation.marker_statistics import LIMITS
 from toolkit.evaluation.marker_validation import Validation
-from toolkit.io.files import save_json, save_text
-from toolkit.io.html import csv_of, page, picture, png_of, table
+from toolkit.io.files import save_csv, save_json, save_text
+from toolkit.io.html import page, picture, png_of, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +33,7 @@ def write_validation(validation: Validation, folder: str | Path) -> list[Path]:
     target = Path(folder)
     rows = [JOINT_HEAD, *joint_rows(validation), ANGLE_HEAD, *angle_rows(validation)]
     save_text(target / FILES[0], _page(validation))
-    save_text(target / FILES[1], csv_of(rows[0], rows[1:]))
+    save_csv(target / FILES[1], rows[0], rows[1:])
     save_json(target / FILES[2], validation.figures())
     return [target / name for name in FILES]
 
