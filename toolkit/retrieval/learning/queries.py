@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError
 from toolkit.io.progress import Progress, silent
 from toolkit.io.workers import Task
 from toolkit.retrieval.features.lengths import BodyLengths
@@ -47,10 +47,6 @@ class LearningSettings:
     runs: int = 100
     proportions: tuple[float, ...] = (0.8, 1.25)
     speeds: tuple[float, ...] = (0.8, 1.25)
-
-    def __post_init__(self) -> None:
-        if self.runs < 1:
-            raise SettingsError(f"{self.runs} runs are too few; give at least 1")
 
 
 @dataclass(frozen=True, eq=False)
