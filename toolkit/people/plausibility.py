@@ -36,28 +36,13 @@ HELP = "see docs/troubleshooting.md"
 Kind = Literal["intrinsics", "unit", "size", "orientation", "times"]
 
 
-SAMPLED_SECONDS, SAMPLED_FRAMES = 10.0, 3
-"""First seconds of a recording that are sampled, and the number of samples."""
-PAIRS = 6
-"""Pairs of consecutive frames in which people are compared; one that a film can have is enough for a film."""
-ANOTHER_ROOM = 0.5
-"""Share of the pixels that are so much nearer or farther that two frames show different rooms."""
-PRINCIPAL_POINT, EXCHANGED = 0.15, 0.03
-"""Largest distance of the principal point from the image centre, as a share of the image's width or height; registered
-and binned images of 14 depth cameras stay below 0.06. The second where cx and cy fit each other's side."""
-OBLONG = 1.1
-"""Largest quotient of the focal lengths in pixels; 14 depth cameras have less than 1.02."""
+SAMPLED_SECONDS = 10.0
+"""First seconds of a recording that are sampled."""
 SURE, SURE_IN_ROOM = 2.8, 1.5
 """Log odds of a head from which on no other unit and no other orientation is tried, of people who are cut out and in a
 room, where 12 real recordings have 1.7 to 3.1."""
-PERSON, MARGIN, MARGIN_IN_ROOM = 2.3, 0.5, 1.5
-"""Log odds that a head needs in another unit or orientation, and by how much they must be better there."""
-CAMERA_HEIGHT = (0.8, 2.6)
-"""Metres above a visible floor that are evidence for the unit in a room where no person is seen."""
 STATURE = (0.95, 2.7)
 """Metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms."""
-UNLIKE_PERSON = 0.7
-"""Log odds of a head below which what is cut out is not a person."""
 
 
 @dataclass(frozen=True)
@@ -101,8 +86,9 @@ class PersonEvidence:
 
     def worse_than(self, other: PersonEvidence) -> bool:
         """Return True where another unit or orientation is clearly better."""
-        margin = MARGIN if self.cut_out or self.doubtful else MARGIN_IN_ROOM
-        return other.score >= max(PERSON, self.score + margin)
+        person = 2.3  # log odds that a head needs in another unit or orientation
+        margin = 0.5 if self.cut_out or self.doubtful else 1.5  # required improvement of the score there
+        return other.score >= max(person, self.score + margin)
 
 
 def plausibility(recording: Recording) -> tuple[Concern, ...]:
@@ -126,15 +112,19 @@ def intrinsics_concern(recording: Recording) -> Concern | None:
     """Return a concern if the principal point lies far from the image centre, if cx and cy seem exchanged, or if the
     focal lengths differ.
     """
+    # Largest distance of the principal point from the image centre, as a share of the image's width or height, which is
+    # below 0.06 in registered and binned images of 14 depth cameras; the same where cx and cy fit each other's side;
+    # largest quotient of the focal lengths, which is below 1.02 for these cameras.
+    farthest, fitting, oblong = 0.15, 0.03, 1.1
     camera = recording.raw_camera
     centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     aside = abs(camera.cx - centre[0]) / camera.width, abs(camera.cy - centre[1]) / camera.height
     exchanged = abs(camera.cy - centre[0]) / camera.width, abs(camera.cx - centre[1]) / camera.height
     numbers = f"the principal point {camera.cx:g},{camera.cy:g} of {camera.width}x{camera.height} pixels"
-    if max(exchanged) < EXCHANGED < min(aside):
+    if max(exchanged) < fitting < min(aside):
         return Concern("intrinsics", f"{numbers} has cx and cy exchanged; give --intrinsics fx,fy,cx,cy")
-    if max(aside) <= PRINCIPAL_POINT:
-        if max(camera.fx / camera.fy, camera.fy / camera.fx) < OBLONG:
+    if max(aside) <= farthest:
+        if max(camera.fx / camera.fy, camera.fy / camera.fx) < oblong:
             return None
         text = f"the focal lengths {camera.fx:g} and {camera.fy:g} differ, so that people are wide or narrow"
         return Concern("intrinsics", f"{text}; check --intrinsics fx,fy,cx,cy")
@@ -167,13 +157,15 @@ def are_unconnected(recording: Recording) -> bool:
     """
     times = recording.timestamps
     end = int(np.searchsorted(times, times[0] + SAMPLED_SECONDS))
-    firsts = np.unique(np.linspace(0, max(end, 2) - 2, PAIRS).astype(np.int64))
+    pairs = 6  # compared pairs of consecutive frames; one that a film can have is enough for a film
+    another_room = 0.5  # share of the pixels that are so much nearer or farther that two frames show different rooms
+    firsts = np.unique(np.linspace(0, max(end, 2) - 2, pairs).astype(np.int64))
     coarse = CoarseCamera(recording.camera.undistorted(), recording.up_camera, SensingSettings())
     moved = False
     for i in firsts[times[firsts + 1] - times[firsts] <= HELD].tolist() if len(recording) > 1 else ():
         seconds, images = float(times[i + 1] - times[i]), [coarse.downsampled(recording.depth(k)) for k in (i, i + 1)]
         measured = (images[0] > 0) & (images[1] > 0)
-        if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > ANOTHER_ROOM:
+        if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > another_room:
             moved = True
             continue
         (_, sure), (after, _) = (_places(image, coarse) for image in images)
@@ -210,9 +202,9 @@ def _seen(depth: np.ndarray, coarse: CoarseCamera) -> tuple[View, Surroundings]:
 
 
 def sampled_frames(recording: Recording) -> list[np.ndarray]:
-    """Return frames spread over the first seconds that hold a measurement: uint16 (H, W), millimetres, each."""
+    """Return up to three frames with a measurement, spread over the first seconds: uint16 (H, W), millimetres, each."""
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + SAMPLED_SECONDS))
-    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), SAMPLED_FRAMES)).astype(np.int64))
+    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), 3)).astype(np.int64))
     frames = [recording.depth(int(i)) for i in numbers]
     return [frame for frame in frames if frame.any()]
 
@@ -290,7 +282,8 @@ def _people_concerns(recording: Recording, frames: Sequence[np.ndarray], *, know
     if own.stature is not None and not fits:
         size_text = f"the person measures {own.stature:.2f} m from head to foot"
         return [Concern("size", f"{size_text}; check --depth-unit and the focal length in --intrinsics")]
-    if own.cut_out and own.score < UNLIKE_PERSON:
+    unlike_person = 0.7  # log odds of a head below which what is cut out is not a person
+    if own.cut_out and own.score < unlike_person:
         return [
             Concern(
                 "size",
@@ -304,7 +297,7 @@ def _people_concerns(recording: Recording, frames: Sequence[np.ndarray], *, know
 def _floor_fits(recording: Recording) -> bool | None:
     """Return whether the camera stands as high above the floor as cameras do in rooms; None where no floor is seen."""
     height = recording.vertical.height
-    low, high = CAMERA_HEIGHT
+    low, high = 0.8, 2.6  # metres, evidence for the unit in a room where no person is seen
     return None if height is None else low <= height <= high
 
 
@@ -318,7 +311,7 @@ def _fitting_unit(recording: Recording, frames: Sequence[np.ndarray], own: Perso
         if abs(scale - 1.0) < 0.01 or (own.stature is not None and not small <= own.stature * scale <= large):
             continue
         there = person_evidence(frames[:2], recording.camera, recording.up_camera, scale=scale)
-        if (there.score >= PERSON and own.worse_than(there)) and there.score > best[1].score:
+        if own.worse_than(there) and there.score > best[1].score:
             best = (name, there)
     return best[0]
 
