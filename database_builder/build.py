@@ -1,4 +1,7 @@
-"""Build a pose database: read mocap, sample it, observe every selected pose, write one file (Baak 2013, 5.3.3)."""
+"""Build a pose database: read mocap, sample it, observe every selected pose, write one file (Baak 2013, 5.3.3).
+
+The pose prior is learned from the same poses: a Gaussian mixture for each situation.
+"""
 
 from __future__ import annotations
 

@@ -17,14 +17,8 @@ from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
     from toolkit.app.pipeline import TrackerRecipe
-
-
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
     from toolkit.app.pipeline.events import EventStream
     from toolkit.tracking.guide import Guide
-
 
 SENSORS = "Inertial sensors"
 EVENTS = "Live labels"

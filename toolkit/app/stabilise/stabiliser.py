@@ -1,4 +1,7 @@
-"""Stabilisation of a track (thesis, Fig. 6.1): label it, predict its occluded limbs, track again, select."""
+"""Stabilisation of a track (thesis, Fig. 6.1): label it, predict its occluded limbs, track again, select.
+
+Floor contact of occluded legs comes from class templates that are aligned with the track (thesis 6.4.1, 6.4.2).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joints of sightings, detected in the colour or shaded depth image."""
+"""Joints of sightings, detected in the colour image or in a shaded picture of the depth."""
 
 from __future__ import annotations
 
