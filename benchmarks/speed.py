@@ -48,8 +48,8 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joint_errors import frame_errors, joint_errors
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
+from toolkit.people.image_joints.detected_joints import ENLARGED, shaded
 from toolkit.people.image_joints.pose_model import Crop, PoseModel
-from toolkit.people.image_joints.shaded import ENLARGED, shaded
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording
@@ -62,7 +62,7 @@ from toolkit.simulation.sensors import KinectV1
 from toolkit.simulation.simulate import CaptureSettings, simulate_scene
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
-from toolkit.trackers.qammaz.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
+from toolkit.trackers.qammaz.discrepancy import Discrepancy, DiscrepancySettings, small_image
 from toolkit.trackers.qammaz.tracker import SwarmTracker
 from toolkit.tracking.multi_person import MultiPersonTracker
 from toolkit.tracks import EMPTY, Track
@@ -335,7 +335,7 @@ def stages(row: str, recording: Recording, frames: int) -> dict[str, Any]:
     return {"frame": percentiles(table.sum(axis=1)), "stages": each}
 
 
-def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Recording) -> float:
+def hypothesis_us(body: Body, figure: Any, size: tuple[int, int], recording: Recording) -> float:
     """Return microseconds per pose: placed, skinned, drawn and compared."""
     finder = SinglePersonSegmenter.of(recording)
     (sighting,) = finder.find(recording.depth(0), 0.0, {})
@@ -372,7 +372,8 @@ def swarm(options: argparse.Namespace) -> tuple[str, Any]:
     recording, body = prepared(take, "truth", options.work, options.frames), load_body("neutral")
     figures: dict[str, Any] = {"times": {row: stages(row, recording, options.frames) for row in ("swarm", "qammaz")}}
     figures["hypothesis_us"] = {
-        figure: {f"{w}x{h}": hypothesis_us(body, figure, (w, h), recording) for w, h in IMAGES} for figure in FIGURES
+        figure: {f"{w}x{h}": hypothesis_us(body, figure, (w, h), recording) for w, h in IMAGES}
+        for figure in ("balls", "mesh")
     }
     if options.network:
         figures["network"] = network_ms(recording, options.frames)

@@ -172,9 +172,9 @@ class Track:
         """
         if not isinstance(path, (str, Path)):
             raise UsageError(f"path is {path!r}; give the name of a file, such as motion.glb")
-        from toolkit.output.export.run import export_people
+        from toolkit.output.export.run import export_run
 
-        return export_people([self.person], path, rig=rig, origin=origin)[0]
+        return export_run([self.person], path, rig=rig, origin=origin)[0]
 
 
 def _read_only(values: np.ndarray) -> np.ndarray:

@@ -11,11 +11,13 @@ from toolkit.app.cli import demo
 from toolkit.app.cli.main import main
 from toolkit.datasets import registry
 from toolkit.tracks import Track
+from toolkit.tracks.runs import load_people
 
 
 def test_the_demo_does_the_main_job_from_motions_to_a_film(tmp_path: Path) -> None:
     doing: list[str] = []
     result = demo.run_demo(tmp_path / "demo", seconds=0.4, show=lambda what, done, total: doing.append(what))
+    assert result.table is not None
     row = result.table.rows[0]
     assert row.frames == len(Track.load(tmp_path / "demo" / "run")) > 30
     assert row.error_mm is not None and row.error_mm < 60
@@ -51,8 +53,8 @@ def test_the_real_demo_tracks_two_men(data_folder: Path, tmp_path: Path, monkeyp
     others = [line for line in (whole.assets / f"{demo.REAL}.tsv").read_text().splitlines() if ".png" not in line]
     (tmp_path / f"{demo.REAL}.tsv").write_text("\n".join(others + kept[:3]))
     monkeypatch.setitem(registry.DATA_SETS, demo.REAL, replace(whole, assets=tmp_path))
-    result = demo.run_real_demo(tmp_path / "demo", data=data_folder)
-    assert len(result.people.people) == 2 and result.summary.frames == 3
+    result = demo.run_demo(tmp_path / "demo", real=True, data=data_folder)
+    assert len(load_people(result.run).people) == 2 and result.summary.frames == 3
     assert all(path.exists() for path in result.files)
 
 

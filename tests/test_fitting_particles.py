@@ -7,6 +7,7 @@ from tests.poses import pose_at
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import TypedReader
 from toolkit.kernels.fit import particles as kernel
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -183,4 +184,4 @@ def test_shoulders_and_arms_are_measured_and_give_a_body_of_that_size(upper: Upp
 )
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
-        ParticleSettings(**values)  # type: ignore[arg-type]
+        TypedReader(SettingsError).read(values, ParticleSettings, "particles")

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import TypedReader
 from toolkit.trackers.qammaz.swarm import SwarmSettings, minimise
 
 SWARM = SwarmSettings()
@@ -96,14 +97,14 @@ def test_positions_and_velocities_follow_the_equations():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"particles": 0}, "at least 1"),
-        ({"generations": 0}, "at least 1"),
+        ({"particles": 0}, "below 1"),
+        ({"generations": 0}, "below 1"),
         ({"own": 1.0}, "contracts"),
-        ({"shared": -1.0, "own": 6.0}, "at least 0"),
-        ({"perturbed_share": 1.5}, "share"),
-        ({"perturbed_every": -1}, "at least 0"),
+        ({"shared": -1.0, "own": 6.0}, "shared is -1, below 0"),
+        ({"perturbed_share": 1.5}, "outside 0 to 1"),
+        ({"perturbed_every": -1}, "below 0"),
     ],
 )
 def test_settings_that_make_no_swarm_are_refused(wrong, said):
     with pytest.raises(SettingsError, match=said):
-        SwarmSettings(**wrong)
+        TypedReader(SettingsError).read(wrong, SwarmSettings, "swarm")

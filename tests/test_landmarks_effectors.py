@@ -10,6 +10,7 @@ from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.errors import SegmentationError, SettingsError
+from toolkit.io.typed_values import TypedReader
 from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.extrema import extrema_of_graph
 from toolkit.landmarks.graph import grid_graph
@@ -94,7 +95,7 @@ def test_an_empty_cloud_is_an_error() -> None:
 )
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
-        EffectorSettings(**values)  # type: ignore[arg-type]
+        TypedReader(SettingsError).read(values, EffectorSettings, "effectors")
 
 
 def test_lopez2011_takes_the_fork_by_the_cosines_of_neighbouring_prongs() -> None:

@@ -20,7 +20,7 @@ from toolkit.app.pipeline.live import begin_live, track_live
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.io.errors import DepthMocapError, RecordingError
 from toolkit.output import live_view
-from toolkit.output.pose_stream import SCHEMA, LiveUpdate, UdpStream, joint_names_line
+from toolkit.output.pose_stream import SCHEMA, LiveUpdate, PoseStream, joint_names_line
 from toolkit.people import live_room
 from toolkit.people.evidence import Evidence
 from toolkit.people.sighting import Sighting
@@ -243,7 +243,7 @@ def test_a_stream_without_a_consumer_never_fails() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as consumer:
         consumer.bind(("127.0.0.1", 0))
         port = consumer.getsockname()[1]
-    stream = UdpStream(f"udp://127.0.0.1:{port}")
+    stream = PoseStream(f"udp://127.0.0.1:{port}")
     for _ in range(5):
         stream.send(LiveUpdate(0, 0.0, 1.0, 0, (), np.zeros((1, 1), np.uint16)))
         time.sleep(0.01)

@@ -56,9 +56,12 @@ def random_bvh(path: Path, rng: np.random.Generator, moving: tuple[int, ...] = (
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_joint_positions_of_any_rotation_order_agree_with_pybvh(tmp_path: Path, seed: int) -> None:
+def test_joint_positions_of_any_rotation_order_agree_with_pybvh(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    monkeypatch.setattr("toolkit.mocap.bvh.metres_per_unit", lambda size, name: 0.01)
     path = random_bvh(tmp_path / "any.bvh", np.random.default_rng(seed))
-    clip = read_bvh(path, unit=0.01)
+    clip = read_bvh(path)
     oracle = pybvh.read_bvh_file(path)
     names = [node.name for node in oracle.nodes]
     expected = oracle.node_positions()[:, [names.index(name) for name in clip.joint_names]] * 0.01
@@ -67,9 +70,12 @@ def test_joint_positions_of_any_rotation_order_agree_with_pybvh(tmp_path: Path, 
     assert set(clip.end_sites) == {"joint2", "joint3", "joint6", "joint8"}
 
 
-def test_position_channels_of_an_inner_joint_replace_its_offset(tmp_path: Path) -> None:
+def test_position_channels_of_an_inner_joint_replace_its_offset(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("toolkit.mocap.bvh.metres_per_unit", lambda size, name: 0.01)
     path = random_bvh(tmp_path / "moving.bvh", np.random.default_rng(7), moving=(5,))
-    clip = read_bvh(path, unit=0.01)
+    clip = read_bvh(path)
     positions, rotations = clip.world()
     rows = np.loadtxt(path.read_text().split("Frame Time: 0.0333333\n")[1].splitlines())
     order = [0, 1, 2, 3, 4, 5, 6, 7, 8]

@@ -20,8 +20,9 @@ from toolkit.fitting.scene import Scene
 from toolkit.io.errors import SettingsError
 from toolkit.io.files import sha256_of
 from toolkit.output.rendering.mesh import draw_mesh
-from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter, PictureView
+from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter
 from toolkit.output.rendering.painter import RenderSettings
+from toolkit.output.rendering.views import OutsideView
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import DEFAULT_UP, level_rotation
@@ -112,7 +113,7 @@ def person() -> tuple[np.ndarray, np.ndarray]:
 
 def painted(ground: float) -> np.ndarray:
     vertices, faces = person()
-    view = PictureView(KINECT, np.zeros(3), ROTATION)
+    view = OutsideView(KINECT, np.zeros(3), ROTATION)
     return PicturePainter(view, ground).paint([ColoredMesh(vertices, faces, np.full(vertices.shape, 90.0))])
 
 

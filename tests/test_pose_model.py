@@ -19,10 +19,10 @@ from toolkit.datasets.folder import data_folder
 from toolkit.io.errors import ModelError, RecordingError
 from toolkit.mocap.clip import PoseClip
 from toolkit.people.image_joints import pose_model
-from toolkit.people.image_joints.detected_joints import DetectedJoints
-from toolkit.people.image_joints.fetch import MEMBER, fetch_pose_model
+from toolkit.people.image_joints.detected_joints import ENLARGED, DetectedJoints, shaded
 from toolkit.people.image_joints.pose_model import (
     CENTRE,
+    MEMBER,
     POINTS,
     SIDE,
     UPWARD,
@@ -30,9 +30,9 @@ from toolkit.people.image_joints.pose_model import (
     Landmarks,
     PoseModel,
     cropped,
+    fetch_pose_model,
     refined,
 )
-from toolkit.people.image_joints.shaded import ENLARGED, shaded
 from toolkit.people.sighting import Sighting
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -167,12 +167,3 @@ def test_training_data_that_cannot_teach_anything_is_refused() -> None:
     still, other = (FeatureMatrix("still", np.full((40, 9), value)) for value in (False, True))
     with pytest.raises(RetrievalError, match="'wild' agree in fewer than 2 columns"):
         learn({**classes, "wild": [still, other]}, quick, rng)
-
-
-@pytest.mark.parametrize(
-    "make",
-    [lambda: GeneticSettings(population=1), lambda: GeneticSettings(parents=60), lambda: LearningSettings(runs=0)],
-)
-def test_settings_out_of_range_are_refused(make: object) -> None:
-    with pytest.raises(SettingsError):
-        make()  # type: ignore[operator]

@@ -10,8 +10,7 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
-from toolkit.retrieval.annotation.online import CausalAlignments, Event, OnlineAnnotator
-from toolkit.retrieval.features.frames import FrameFeatures
+from toolkit.retrieval.annotation.online import CausalAlignments, Event, FrameFeatures, OnlineAnnotator
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
 from toolkit.retrieval.features.relational import quantities_of, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery

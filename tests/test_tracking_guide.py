@@ -43,7 +43,7 @@ def term_of(placer: Placer, seed: int, axis: int, turn: float = 0.02) -> Orienta
     rotation = placer.place(body, pose_of()).rotations[ELBOW]
     vector = np.random.default_rng(seed).normal(size=3)
     rotation = Rotation.from_rotvec(turn * vector / np.linalg.norm(vector)).as_matrix() @ rotation
-    return OrientationTerm(ELBOW, rotation, axis, 0.7, 1e6, 0.1)
+    return OrientationTerm(ELBOW, rotation, axis, 0.1, 0.7, 1e6)
 
 
 @pytest.mark.parametrize("axis", (-1, 0, 1, 2))
@@ -85,7 +85,7 @@ def test_a_twist_of_the_bone_costs_nothing_where_only_its_direction_counts(place
     body = load_body("neutral")
     placed = placer.place(body, pose_of())
     rotation = placed.rotations[ELBOW] @ Rotation.from_rotvec([0.9, 0.0, 0.0]).as_matrix()
-    whole = OrientationTerm(ELBOW, rotation, -1, 1.0, 0.5, 0.1)
+    whole = OrientationTerm(ELBOW, rotation, -1, 0.1, 1.0, 0.5)
     assert whole.cost(placed) > 0.05
     assert replace(whole, axis=0).cost(placed) < 1e-12
 
@@ -94,7 +94,7 @@ def test_an_opposite_orientation_costs_most_and_hardly_pulls(placer):
     body = load_body("neutral")
     placed, system = placer.place(body, pose_of()), NormalSystem()
     rotation = placed.rotations[ELBOW] @ Rotation.from_rotvec([0.0, 3.1, 0.0]).as_matrix()
-    term = OrientationTerm(ELBOW, rotation, -1, 0.3, np.radians(30), 0.1)
+    term = OrientationTerm(ELBOW, rotation, -1, 0.1, 0.3, np.radians(30))
     assert term.cost(placed) > 0.09
     system.reset(placed.origins[0])
     term.attract(system, placed)

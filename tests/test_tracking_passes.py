@@ -183,7 +183,7 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def tracker(bundled_database: Path) -> HybridTracker:
-    settings = HybridSettings(hypotheses=("local", "extrema", "arms"), sizes=(-0.6, 0.4))
+    settings = HybridSettings(hypotheses=("local", "extrema"), sizes=(-0.6, 0.4))
     return HybridTracker(PoseDatabase.load(bundled_database), settings)
 
 
@@ -449,7 +449,7 @@ def test_two_processes_track_as_one_does(
         for clip, x in zip(clips, (-0.7, 0.7), strict=True)
     ]
     room = simulate_scene(pair, tmp_path / "room.npz", CaptureSettings(sensor="tof", background=False))
-    overrides = {"hypotheses": ["local", "extrema", "arms"], "sizes": [-0.6, 0.4]}
+    overrides = {"hypotheses": ["local", "extrema"], "sizes": [-0.6, 0.4]}
     recipe = TrackerRecipe(overrides=overrides, database=bundled_database)
     follow = second.SecondPass._follow_together
     shared = list[int]()

@@ -256,25 +256,15 @@ class PoseDatabase:
         check_columns(stored, _SCALARS, DatabaseError, str(file), again)
         check_columns(stored, _columns(len(stored["sources"])), DatabaseError, str(file), again)
         body = ShapeSpace.load().body(stored["body_shape"], float(stored["body_scale"]), str(stored["body_name"]))
-        poses = stored["poses"].astype(np.float32)
-        return PoseDatabase(
-            poses=poses,
-            joints=np.zeros((len(poses), len(skeleton.REPORTED), 3), dtype=np.float32),
-            features=np.zeros((len(poses), FEATURE_SIZE), dtype=np.float32),
-            offsets=stored["offsets"].astype(np.float32),
-            pose_source=stored["pose_source"],
-            pose_frame=stored["pose_frame"],
-            mirrored=stored["mirrored"],
-            sources=tuple(stored["sources"].tolist()),
-            hashes=tuple(stored["hashes"].tolist()),
-            threshold=float(stored["threshold"]),
-            body_name=str(stored["body_name"]),
-            body_shape=stored["body_shape"],
-            body_scale=float(stored["body_scale"]),
-            torso_length=float(stored["torso_length"]),
-            notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, again),
-            prior=_stored_prior(stored),
-        ).for_body(body)
+        origins = PoseOrigins(
+            stored["sources"].tolist(), stored["hashes"].tolist(), stored["pose_source"], stored["pose_frame"],
+            stored["mirrored"],
+        )  # fmt: skip
+        notes = parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, again)
+        return PoseDatabase.of_poses(
+            stored["poses"], body, origins, offsets=stored["offsets"], threshold=float(stored["threshold"]),
+            notes=notes, prior=_stored_prior(stored),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from toolkit.datasets.folder import data_folder
 from toolkit.datasets.registry import DataFile, DataSet, data_set_of, digest_of
-from toolkit.io.errors import DataError, OutputError
+from toolkit.io.errors import DataError, OutputError, os_errors_as
 from toolkit.io.files import atomic_path, is_file
 from toolkit.io.progress import Progress, silent
 
@@ -51,13 +51,9 @@ def fetch_data_set(data_set: DataSet | str, folder: str | Path | None = None, *,
     if is_file(root):
         raise OutputError(f"{root} is a file; name a folder with --data")
     lock = FileLock(root / f".{wanted.name}.lock")
-    try:
+    with os_errors_as(OutputError, f"cannot write {root}", "name a folder that can be written with --data"):
         root.mkdir(parents=True, exist_ok=True)
         lock.acquire()
-    except OSError as error:
-        raise OutputError(
-            f"cannot write {root}: {error.strerror or error}; name a folder that can be written with --data"
-        ) from error
     try:
         done = len(wanted.files) - len(missing)
         for file in missing:

@@ -42,8 +42,8 @@ class RigidAlignment:
         return np.asarray(points @ self.rotation.T + self.translation)
 
 
-def resampled(times: np.ndarray, values: np.ndarray, at: np.ndarray, longest_gap: float = 0.1) -> np.ndarray:
-    """Interpolate values (T, ...) linearly at other times; NaN outside and across gaps longer than `longest_gap`."""
+def resampled(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Interpolate values (T, ...) linearly at other times; NaN outside and across gaps longer than 0.1 s."""
     flat = values.reshape(len(values), -1)
     out = np.full((len(at), flat.shape[1]), np.nan)
     for k in range(flat.shape[1]):
@@ -54,7 +54,7 @@ def resampled(times: np.ndarray, values: np.ndarray, at: np.ndarray, longest_gap
         out[:, k] = np.interp(at, own, flat[known, k], left=np.nan, right=np.nan)
         after = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
         typical = 1.5 * float(np.median(np.diff(own)))
-        out[own[after] - own[after - 1] > max(longest_gap, typical), k] = np.nan
+        out[own[after] - own[after - 1] > max(0.1, typical), k] = np.nan
     return out.reshape(len(at), *values.shape[1:])
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, optional_package
 from toolkit.io.yaml_reader import read_text
 
 SUFFIXES = frozenset({".trc", ".c3d", ".csv", ".bvh", ".mot"})
@@ -80,7 +80,7 @@ def read_markers(path: str | Path) -> MarkerRecording:
     return MarkerRecording(found.name, found.times, found.labels, found.subjects, points, found.angles, notes)
 
 
-def untangled(points: np.ndarray, least_jump: float = 0.1) -> tuple[np.ndarray, int]:
+def untangled(points: np.ndarray) -> tuple[np.ndarray, int]:
     """Exchange back the labels of marker pairs that swap between two frames.
 
     A pair is swapped where exchanging the two makes the sum of their steps less than half as large.
@@ -88,13 +88,13 @@ def untangled(points: np.ndarray, least_jump: float = 0.1) -> tuple[np.ndarray, 
     Parameters
     ----------
     points : float64 (T, M, 3), metres
-    least_jump : metres, sum of both steps below which nothing is exchanged
 
     Returns
     -------
     The points, and the number of exchanges.
     """
     points, count = points.copy(), 0
+    least_jump = 0.1  # metres, sum of both steps below which nothing is exchanged
     for t in range(1, len(points)):
         step = np.linalg.norm(points[t, :, None] - points[t - 1, None], axis=2)  # [i, j]: from marker j to marker i
         own = np.diag(step)
@@ -146,10 +146,7 @@ def _read_trc(file: Path) -> MarkerRecording:
 
 
 def _read_c3d(file: Path) -> MarkerRecording:
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise UsageError("C3D files need the package ezc3d; type `pip install 'depthmocap[c3d]'`") from error
+    ezc3d = optional_package("ezc3d", "c3d", "a C3D file")
     try:
         content = ezc3d.c3d(str(file))
         parameters = content["parameters"]["POINT"]

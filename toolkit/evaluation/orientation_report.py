@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolkit.evaluation.orientations import THRESHOLDS, RunCheck
-from toolkit.io.files import save_bytes, save_json, save_text
-from toolkit.io.html import csv_of, page, picture, png_of, table
+from toolkit.io.files import save_bytes, save_csv, save_json, save_text
+from toolkit.io.html import page, picture, png_of, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,11 +29,11 @@ def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
         for curve in check.distances
         for time, full, axis in zip(curve.times, curve.full, curve.axis, strict=True)
     ]
-    save_text(paths[0], csv_of(("time", "limb", "full", "axis"), rows))
+    save_csv(paths[0], ("time", "limb", "full", "axis"), rows)
     errors = [
         (e.limb, f"{e.start:.3f}", f"{e.end:.3f}", f"{e.peak:.1f}", f"{e.mean:.1f}", e.kind) for e in check.errors
     ]
-    save_text(paths[1], csv_of(("limb", "start", "end", "peak", "mean", "kind"), errors))
+    save_csv(paths[1], ("limb", "start", "end", "peak", "mean", "kind"), errors)
     save_json(paths[2], _as_json(check))
     drawn = png_of(_plot_check(check))
     save_bytes(paths[3], drawn)

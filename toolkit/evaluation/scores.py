@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 
 from toolkit.evaluation.joint_errors import CURVE
 from toolkit.io.display_names import shown
-from toolkit.io.files import save_json, save_text
+from toolkit.io.files import save_csv, save_json
 from toolkit.tracks import STATE_NAMES, TRACKED
 
 if TYPE_CHECKING:
@@ -168,11 +166,8 @@ class EvaluationTable:
         """Write all scores of each run as CSV, one line each, atomically."""
         flat = [row.flat() for row in self.rows]
         names = list(dict.fromkeys(name for row in flat for name in row))
-        stream = io.StringIO(newline="")
-        writer = csv.DictWriter(stream, names, restval="")
-        writer.writeheader()
-        writer.writerows({k: shown(v, "table") if isinstance(v, str) else v for k, v in row.items()} for row in flat)
-        save_text(path, stream.getvalue())
+        cells = ([row.get(name, "") for name in names] for row in flat)
+        save_csv(path, names, ([shown(v, "table") if isinstance(v, str) else v for v in row] for row in cells))
 
     def to_json(self, path: str | Path) -> None:
         """Write all scores of each run, their mean and the accuracy curves as JSON, atomically."""
@@ -211,14 +206,5 @@ def _cell(value: float | None, style: str) -> str:
 
 
 def _plain(row: RunScores) -> dict[str, Any]:
-    """Convert a value to JSON: NaN becomes null; plot series are left out."""
-    value = {f.name: getattr(row, f.name) for f in fields(row) if f.name not in _SERIES}
-    return {name: _nullable(item) for name, item in value.items()}
-
-
-def _nullable(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _nullable(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return [_nullable(item) for item in value.tolist()]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    """Return the scores of a row without plot series."""
+    return {f.name: getattr(row, f.name) for f in fields(row) if f.name not in _SERIES}

@@ -21,21 +21,8 @@ class FrameEvidence(Protocol):
         """Return the cost of a placed body's disagreement in metres, at least 0."""
 
 
-@dataclass(frozen=True)
-class OrientationSettings:
-    """Settings of the orientation evidence.
-
-    Attributes
-    ----------
-    weight : metres squared per radian squared, equal to the leverage of a limb's own correspondences; a tenth more with
-        wrong sensors does more harm than ten times as much helps
-    sigma : scale of the Geman-McClure weight, radians
-    disagreement : metres that a pose which contradicts all sensors is farther from the frame than it looks
-    """
-
-    weight: float = 0.3
-    sigma: float = math.radians(30.0)
-    disagreement: float = 0.1
+DISAGREEMENT = 0.1
+"""Metres that a pose which contradicts all sensors is farther from the frame than it looks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,15 +35,18 @@ class OrientationTerm:
     rotation : float64 (3, 3), rest frame to camera frame, as the sensor has it
     axis : 0, 1 or 2, the bone axis whose direction is compared; -1 for the whole orientation. Depth does not determine
         the twist of a forearm
-    weight, sigma, disagreement : see `OrientationSettings`; the last is the share of this sensor
+    disagreement : metres, the share of this sensor in `DISAGREEMENT`
+    weight : metres squared per radian squared, equal to the leverage of a limb's own correspondences; a tenth more with
+        wrong sensors does more harm than ten times as much helps
+    sigma : scale of the Geman-McClure weight, radians
     """
 
     joint: int
     rotation: np.ndarray
     axis: int
-    weight: float
-    sigma: float
     disagreement: float
+    weight: float = 0.3
+    sigma: float = math.radians(30.0)
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
         """See `FrameEvidence.attract`: a residual `r` about the joint costs `w |r + omega|^2`."""

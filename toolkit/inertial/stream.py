@@ -18,7 +18,7 @@ import numpy as np
 from toolkit.body.rotations import quaternions as quat
 from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import InertialError
-from toolkit.io.files import save_text
+from toolkit.io.files import save_csv
 from toolkit.io.typed_values import TypedReader
 from toolkit.io.yaml_reader import parse_json
 
@@ -207,7 +207,7 @@ class Sensors:
     def save(self, path: str | Path) -> None:
         """Write the canonical file, NPZ or CSV by its suffix, atomically."""
         if Path(path).suffix.lower() == ".csv":
-            save_text(path, "\n".join(_csv_lines(self.streams)) + "\n")
+            save_csv(path, CSV_COLUMNS, _csv_rows(self.streams))
             return
         arrays: dict[str, Any] = {"names": np.array(self.names, dtype=np.str_)}
         for k, stream in enumerate(self.streams):
@@ -264,12 +264,11 @@ def _stored_stream(name: str, k: int, arrays: dict[str, np.ndarray], origin: str
     return replace(stream, valid=stream.valid & stored) if len(stored) == len(stream) else stream
 
 
-def _csv_lines(streams: Sequence[SensorStream]) -> Iterator[str]:
-    yield ",".join(CSV_COLUMNS)
+def _csv_rows(streams: Sequence[SensorStream]) -> Iterator[list[str]]:
     for stream in streams:
         blocks = ((stream.rotations, 4), (stream.gyro, 3), (stream.acceleration, 3))
         for i in np.flatnonzero(stream.valid):
             cells = [stream.name, f"{stream.times[i]:.6f}"]
             for values, width in blocks:
                 cells += [""] * width if values is None else [f"{value:.7g}" for value in values[i]]
-            yield ",".join(cells)
+            yield cells

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
 from toolkit.io.display_names import printable
 
 
@@ -85,3 +90,22 @@ class DataError(DepthMocapError):
 
 class OutputError(DepthMocapError):
     """A result that cannot be written: no permission, no space, a name already taken."""
+
+
+@contextmanager
+def os_errors_as(error: type[DepthMocapError], what: str, remedy: str) -> Iterator[None]:
+    """Turn an OSError of the block into `error`, with the message "`what`: reason of the system; `remedy`"."""
+    try:
+        yield
+    except OSError as problem:
+        raise error(f"{what}: {problem.strerror or problem}; {remedy}") from problem
+
+
+def optional_package(name: str, extra: str, purpose: str) -> Any:
+    """Import a package of an extra; raises UsageError with the purpose and the command that installs it."""
+    package = name.partition(".")[0]
+    try:
+        importlib.import_module(package)
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise UsageError(f"{purpose} needs the package {package}; type `pip install 'depthmocap[{extra}]'`") from error

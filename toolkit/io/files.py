@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import json
+import math
 import os
 import socket
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import islice
 from pathlib import Path
@@ -15,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, os_errors_as
 from toolkit.io.safe_open import is_inside, open_file, read_file
 
 LARGEST_FOLDER = 1_000_000
@@ -38,25 +41,20 @@ def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
     target = Path(path)
     if os.path.exists(target) and not is_file(target):
         raise OutputError(f"cannot write {target}: it is a folder or a device; choose another name")
-    try:
+    with os_errors_as(OutputError, f"cannot write {target}", "choose a folder that can be written"):
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem[:100]}-", suffix=target.suffix, dir=target.parent)
         os.close(handle)
-    except OSError as error:
-        reason = error.strerror or error
-        raise OutputError(f"cannot write {target}: {reason}; choose a folder that can be written") from error
     temporary = Path(name)
     try:
-        yield temporary
-        os.chmod(temporary, 0o666 & ~_umask())
-        if lasting:
-            flush_to_disk(temporary, os.O_RDWR)
-        os.replace(temporary, target)
-        if lasting and os.name == "posix":
-            flush_to_disk(target.parent, os.O_RDONLY)
-    except OSError as error:
-        reason = error.strerror or error
-        raise OutputError(f"cannot write {target}: {reason}; free some space or choose another folder") from error
+        with os_errors_as(OutputError, f"cannot write {target}", "free some space or choose another folder"):
+            yield temporary
+            os.chmod(temporary, 0o666 & ~_umask())
+            if lasting:
+                flush_to_disk(temporary, os.O_RDWR)
+            os.replace(temporary, target)
+            if lasting and os.name == "posix":
+                flush_to_disk(target.parent, os.O_RDONLY)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -94,6 +92,15 @@ def save_text(path: str | Path, text: str) -> None:
         temporary.write_bytes(text.encode("utf-8", "backslashreplace"))  # names of files may be invalid UTF-8
 
 
+def save_csv(path: str | Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file with a line of column names, atomically."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    save_text(path, text.getvalue())
+
+
 def save_bytes(path: str | Path, data: bytes) -> None:
     """Write a reproducible file such as a picture, atomically and without a flush to the disk."""
     with atomic_path(path, lasting=False) as temporary:
@@ -101,18 +108,20 @@ def save_bytes(path: str | Path, data: bytes) -> None:
 
 
 def save_json(path: str | Path, value: Any) -> None:
-    """Write JSON with an indent of two spaces, atomically; arrays and NumPy scalars are converted."""
-    save_text(path, json.dumps(value, indent=2, default=_plain) + "\n")
+    """Write JSON with an indent of two spaces, atomically; arrays become lists, numbers that are not finite null."""
+    save_text(path, json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
-    raise TypeError(f"cannot write {type(value).__name__} as JSON")
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def is_file(path: str | Path) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
 import io
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -52,12 +51,3 @@ def png_of(figure: Figure, dpi: int = 110) -> bytes:
 def picture(png: bytes, words: str) -> str:
     """Return an image element with an embedded PNG file and its description."""
     return f"<img alt='{escape(words)}' src='data:image/png;base64,{base64.b64encode(png).decode('ascii')}'>"
-
-
-def csv_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return the text of a CSV file."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    return text.getvalue()

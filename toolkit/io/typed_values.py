@@ -44,6 +44,11 @@ class Range:
     high: float = math.inf
 
 
+Share = Annotated[float, Range(0.0, 1.0)]
+NotNegative = Annotated[float, Range(0.0)]
+AtLeastOne = Annotated[int, Range(1)]
+
+
 @dataclass(frozen=True)
 class TypedReader:
     """Converter of plain values to typed values.
@@ -167,7 +172,8 @@ class TypedReader:
     def _within(self, value: Any, marks: tuple[Any, ...], where: str) -> Any:
         for mark in marks:
             if isinstance(mark, Range) and not mark.low <= value <= mark.high:
-                raise self._wrong(f"{where} is {value:g}, outside {mark.low:g} to {mark.high:g}")
+                limits = f"outside {mark.low:g} to {mark.high:g}" if mark.high < math.inf else f"below {mark.low:g}"
+                raise self._wrong(f"{where} is {value:g}, {limits}")
         return value
 
     def _bounded(self, values: Any, where: str) -> Any:

@@ -12,7 +12,7 @@ from toolkit.body.rotations.matrices import of_euler
 from toolkit.io.errors import MocapError
 from toolkit.io.yaml_reader import read_text
 from toolkit.mocap.clip import Clip, check_tree
-from toolkit.mocap.units import metres_per_unit, rest_size
+from toolkit.mocap.units import is_person, metres_per_unit, rest_size
 
 ROOT = "root"
 
@@ -45,14 +45,10 @@ class AsfSkeleton:
     degrees: bool
 
 
-def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
+def read_asf(path: str | Path) -> AsfSkeleton:
     """Read an ASF skeleton.
 
-    Parameters
-    ----------
-    path : the file
-    unit : metres of one file unit; None uses inches divided by the file's `length` (0.0254 / length), or
-        `units.metres_per_unit` if that is no person's size
+    A file unit is an inch divided by the file's `length`, or `units.metres_per_unit` if that is no person's size.
 
     Raises
     ------
@@ -83,31 +79,16 @@ def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
         raise MocapError(f"{file.name} cannot be understood ({error!r}); the skeleton is damaged") from error
     ordered = tuple(bones[name] for name in names)
     size = rest_size(_bone_ends(ordered, parents))
-    if unit is None and not 0.9 <= size * 0.0254 / length <= 2.3:
-        metres = metres_per_unit(size, None, file.name)
-    else:
-        metres = metres_per_unit(size, 0.0254 / length if unit is None else unit, file.name)
+    metres = 0.0254 / length if is_person(size * 0.0254 / length) else metres_per_unit(size, file.name)
     return AsfSkeleton(file.stem, ordered, tuple(parents), metres, degrees)
 
 
-def read_amc(
-    path: str | Path,
-    asf: str | Path | AsfSkeleton | None = None,
-    *,
-    unit: float | None = None,
-    rate: float | None = None,
-) -> Clip:
-    """Read an AMC motion together with its ASF skeleton.
+def read_amc(path: str | Path) -> Clip:
+    """Read an AMC motion together with the ASF skeleton beside it (`find_asf`).
 
     A bone's rotation relative to its parent is `C M C^-1`, with its rest frame `C` and `M` composed of its own degrees
     of freedom, the first one applied first. Each joint of the clip is the start of the bone of its name.
-
-    Parameters
-    ----------
-    path : the AMC file
-    asf : its skeleton; None finds the one beside it (`find_asf`)
-    unit : metres of one file unit, see `read_asf` (ignored for an `AsfSkeleton`)
-    rate : frames a second; None uses a trailing `_120` of the file name, else 120
+    The frame rate is a trailing `_120` of the file name, else 120 (CMU and HDM05), because AMC has none.
 
     Raises
     ------
@@ -117,14 +98,11 @@ def read_amc(
     """
     file = Path(path)
     text = _read(file)
-    bones = asf if isinstance(asf, AsfSkeleton) else read_asf(asf or find_asf(file), unit=unit)
+    bones = read_asf(find_asf(file))
     degrees, body = _amc_header(text, bones.degrees, file.name)
     table = _amc_table(body, bones, file.name)
-    # Frames a second without an argument or a rate in the file name (CMU and HDM05 are 120 Hz; AMC has no rate).
-    default_rate = 120.0
-    if rate is None:
-        named = re.search(r"_(\d+)$", file.stem)
-        rate = float(named[1]) if named and 10 <= int(named[1]) <= 1000 else default_rate
+    named = re.search(r"_(\d+)$", file.stem)
+    rate = float(named[1]) if named and 10 <= int(named[1]) <= 1000 else 120.0
     return _clip(file.stem, bones, table, degrees, rate)
 
 
@@ -144,7 +122,7 @@ def find_asf(amc: str | Path) -> Path:
     if len(found) == 1:
         return found[0]
     listed = ", ".join(p.name for p in found) or "none"
-    raise MocapError(f"no ASF skeleton for {file.name} beside it (there are: {listed}); give `asf`")
+    raise MocapError(f"no ASF skeleton for {file.name} beside it (there are: {listed}); put it there")
 
 
 def _read(file: Path) -> str:

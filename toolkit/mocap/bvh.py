@@ -30,7 +30,7 @@ class _Tree:
     end_sites: dict[str, np.ndarray] = field(default_factory=dict)
 
 
-def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
+def read_bvh(path: str | Path) -> Clip:
     """Read a BVH file.
 
     The channels of a joint apply in the order of their list (`Zrotation Yrotation Xrotation` is Rz Ry Rx). A position
@@ -56,7 +56,7 @@ def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
     rest = _rest_points(tree, offsets)
     if not rest.any():
         raise MocapError(f"all joints of {file.name} lie in one place: its offsets are 0; export it again")
-    scale = metres_per_unit(rest_size(rest), unit, file.name)
+    scale = metres_per_unit(rest_size(rest), file.name)
     rotations, translations = _channels(tree, offsets, values, file.name)
     moved = any(c in POSITIONS for channels in tree.channels[1:] for c in channels)
     return Clip(

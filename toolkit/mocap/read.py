@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from toolkit.io.errors import MocapError
+from toolkit.io.errors import MocapError, os_errors_as
 from toolkit.io.files import is_file, is_folder
 from toolkit.io.safe_open import open_file
 from toolkit.mocap.amass import is_amass, read_amass
@@ -21,13 +21,8 @@ FOREIGN_SUFFIXES = (".c3d", ".fbx", ".trc", ".mvnx", ".glb")
 """Suffixes of unsupported motion capture formats."""
 
 
-def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
+def read_clip(path: str | Path) -> Clip:
     """Read one motion file: BVH, AMC (with the ASF beside it) or AMASS, recognised by its content.
-
-    Parameters
-    ----------
-    path : the file
-    unit : metres of one file unit; None guesses it, see `units.metres_per_unit` and `asf_amc.read_asf`
 
     Raises
     ------
@@ -41,19 +36,16 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
         raise MocapError(f"{file.name} cannot be read: there is no reader of {file.suffix} files; convert it to BVH")
     if file.suffix.lower() == ".npz":
         return check_clip(read_amass(file))
-    try:
-        with open_file(file) as stream:
-            head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
-    except OSError as error:
-        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    with os_errors_as(MocapError, f"cannot read {file}", "check the path"), open_file(file) as stream:
+        head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
     if not head:
         raise MocapError(f"{file.name} is empty; copy it again")
     if head.startswith("HIERARCHY"):
-        return check_clip(read_bvh(file, unit=unit))
+        return check_clip(read_bvh(file))
     if ":bonedata" in head.lower() or ":version" in head.lower():
         raise MocapError(f"{file.name} is an ASF skeleton without motion; give one of its AMC files")
     if ":FULLY-SPECIFIED" in head.upper() or file.suffix.lower() == ".amc":
-        return check_clip(read_amc(file, unit=unit))
+        return check_clip(read_amc(file))
     raise MocapError(f"{file.name} is neither BVH nor AMC nor AMASS; convert it to BVH")
 
 

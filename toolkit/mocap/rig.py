@@ -34,25 +34,16 @@ class Rig:
     joints: dict[str, str]
 
 
-def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
-    """Return the joint map of a skeleton.
-
-    Parameters
-    ----------
-    source : a clip, for the map that fits most of its joint names; or a map's name, for the first alternative of each
-        key
-    rig : name of a map in `configs/rigs` or path of a YAML file; None guesses it
+def load_rig(clip: Clip) -> Rig:
+    """Return the joint map in `configs/rigs` that fits most joint names of a clip.
 
     Raises
     ------
     RigError
-        No map fits (the message names the nearest one and the missing joints), or a map is unknown or invalid.
+        No map fits (the message names the nearest one and the missing joints), or a map is invalid.
     """
-    if isinstance(source, str):
-        maps = _load_map(source)
-        return Rig(Path(source).stem, {key: names[0] for key, names in maps.items()})
-    tried = [(name, _load_map(name)) for name in ([rig] if rig else rig_names())]
-    fits = [(name, _fit(names, source.joint_names)) for name, names in tried]
+    tried = [(path.stem, _shipped_map(path.stem)) for path in sorted(shipped("rigs").glob("*.yaml"))]
+    fits = [(name, _fit(names, clip.joint_names)) for name, names in tried]
     name, joints = max(fits, key=lambda fit: (not _missing(fit[1]), len(fit[1])))
     if missing := _missing(joints):
         wanted = dict(tried)[name]
@@ -60,27 +51,14 @@ def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
             f"{key} ({' or '.join(wanted[key]) if key in wanted else 'not in the map'})" for key in missing
         )
         raise RigError(
-            f"no joint map fits the skeleton of {source.name!r}; the nearest, {Path(name).stem}, lacks {lacking}; "
-            "write a map like those in configs/rigs and name it as `rig`"
+            f"no joint map fits the skeleton of {clip.name!r}; the nearest, {name}, lacks {lacking}; "
+            "rename its joints, or add a map to configs/rigs"
         )
-    return Rig(Path(name).stem, joints)
-
-
-def rig_names() -> list[str]:
-    """Return the names of the shipped maps."""
-    return sorted(path.stem for path in shipped("rigs").glob("*.yaml"))
+    return Rig(name, joints)
 
 
 def _missing(joints: dict[str, str]) -> list[str]:
     return [key for key in KEYS if key not in joints and key not in OPTIONAL]
-
-
-def _load_map(name: str) -> dict[str, list[str]]:
-    if name.endswith((".yaml", ".yml")):
-        return read_map(Path(name))
-    if name not in rig_names():
-        raise RigError(f"there is no joint map {name!r}; there are {', '.join(rig_names())}, or give a YAML file")
-    return _shipped_map(name)
 
 
 @cache

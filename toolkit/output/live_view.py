@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.errors import OutputError, UsageError
-from toolkit.output.export.rerun import PERSON_COLORS, UNOBSERVED_COLOR, log_camera, point_step
+from toolkit.io.errors import OutputError, optional_package
+from toolkit.output.export.rerun import log_camera, point_step
 from toolkit.output.pose_stream import LiveUpdate
+from toolkit.output.rendering.style import FAINT, person_color
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -54,10 +55,7 @@ class RerunView:
     """
 
     def __init__(self, first: Recording, connect: Callable[[Any], None] | None = None) -> None:
-        try:
-            import rerun as rr
-        except ImportError as error:
-            raise UsageError("--view needs the package rerun; type `pip install 'depthmocap[rerun]'`") from error
+        rr = optional_package("rerun", "rerun", "--view")
         self._rr, self._stream = rr, rr.RecordingStream("depthmocap live")
         (connect or spawn_viewer)(self._stream)
         self._polisher, self._step = DepthFilter(first.camera, SensingSettings()), point_step(first.depth(0))
@@ -89,8 +87,8 @@ class RerunView:
     def _log_person(self, person: int, joints: np.ndarray, observed: np.ndarray) -> None:
         """Log joints (20, 3), metres, camera frame, and the bones between them."""
         rr, place = self._rr, f"world/person_{person:02d}"
-        color = PERSON_COLORS[(person - 1) % len(PERSON_COLORS)]
-        colors = np.where(observed[:, None], np.array(color), np.array(UNOBSERVED_COLOR)).astype(np.uint8)
+        color = person_color(person - 1)
+        colors = np.where(observed[:, None], np.array(color), np.array(FAINT)).astype(np.uint8)
         labels = list(skeleton.REPORTED)
         points = rr.Points3D(joints, colors=colors, radii=0.02, labels=labels, show_labels=False)
         self._stream.log(f"{place}/joints", points)

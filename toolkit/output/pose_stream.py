@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 from urllib.parse import urlsplit
 
 import numpy as np
 
 from toolkit.body.skeleton import REPORTED
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, optional_package, os_errors_as
 from toolkit.tracking.live_people import LivePose
 from toolkit.tracks import STATE_NAMES
 
@@ -72,12 +72,14 @@ def joint_names_line() -> str:
     return json.dumps({"schema": SCHEMA, "joint_names": list(REPORTED)}, separators=(",", ":"))
 
 
-class DatagramStream:
-    """Sends datagrams to one address; a consumer that is slow or gone never delays the sender.
+class PoseStream:
+    """Datagrams to one address; a consumer that is slow or gone never delays the sender.
+
+    A stream of lines begins with the names of the joints.
 
     Parameters
     ----------
-    url : "SCHEME://HOST:PORT" with the scheme of the class
+    url : "udp://HOST:PORT" for lines of JSON, "osc://HOST:PORT" for bundles of Open Sound Control
 
     Attributes
     ----------
@@ -86,75 +88,49 @@ class DatagramStream:
     Raises
     ------
     UsageError
-        The address cannot be understood.
+        The address cannot be understood, or the package python-osc is not installed.
     OutputError
         The host is not known.
     """
 
-    scheme = ""
-
     def __init__(self, url: str) -> None:
-        host, port = _address(url, self.scheme)
-        try:
+        host, port = _address(url)
+        lines = urlsplit(url).scheme == "udp"
+        self._pack = (lambda update: f"{live_line(update)}\n".encode()) if lines else _osc_packer()
+        with os_errors_as(OutputError, f"cannot stream to {url}", "check the address"):
             family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
             self._socket.setblocking(False)
             self._socket.connect(address)
-        except OSError as error:
-            raise OutputError(f"cannot stream to {url}: {error.strerror or error}; check the address") from error
         self.lost = 0
+        if lines:
+            self._send_bytes(f"{joint_names_line()}\n".encode())
 
     def close(self) -> None:
         """Release the socket."""
         self._socket.close()
 
-    def send_bytes(self, datagram: bytes) -> None:
-        """Send one datagram."""
+    def send(self, update: LiveUpdate) -> None:
+        """See `LiveOutput.send`."""
+        self._send_bytes(self._pack(update))
+
+    def _send_bytes(self, datagram: bytes) -> None:
         try:
             self._socket.send(datagram)
         except OSError:  # full buffer, or no consumer at that port
             self.lost += 1
 
 
-class UdpStream(DatagramStream):
-    """Sends lines of JSON, first the names of the joints; see `DatagramStream`."""
+def _osc_packer() -> Callable[[LiveUpdate], bytes]:
+    """Return the function that makes a bundle of Open Sound Control of a frame."""
+    bundles = optional_package("pythonosc.osc_bundle_builder", "osc", "OSC")
+    messages = optional_package("pythonosc.osc_message_builder", "osc", "OSC")
 
-    scheme = "udp"
-
-    def __init__(self, url: str) -> None:
-        super().__init__(url)
-        self.send_bytes(f"{joint_names_line()}\n".encode())
-
-    def send(self, update: LiveUpdate) -> None:
-        """See `LiveOutput.send`."""
-        self.send_bytes(f"{live_line(update)}\n".encode())
-
-
-class OscStream(DatagramStream):
-    """Sends each frame as a bundle of Open Sound Control; see `DatagramStream`.
-
-    Raises
-    ------
-    UsageError
-        The package python-osc is not installed.
-    """
-
-    scheme = "osc"
-
-    def __init__(self, url: str) -> None:
-        try:
-            from pythonosc import osc_bundle_builder, osc_message_builder
-        except ImportError as error:
-            raise UsageError("OSC needs its package; type `pip install 'depthmocap[osc]'`") from error
-        super().__init__(url)
-        self._bundles, self._messages = osc_bundle_builder, osc_message_builder
-
-    def send(self, update: LiveUpdate) -> None:
-        """See `LiveOutput.send`."""
-        bundle = self._bundles.OscBundleBuilder(self._bundles.IMMEDIATELY)
+    def packed(update: LiveUpdate) -> bytes:
+        bundle = bundles.OscBundleBuilder(bundles.IMMEDIATELY)
 
         def add(address: str, types: str, *values: object) -> None:
-            message = self._messages.OscMessageBuilder(address)
+            message = messages.OscMessageBuilder(address)
             for kind, value in zip(types, values, strict=True):
                 message.add_arg(value, kind)
             bundle.add_content(message.build())
@@ -165,27 +141,18 @@ class OscStream(DatagramStream):
             add(f"{person}/state", "si", STATE_NAMES[found.state], int(pose.provisional))
             for name, place, confidence in zip(REPORTED, found.joints.tolist(), found.confidence.tolist(), strict=True):
                 add(f"{person}/{name}", "ffff", *place, confidence)
-        self.send_bytes(bundle.build().dgram)
+        return bytes(bundle.build().dgram)
+
+    return packed
 
 
-def stream_of(url: str) -> UdpStream | OscStream:
-    """Open the stream of a URL by its scheme, "udp" or "osc".
-
-    Raises
-    ------
-    UsageError, OutputError
-        See `DatagramStream` and `OscStream`.
-    """
-    return OscStream(url) if urlsplit(url).scheme == OscStream.scheme else UdpStream(url)
-
-
-def _address(url: str, scheme: str) -> tuple[str, int]:
+def _address(url: str) -> tuple[str, int]:
     """Return host and port of a URL."""
     parts = urlsplit(url)
     try:
         host, port = parts.hostname, parts.port
     except ValueError:
         host, port = None, None
-    if parts.scheme != scheme or not host or not port or parts.path not in ("", "/"):
+    if parts.scheme not in ("udp", "osc") or not host or not port or parts.path not in ("", "/"):
         raise UsageError(f"--stream is {url!r}; give udp://HOST:PORT or osc://HOST:PORT, such as udp://127.0.0.1:9000")
     return host, port

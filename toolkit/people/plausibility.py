@@ -36,43 +36,13 @@ HELP = "see docs/troubleshooting.md"
 Kind = Literal["intrinsics", "unit", "size", "orientation", "times"]
 
 
-@dataclass(frozen=True)
-class PlausibilitySettings:
-    """Settings of the plausibility checks.
-
-    Attributes
-    ----------
-    seconds, frames : the first seconds of a recording that are sampled, and the number of samples
-    pairs : pairs of consecutive frames in which people are compared; one that a film can have is enough for a film
-    another_room : share of the pixels that are so much nearer or farther that two frames show different rooms
-    principal_point : largest distance of the principal point from the image centre, as a share of the image's width
-        or height; registered and binned images of 14 depth cameras stay below 0.06
-    exchanged : the same where cx and cy fit each other's side
-    oblong : largest quotient of the focal lengths in pixels; 14 depth cameras have less than 1.02
-    sure, sure_in_room : log odds of a head from which on no other unit and no other orientation is tried, of people who
-        are cut out and in a room, where 12 real recordings have 1.7 to 3.1
-    person : log odds that a head needs in another unit or orientation
-    margin, margin_in_room : required improvement of the score there
-    camera_height : metres above a visible floor that are evidence for the unit in a room where no person is seen
-    stature : metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms
-    unlike_person : log odds of a head below which what is cut out is not a person
-    """
-
-    seconds: float = 10.0
-    frames: int = 3
-    pairs: int = 6
-    another_room: float = 0.5
-    principal_point: float = 0.15
-    exchanged: float = 0.03
-    oblong: float = 1.1
-    sure: float = 2.8
-    sure_in_room: float = 1.5
-    person: float = 2.3
-    margin: float = 0.5
-    margin_in_room: float = 1.5
-    camera_height: tuple[float, float] = (0.8, 2.6)
-    stature: tuple[float, float] = (0.95, 2.7)
-    unlike_person: float = 0.7
+SAMPLED_SECONDS = 10.0
+"""First seconds of a recording that are sampled."""
+SURE, SURE_IN_ROOM = 2.8, 1.5
+"""Log odds of a head from which on no other unit and no other orientation is tried, of people who are cut out and in a
+room, where 12 real recordings have 1.7 to 3.1."""
+STATURE = (0.95, 2.7)
+"""Metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms."""
 
 
 @dataclass(frozen=True)
@@ -110,17 +80,18 @@ class PersonEvidence:
     cut_out: bool
     doubtful: bool = False
 
-    def sure(self, settings: PlausibilitySettings) -> bool:
+    def sure(self) -> bool:
         """Return True where the heads alone show that unit and orientation are right."""
-        return self.score >= (settings.sure if self.cut_out else settings.sure_in_room)
+        return self.score >= (SURE if self.cut_out else SURE_IN_ROOM)
 
-    def worse_than(self, other: PersonEvidence, settings: PlausibilitySettings) -> bool:
+    def worse_than(self, other: PersonEvidence) -> bool:
         """Return True where another unit or orientation is clearly better."""
-        margin = settings.margin if self.cut_out or self.doubtful else settings.margin_in_room
-        return other.score >= max(settings.person, self.score + margin)
+        person = 2.3  # log odds that a head needs in another unit or orientation
+        margin = 0.5 if self.cut_out or self.doubtful else 1.5  # required improvement of the score there
+        return other.score >= max(person, self.score + margin)
 
 
-def plausibility(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> tuple[Concern, ...]:
+def plausibility(recording: Recording) -> tuple[Concern, ...]:
     """Return the reasons to doubt a recording, the gravest first; none where everything is plausible.
 
     Raises
@@ -128,28 +99,32 @@ def plausibility(recording: Recording, settings: PlausibilitySettings = Plausibi
     RecordingError
         A frame cannot be read.
     """
-    intrinsics = intrinsics_concern(recording, settings)
-    frames = sampled_frames(recording, settings)
-    found = [intrinsics, *_people_concerns(recording, frames, settings, known=intrinsics is not None)]
+    intrinsics = intrinsics_concern(recording)
+    frames = sampled_frames(recording)
+    found = [intrinsics, *_people_concerns(recording, frames, known=intrinsics is not None)]
     found += [times_concern(recording)]
-    if not any(found) and are_unconnected(recording, settings):
+    if not any(found) and are_unconnected(recording):
         found += [Concern("times", "people move faster than a sprinter between the frames; check --frame-rate")]
     return tuple(concern for concern in found if concern is not None)
 
 
-def intrinsics_concern(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> Concern | None:
+def intrinsics_concern(recording: Recording) -> Concern | None:
     """Return a concern if the principal point lies far from the image centre, if cx and cy seem exchanged, or if the
     focal lengths differ.
     """
+    # Largest distance of the principal point from the image centre, as a share of the image's width or height, which is
+    # below 0.06 in registered and binned images of 14 depth cameras; the same where cx and cy fit each other's side;
+    # largest quotient of the focal lengths, which is below 1.02 for these cameras.
+    farthest, fitting, oblong = 0.15, 0.03, 1.1
     camera = recording.raw_camera
     centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     aside = abs(camera.cx - centre[0]) / camera.width, abs(camera.cy - centre[1]) / camera.height
     exchanged = abs(camera.cy - centre[0]) / camera.width, abs(camera.cx - centre[1]) / camera.height
     numbers = f"the principal point {camera.cx:g},{camera.cy:g} of {camera.width}x{camera.height} pixels"
-    if max(exchanged) < settings.exchanged < min(aside):
+    if max(exchanged) < fitting < min(aside):
         return Concern("intrinsics", f"{numbers} has cx and cy exchanged; give --intrinsics fx,fy,cx,cy")
-    if max(aside) <= settings.principal_point:
-        if max(camera.fx / camera.fy, camera.fy / camera.fx) < settings.oblong:
+    if max(aside) <= farthest:
+        if max(camera.fx / camera.fy, camera.fy / camera.fx) < oblong:
             return None
         text = f"the focal lengths {camera.fx:g} and {camera.fy:g} differ, so that people are wide or narrow"
         return Concern("intrinsics", f"{text}; check --intrinsics fx,fy,cx,cy")
@@ -174,24 +149,26 @@ def times_concern(recording: Recording) -> Concern | None:
     )
 
 
-def are_unconnected(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> bool:
+def are_unconnected(recording: Recording) -> bool:
     """Return True if in no sampled pair of consecutive frames a person can have moved from one place to the other.
 
     The frames are photographs then, or a film at a wrong rate. Pairs without people in both frames, or more than `HELD`
     seconds apart, are no evidence.
     """
     times = recording.timestamps
-    end = int(np.searchsorted(times, times[0] + settings.seconds))
-    firsts = np.unique(np.linspace(0, max(end, 2) - 2, settings.pairs).astype(np.int64))
+    end = int(np.searchsorted(times, times[0] + SAMPLED_SECONDS))
+    pairs = 6  # compared pairs of consecutive frames; one that a film can have is enough for a film
+    another_room = 0.5  # share of the pixels that are so much nearer or farther that two frames show different rooms
+    firsts = np.unique(np.linspace(0, max(end, 2) - 2, pairs).astype(np.int64))
     coarse = CoarseCamera(recording.camera.undistorted(), recording.up_camera, SensingSettings())
     moved = False
     for i in firsts[times[firsts + 1] - times[firsts] <= HELD].tolist() if len(recording) > 1 else ():
         seconds, images = float(times[i + 1] - times[i]), [coarse.downsampled(recording.depth(k)) for k in (i, i + 1)]
         measured = (images[0] > 0) & (images[1] > 0)
-        if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > settings.another_room:
+        if share_of(np.abs(images[1] - images[0]) > FASTEST * seconds, measured) > another_room:
             moved = True
             continue
-        (_, sure), (after, _) = (_places(image, coarse, settings) for image in images)
+        (_, sure), (after, _) = (_places(image, coarse) for image in images)
         if not sure or not after:
             continue
         if any(connected(a, b, seconds) for a in sure for b in after):
@@ -200,9 +177,7 @@ def are_unconnected(recording: Recording, settings: PlausibilitySettings = Plaus
     return moved
 
 
-def _places(
-    depth: np.ndarray, coarse: CoarseCamera, settings: PlausibilitySettings
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def _places(depth: np.ndarray, coarse: CoarseCamera) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the places (3,), level frame, where people may be in a coarse frame (h, w), and those where they are:
     medians of surfaces where people are cut out, heads in a room.
     """
@@ -214,7 +189,7 @@ def _places(
         return places, places
     heads = [head.place for head in find_heads(view, coarse, cut_out=False)]
     scores = [head_log_odds(view, coarse, head, person_network()) for head in heads]
-    likely = (score is not None and score >= settings.sure_in_room for score in scores)
+    likely = (score is not None and score >= SURE_IN_ROOM for score in scores)
     return heads, [head for head, sure in zip(heads, likely, strict=True) if sure]
 
 
@@ -226,10 +201,10 @@ def _seen(depth: np.ndarray, coarse: CoarseCamera) -> tuple[View, Surroundings]:
     ), surroundings
 
 
-def sampled_frames(recording: Recording, settings: PlausibilitySettings = PlausibilitySettings()) -> list[np.ndarray]:
-    """Return frames spread over the first seconds that hold a measurement: uint16 (H, W), millimetres, each."""
-    end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + settings.seconds))
-    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), settings.frames)).astype(np.int64))
+def sampled_frames(recording: Recording) -> list[np.ndarray]:
+    """Return up to three frames with a measurement, spread over the first seconds: uint16 (H, W), millimetres, each."""
+    end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + SAMPLED_SECONDS))
+    numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), 3)).astype(np.int64))
     frames = [recording.depth(int(i)) for i in numbers]
     return [frame for frame in frames if frame.any()]
 
@@ -285,31 +260,30 @@ def _stature(depth: np.ndarray, points: np.ndarray) -> float | None:
     return float((np.percentile(own, 99, axis=0) - np.percentile(own, 1, axis=0)).max())
 
 
-def _people_concerns(
-    recording: Recording, frames: Sequence[np.ndarray], settings: PlausibilitySettings, *, known: bool
-) -> list[Concern]:
+def _people_concerns(recording: Recording, frames: Sequence[np.ndarray], *, known: bool) -> list[Concern]:
     """Return concerns about the visible people: unit, orientation, size; `known`: the intrinsics are wrong."""
     if not frames or known:
         return []
     own = person_evidence(frames, recording.camera, recording.up_camera)
-    fits = own.stature is None or settings.stature[0] <= own.stature <= settings.stature[1]
-    floor = None if own.cut_out else _floor_fits(recording, settings)
-    if fits and floor is not False and (floor or own.sure(settings)):
+    fits = own.stature is None or STATURE[0] <= own.stature <= STATURE[1]
+    floor = None if own.cut_out else _floor_fits(recording)
+    if fits and floor is not False and (floor or own.sure()):
         return []
     own = replace(own, doubtful=floor is False)
-    unit = _fitting_unit(recording, frames, own, settings)
+    unit = _fitting_unit(recording, frames, own)
     if unit:
         present = recording.converter.unit
         size = unit_in_metres(present) / DEPTH_UNITS[unit]
         text = f"people have {size:.2g} times life size with --depth-unit {present}; give --depth-unit {unit}"
         return [Concern("unit", text)]
-    turns = better_turns(frames, recording.camera, settings)
+    turns = better_turns(frames, recording.camera)
     if turns:
         return [Concern("orientation", f"people stand upright in turned images; give --rotate {90 * turns}")]
     if own.stature is not None and not fits:
         size_text = f"the person measures {own.stature:.2f} m from head to foot"
         return [Concern("size", f"{size_text}; check --depth-unit and the focal length in --intrinsics")]
-    if own.cut_out and own.score < settings.unlike_person:
+    unlike_person = 0.7  # log odds of a head below which what is cut out is not a person
+    if own.cut_out and own.score < unlike_person:
         return [
             Concern(
                 "size",
@@ -320,33 +294,29 @@ def _people_concerns(
     return []
 
 
-def _floor_fits(recording: Recording, settings: PlausibilitySettings) -> bool | None:
+def _floor_fits(recording: Recording) -> bool | None:
     """Return whether the camera stands as high above the floor as cameras do in rooms; None where no floor is seen."""
     height = recording.vertical.height
-    low, high = settings.camera_height
+    low, high = 0.8, 2.6  # metres, evidence for the unit in a room where no person is seen
     return None if height is None else low <= height <= high
 
 
-def _fitting_unit(
-    recording: Recording, frames: Sequence[np.ndarray], own: PersonEvidence, settings: PlausibilitySettings
-) -> str:
+def _fitting_unit(recording: Recording, frames: Sequence[np.ndarray], own: PersonEvidence) -> str:
     """Return the unit in `DEPTH_UNITS` in which people have a person's size; "" if none fits better."""
     present = unit_in_metres(recording.converter.unit)
-    small, large = settings.stature
+    small, large = STATURE
     best = ("", own)
     for name, metres in DEPTH_UNITS.items():
         scale = metres / present
         if abs(scale - 1.0) < 0.01 or (own.stature is not None and not small <= own.stature * scale <= large):
             continue
         there = person_evidence(frames[:2], recording.camera, recording.up_camera, scale=scale)
-        if (there.score >= settings.person and own.worse_than(there, settings)) and there.score > best[1].score:
+        if own.worse_than(there) and there.score > best[1].score:
             best = (name, there)
     return best[0]
 
 
-def better_turns(
-    frames: Sequence[np.ndarray], camera: Camera, settings: PlausibilitySettings = PlausibilitySettings()
-) -> int:
+def better_turns(frames: Sequence[np.ndarray], camera: Camera) -> int:
     """Return the quarter turns clockwise after which people stand upright in frames (uint16 (H, W), millimetres).
 
     0 where they stand upright as the images are, and where no turn is clearly better.
@@ -359,8 +329,8 @@ def better_turns(
         return person_evidence(turned, camera.rotated(turns), np.array(DEFAULT_UP))
 
     own = evidence(0)
-    if own.sure(settings):
+    if own.sure():
         return 0
     others = {turns: evidence(turns) for turns in (1, 2, 3)}
     best = max(others, key=lambda turns: others[turns].score)
-    return best if own.worse_than(others[best], settings) else 0
+    return best if own.worse_than(others[best]) else 0

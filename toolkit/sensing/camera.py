@@ -33,7 +33,7 @@ class Camera:
     Raises
     ------
     RecordingError
-        The intrinsics are implausible for a depth camera of this size (see `check`).
+        The intrinsics are implausible for a depth camera of this size.
     """
 
     fx: float
@@ -45,10 +45,6 @@ class Camera:
     distortion: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        self.check()
-
-    def check(self) -> None:
-        """Raise RecordingError for intrinsics that are not finite or implausible."""
         if self.width < 1 or self.height < 1:
             raise RecordingError(f"an image of {self.width}x{self.height} pixels is empty; check the recording")
         if not np.isfinite(self.intrinsics).all():

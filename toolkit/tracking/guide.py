@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.body.body import BONE_AXIS
 from toolkit.body.rotations import quaternions as quat
-from toolkit.fitting.orientation import FrameEvidence, OrientationSettings, OrientationTerm
+from toolkit.fitting.orientation import DISAGREEMENT, FrameEvidence, OrientationTerm
 from toolkit.fitting.priors import PoseTerm
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.sensor_limbs import PARTS, joint_of
@@ -52,7 +52,6 @@ class InertialGuide(NoGuide):
     sensors : named after the parts of the body, each with an orientation
     calibration : calibration of these sensors
     recording : name of the recording, which selects one of several clocks
-    settings : weights
 
     Raises
     ------
@@ -60,16 +59,9 @@ class InertialGuide(NoGuide):
         The calibration has other sensors, none is usable, or no clock belongs to the recording.
     """
 
-    def __init__(
-        self,
-        sensors: Sensors,
-        calibration: Calibration,
-        recording: str,
-        settings: OrientationSettings | None = None,
-    ) -> None:
+    def __init__(self, sensors: Sensors, calibration: Calibration, recording: str) -> None:
         calibration.check_placement(sensors)
         self._clock = clock_of(calibration, recording)
-        settings = settings or OrientationSettings()
         chosen = [s for s in sensors if s.name in calibration.usable and s.name in self._clock.worlds]
         if not chosen:
             raise InertialError(f"no sensor of {', '.join(sensors.names)} is calibrated; calibrate them on more motion")
@@ -78,7 +70,6 @@ class InertialGuide(NoGuide):
              quat.conjugate(calibration.mounting(stream.name)))
             for stream in chosen
         ]  # fmt: skip
-        self._settings = settings
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
         """Return the orientation terms, see `Guide.evidence`; none for a sensor without packets around that time."""
@@ -93,10 +84,9 @@ class InertialGuide(NoGuide):
         return found
 
     def _term(self, limb: str, rotation: np.ndarray) -> OrientationTerm:
-        s = self._settings
         kind = PARTS[limb][0].removeprefix("left_").removeprefix("right_")
         axis = BONE_AXIS[kind] if kind in TWISTLESS else -1
-        return OrientationTerm(joint_of(limb), rotation, axis, s.weight, s.sigma, s.disagreement / len(self._parts))
+        return OrientationTerm(joint_of(limb), rotation, axis, DISAGREEMENT / len(self._parts))
 
 
 def clock_of(calibration: Calibration, recording: str) -> TakeClock:

@@ -18,10 +18,12 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.io.archives import check_columns
-from toolkit.io.errors import OutputError, TrackError, UsageError
+from toolkit.io.errors import OutputError, TrackError, UsageError, os_errors_as
 from toolkit.io.files import atomic_path
 from toolkit.io.safe_open import open_file
 from toolkit.tracks.track import AGAIN, PARTIAL_FILE, FrameResult, Track, columns, row_columns
+
+RESUME = "free some space and continue with --resume"
 
 
 def row_type(stages: int) -> np.dtype:
@@ -74,15 +76,12 @@ class TrackWriter:
         }
         self._header = json.dumps(names).encode() + b"\n"
         self.rows = 0
-        try:
+        with os_errors_as(OutputError, f"cannot write {self._path}", "choose a folder that can be written"):
             self.run.mkdir(parents=True, exist_ok=True)
             if self._path.exists() and self._path.stat().st_size > 0:
                 self._stream = self._reopen(resume)
             else:
                 self._stream = self._begin()
-        except OSError as error:
-            reason = error.strerror or error
-            raise OutputError(f"cannot write {self._path}: {reason}; choose a folder that can be written") from error
 
     def _begin(self) -> BinaryIO:
         self._stream = open_file(self._path, "w+b", inside=True, buffering=0)
@@ -129,11 +128,9 @@ class TrackWriter:
             The file cannot be cut.
         """
         end = len(self._header) + rows * self._record.itemsize
-        try:
+        with os_errors_as(OutputError, f"cannot write {self._path}", "free some space"):
             self._stream.truncate(end)
             self._stream.seek(end)
-        except OSError as error:
-            raise OutputError(f"cannot write {self._path}: {error.strerror or error}; free some space") from error
         self.rows = rows
 
     def append(self, result: FrameResult, timestamp: float) -> None:
@@ -144,13 +141,8 @@ class TrackWriter:
         OutputError
             The row cannot be written, for example because the disk is full; the rows before it stay.
         """
-        try:
+        with os_errors_as(OutputError, f"cannot write frame {self.rows} to {self._path}", RESUME):
             self._write(self._bytes(result, timestamp))
-        except OSError as error:
-            raise OutputError(
-                f"cannot write frame {self.rows} to {self._path}: {error.strerror or error}; "
-                "free some space and continue with --resume"
-            ) from error
         self.rows += 1
 
     def keep(self) -> None:
@@ -161,12 +153,8 @@ class TrackWriter:
         OutputError
             The disk does not take them.
         """
-        try:
+        with os_errors_as(OutputError, f"cannot write {self._path}", RESUME):
             os.fsync(self._stream.fileno())
-        except OSError as error:
-            raise OutputError(
-                f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
-            ) from error
 
     def replace(self, rows: Iterable[tuple[FrameResult, float]]) -> None:
         """Replace all rows, with their timestamps, or none where that fails.

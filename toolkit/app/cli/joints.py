@@ -29,7 +29,7 @@ def joints(
 ) -> None:
     """Detect the joints in the images of a recording once and store them with it as NPZ."""
     if fetch:
-        from toolkit.people.image_joints.fetch import fetch_pose_model
+        from toolkit.people.image_joints.pose_model import fetch_pose_model
 
         print_lines(fetch_pose_model(wheel))
         return

@@ -45,7 +45,7 @@ def live(
     from toolkit.io.files import check_output
     from toolkit.io.interrupts import interrupts_deferred
     from toolkit.output.live_view import RerunView
-    from toolkit.output.pose_stream import LiveOutput, stream_of
+    from toolkit.output.pose_stream import LiveOutput, PoseStream
     from toolkit.recordings.live_sources import FILE, live_source
     from toolkit.recordings.writer import RecordingWriter
 
@@ -55,7 +55,7 @@ def live(
         check_output(record, [Path(source.removeprefix(FILE))])
     with ExitStack() as stack:
         outputs: list[LiveOutput] = []
-        poses = None if stream is None else stream_of(stream)
+        poses = None if stream is None else PoseStream(stream)
         if poses is not None:
             outputs.append(poses)
             stack.callback(poses.close)

@@ -18,7 +18,7 @@ from typing import Any
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.app.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.app.pipeline.run import track_recording
-from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.app.pipeline.trackers import TrackerRecipe, held_tracker
 from toolkit.io.errors import DepthMocapError, PlausibilityWarning, RecordingError, UsageError
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.io.workers import Task
@@ -191,20 +191,13 @@ def _threads(workers: int | None) -> Any:
     return nullcontext() if workers is None else joblib.parallel_config("loky", inner_max_num_threads=1)
 
 
-_TRACKERS: dict[str, Tracker] = {}
-"""Tracker of this worker process by its recipe."""
-
-
 def _in_worker(job: _Job) -> ManifestRow:
     """Run a job in a worker process and return its row."""
-    key = repr(job.recipe)
-    first = key not in _TRACKERS
-    if first:
-        _TRACKERS[key] = job.recipe.build()
+    tracker, first = held_tracker(job.recipe)
     with warnings.catch_warnings():  # the calling process shows them
         warnings.simplefilter("always", PlausibilityWarning)
         warnings.showwarning = lambda *arguments, **named: None
-        return job.done(_TRACKERS[key], warm_up=first)
+        return job.done(tracker, warm_up=first)
 
 
 def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any]) -> dict[Path, str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, os_errors_as
 from toolkit.io.files import save_text
 from toolkit.io.safe_open import open_file
 from toolkit.io.typed_values import TypedReader
@@ -92,9 +92,6 @@ class EventStream:
             return
         if not events:
             return
-        try:
+        with os_errors_as(OutputError, f"cannot write events to {self._output}", "choose another file"):
             with open_file(self._output, "a+b") as stream:
                 stream.writelines(f"{event.to_json()}\n".encode() for event in events)
-        except OSError as error:
-            reason = error.strerror or error
-            raise OutputError(f"cannot write events to {self._output}: {reason}; choose another file") from error

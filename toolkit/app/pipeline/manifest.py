@@ -7,7 +7,7 @@ import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, os_errors_as
 from toolkit.io.safe_open import open_file
 
 MANIFEST_FILE = "manifest.jsonl"
@@ -62,11 +62,9 @@ class Manifest:
         self.rows: dict[str, ManifestRow] = {}
         if not os.path.lexists(self.path):
             return
-        try:
+        with os_errors_as(UsageError, f"cannot read {self.path}", "choose another output"):
             with open_file(self.path, inside=True) as stream:
                 own = HEAD.startswith(stream.readline(len(HEAD)))  # a partially written first line counts as a header
-        except OSError as error:
-            raise UsageError(f"cannot read {self.path}: {error.strerror or error}; choose another output") from error
         if not own:
             raise UsageError(f"{self.path} is the manifest of something else; choose another output")
 
@@ -78,12 +76,10 @@ class Manifest:
         OutputError
             The file cannot be written.
         """
-        try:
+        with os_errors_as(OutputError, f"cannot write {self.path}", "free some space"):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with open_file(self.path, "a+b" if self.rows else "w+b", inside=True) as stream:
                 stream.write((b"" if self.rows else HEAD) + json.dumps(asdict(row)).encode() + b"\n")
                 stream.flush()
                 os.fsync(stream.fileno())
-        except OSError as error:
-            raise OutputError(f"cannot write {self.path}: {error.strerror or error}; free some space") from error
         self.rows[row.recording] = row

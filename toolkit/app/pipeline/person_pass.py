@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.app.pipeline.trackers import TrackerRecipe
+from toolkit.app.pipeline.trackers import TrackerRecipe, held_tracker
 from toolkit.app.pipeline.watch import stop_request
 from toolkit.body.body import Body
 from toolkit.io.checkpoint import check_state, load_checkpoint, save_checkpoint
@@ -102,20 +102,12 @@ class PersonTask:
             yield len(times) - 1, plan
 
 
-_TRACKERS: dict[str, TwoPassTracker] = {}
-"""Tracker of this worker process by its recipe."""
-
-
 def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Plan | None, bool]:
     """Follow a person in a worker process; return the plan, and whether the person is done."""
-    key = repr(recipe)
-    if key not in _TRACKERS:
-        tracker = recipe.build()
-        assert isinstance(tracker, TwoPassTracker), "only trackers with two passes have tasks"
-        _TRACKERS[key] = tracker
-    plan = None
+    tracker, plan = held_tracker(recipe)[0], None
+    assert isinstance(tracker, TwoPassTracker), "only trackers with two passes have tasks"
     with stop_request() as stop:
-        for step in task.run(_TRACKERS[key]):
+        for step in task.run(tracker):
             plan = step[1]
             if stop.is_set() or (task.folder / STOP_FILE).exists():
                 return None, False

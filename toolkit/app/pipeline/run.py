@@ -13,11 +13,10 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from toolkit.app.pipeline.earlier import sightings_before
 from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_run_file, info_of, tracks_of_same_run
 from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source, name_of
+from toolkit.app.pipeline.person_pass import MEMORY_SECONDS
 from toolkit.app.pipeline.run_summary import RunSummary, summarised, track_warnings
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.second import SecondPass
@@ -34,6 +33,7 @@ from toolkit.people.plausibility import plausibility
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
 from toolkit.people.vertical import floor_height
+from toolkit.retrieval.features.motion import frame_rate_of
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
@@ -46,8 +46,6 @@ from toolkit.tracks import RunInfo
 if TYPE_CHECKING:
     from toolkit.app.pipeline.events import EventStream
 
-MEMORY_SECONDS = 2.0
-"""Interval between two stored states, seconds; a killed run loses at most this much work."""
 WARM_UP_FRAMES = 3
 """Frames of the warm-up, which compiles the kernels before timing begins."""
 
@@ -229,7 +227,7 @@ def _first_pass(
         _warm_up(job, report)  # otherwise body estimation comes first and is not timed
     logger.info("%s: tracking frames %d to %d", recording.name, people_tracker.frames, len(recording))
     if watcher is not None:
-        watcher.begin(_frame_rate(recording), people_tracker.bodies.get(1), sink.past())
+        watcher.begin(frame_rate_of(recording.timestamps), people_tracker.bodies.get(1), sink.past())
     try:
         _follow(recording, people_tracker, sink, report, stop, watcher)
     except RecordingError:
@@ -324,12 +322,6 @@ def _write(sink: RunSink, people_tracker: MultiPersonTracker, rows: list[Row], w
     if watcher is not None:
         for row in rows:
             watcher.row(row.result, row.timestamp, people_tracker.bodies[row.person])
-
-
-def _frame_rate(recording: Recording) -> float:
-    """Return the frame rate in Hz from the median interval."""
-    steps = np.diff(recording.timestamps)
-    return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
 def _remember(sink: RunSink, people_tracker: MultiPersonTracker) -> None:

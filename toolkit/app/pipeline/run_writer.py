@@ -12,7 +12,7 @@ import numpy as np
 
 from toolkit.app.config import settings_text
 from toolkit.body.body import Body
-from toolkit.io.errors import OutputError
+from toolkit.io.errors import OutputError, os_errors_as
 from toolkit.io.files import save_text
 from toolkit.motion.contact import foot_contacts
 from toolkit.people.evidence import Evidence, furniture
@@ -60,11 +60,8 @@ class RunSink:
         self.run, self._tracker, self._info, self._several, self._resume = run, tracker, info, several, resume
         self._writers: dict[int, TrackWriter] = {}
         self._evidence: Mapping[int, Evidence] = {}
-        try:
+        with os_errors_as(OutputError, f"cannot write {run}", "choose a folder that can be written"):
             run.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            reason = error.strerror or error
-            raise OutputError(f"cannot write {run}: {reason}; choose a folder that can be written") from error
         begun = os.path.lexists(run / RUN_FILE)  # the partial files come first, because they mark the run as unfinished
         if not begun:
             self._describe(run)

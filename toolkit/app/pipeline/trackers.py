@@ -85,6 +85,19 @@ class TrackerRecipe:
         return registered(self.tracker)
 
 
+_HELD: dict[str, Tracker] = {}
+"""Trackers of this worker process by their recipe."""
+
+
+def held_tracker(recipe: TrackerRecipe) -> tuple[Tracker, bool]:
+    """Return the tracker of this worker process, and whether it was built by this call."""
+    key = repr(recipe)
+    first = key not in _HELD
+    if first:
+        _HELD[key] = recipe.build()
+    return _HELD[key], first
+
+
 def _with_body(tracker: Tracker, body: str | Path | None) -> Tracker:
     if body is None:
         return tracker

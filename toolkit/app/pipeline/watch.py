@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from toolkit.io.errors import OutputError
+from toolkit.io.errors import OutputError, os_errors_as
 from toolkit.io.interrupts import ENDING
 from toolkit.io.safe_open import open_file
 
@@ -53,11 +53,8 @@ class _Quiet(logging.StreamHandler):
 @contextmanager
 def log_file(folder: Path) -> Iterator[None]:
     """Copy all log messages of the toolkit to `log.txt` while the block runs."""
-    try:
+    with os_errors_as(OutputError, f"cannot write {folder / LOG_FILE}", "choose a folder that can be written"):
         stream = io.TextIOWrapper(open_file(folder / LOG_FILE, "a+b", inside=True), "utf-8", "backslashreplace")
-    except OSError as error:
-        reason = error.strerror or error
-        raise OutputError(f"cannot write {folder / LOG_FILE}: {reason}; choose a folder that can be written") from error
     handler = _Quiet(stream)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     root = logging.getLogger("toolkit")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.io.errors import InertialError
+from toolkit.io.errors import InertialError, os_errors_as
 from toolkit.io.safe_open import open_file, read_file
 from toolkit.io.yaml_reader import LARGEST_TEXT
 
@@ -41,20 +41,18 @@ def read_text(path: Path) -> str:
     InertialError
         The file cannot be read, or it is binary.
     """
-    try:
+    with os_errors_as(InertialError, f"cannot read {path}", "check the path"):
         data = read_file(path, LARGEST_TEXT)
-    except OSError as error:
-        raise InertialError(f"cannot read {path}: {error.strerror or error}; check the path") from error
     if b"\0" in data[:4096]:
         raise InertialError(f"{path} is binary and no text; is it the exported file?")
     return data.decode("utf-8-sig", errors="replace")
 
 
-def head_of(path: Path, size: int = 4096) -> str:
+def head_of(path: Path) -> str:
     """Return the beginning of a file as text; empty for unreadable and binary files."""
     try:
         with open_file(path) as stream:
-            data = stream.read(size)
+            data = stream.read(4096)
     except OSError:
         return ""
     return "" if b"\0" in data else data.decode("utf-8-sig", errors="replace")

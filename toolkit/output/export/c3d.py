@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.errors import UsageError
+from toolkit.io.errors import UsageError, optional_package
 from toolkit.io.files import atomic_path
 from toolkit.tracks.runs import Person
 
@@ -26,10 +26,7 @@ def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     OutputError
         The file cannot be written.
     """
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise UsageError("C3D files need the package ezc3d; type `pip install 'depthmocap[c3d]'`") from error
+    ezc3d = optional_package("ezc3d", "c3d", "a C3D file")
     rate, lengths = people[0].frame_rate(), {len(person.track) for person in people}
     if len(lengths) > 1:
         raise UsageError(f"the tracks have {sorted(lengths)} frames; a C3D file holds people of one recording")

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.errors import UsageError
+from toolkit.io.errors import optional_package
 from toolkit.io.files import atomic_path
 from toolkit.output.export.origin import Origin
+from toolkit.output.rendering.style import FAINT, person_color
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
@@ -21,10 +22,6 @@ from toolkit.tracks.runs import Person
 
 STREAMED_POINTS = 6000
 """Number of measured pixels of the first frame above which depth images are subsampled."""
-PERSON_COLORS = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
-"""Colours of people, in order of appearance, red, green and blue."""
-UNOBSERVED_COLOR = (150, 156, 166)
-"""Colour of joints without a measurement."""
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
@@ -49,11 +46,8 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
     OutputError
         The file cannot be written.
     """
-    try:
-        import rerun as rr
-        import rerun.blueprint as views
-    except ImportError as error:
-        raise UsageError("rerun files need its package; type `pip install 'depthmocap[rerun]'`") from error
+    rr = optional_package("rerun", "rerun", "a .rrd file")
+    views = optional_package("rerun.blueprint", "rerun", "a .rrd file")
     with atomic_path(path) as temporary:
         stream = rr.RecordingStream("depthmocap", recording_id="depthmocap")
         scene, plots = views.Spatial3DView(origin="world"), views.TimeSeriesView(origin="plots")
@@ -64,7 +58,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
         if recording is not None:
             _write_depth(rr, stream, recording, times, people[0].R_level_camera, origin.offset)
         for number, person in enumerate(people):
-            _write_person(rr, stream, person, times, PERSON_COLORS[number % len(PERSON_COLORS)])
+            _write_person(rr, stream, person, times, person_color(number))
         stream.flush()
         stream.disconnect()
 
@@ -127,7 +121,7 @@ def _write_person(rr: Any, stream: Any, person: Person, times: np.ndarray, color
         joints = person.joints_level[there]
         vertices = np.concatenate([person.body.vertex_positions(track.pose[frame]) for frame in there])
         write(f"{place}/body", there, rr.Mesh3D.columns(vertex_positions=vertices), len(person.body.vertices))
-        colors = np.where(track.observed[there][..., None], np.array(color), np.array(UNOBSERVED_COLOR))
+        colors = np.where(track.observed[there][..., None], np.array(color), np.array(FAINT))
         dots = rr.Points3D.columns(positions=joints.reshape(-1, 3), colors=colors.astype(np.uint8).reshape(-1, 3))
         write(f"{place}/joints", there, dots, len(skeleton.REPORTED))
         strips = joints[:, skeleton.BONE_ROWS].reshape(-1, 2, 3)

@@ -6,12 +6,13 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.io.files import check_output, save_json
+from toolkit.io.spans import spans
 from toolkit.motion.motion_summary import as_plain, summary_of
 from toolkit.motion.resting import at_rest
 from toolkit.output.export.amass import export_amass
@@ -21,7 +22,6 @@ from toolkit.output.export.c3d import export_c3d
 from toolkit.output.export.document import export_json
 from toolkit.output.export.glb import export_glb
 from toolkit.output.export.k4abt import export_k4abt
-from toolkit.output.export.notes import notes_of, write_notes
 from toolkit.output.export.opensim import export_opensim
 from toolkit.output.export.origin import CAMERA, FLOOR, Origin, origin_of
 from toolkit.output.export.pixels import LabelledFrame, labelled_frames, write_body_index, write_clouds
@@ -30,7 +30,7 @@ from toolkit.output.export.tables import export_csv, export_trc
 from toolkit.output.export.tree import OWN
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
-from toolkit.tracks import RUN_FILE, TRACK_FILE, RunInfo
+from toolkit.tracks import LOST, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import PEOPLE_FILE, Person, load_persons, person_runs
 
 logger = logging.getLogger(__name__)
@@ -110,10 +110,31 @@ class Format(NamedTuple):
     blank: bool = True
 
 
+def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
+    """Return the axes, and for each person the intervals (frames from 0) without the person or with a lost one."""
+    return {
+        "axes": origin.note(),
+        "people": [
+            {
+                "name": person.name,
+                "nobody_there": _ranges(~person.there),
+                "lost": _ranges(person.track.state == LOST),
+            }
+            for person in people
+        ],
+        "meaning": "The nearest pose is held in frames without the person and is no measurement; in lost frames "
+        "the pose is predicted.",
+    }
+
+
+def _ranges(flags: np.ndarray) -> list[list[int]]:
+    return [[span.start, span.stop - 1] for span in spans(flags)]
+
+
 def _bvh(path: Path, job: ExportJob) -> None:
     person = job.person
     export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig, unit=job.unit)
-    write_notes(path, job.origin, job.people)
+    save_json(path.with_name(f"{path.name}.notes.json"), notes_of(job.origin, job.people))
 
 
 def _rerun(path: Path, job: ExportJob) -> None:
@@ -170,7 +191,7 @@ FORMATS: dict[str, Format] = {
 
 
 def export_run(
-    run: str | Path,
+    run: str | Path | Sequence[Person],
     path: str | Path,
     *,
     rig: str | None = None,
@@ -188,7 +209,7 @@ def export_run(
 
     Parameters
     ----------
-    run : run folder, of one person or of several
+    run : run folder, of one person or of several, or people whose tracks are in memory
     path : the file to write
     rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; default: those of the body
     format : a key of `FORMATS`
@@ -215,36 +236,12 @@ def export_run(
     OutputError
         A file cannot be written.
     """
-    check_output(path, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
-    return export_people(
-        load_persons(run),
-        path,
-        rig=rig,
-        format=format,
-        origin=origin,
-        run=run,
-        recording=recording,
-        as_tracked=as_tracked,
-        model=model,
-        unit=unit,
-    )
-
-
-def export_people(
-    people: Sequence[Person],
-    path: str | Path,
-    *,
-    rig: str | None = None,
-    format: str | None = None,
-    origin: str | None = None,
-    run: str | Path | None = None,
-    recording: str | Path | None = None,
-    as_tracked: bool = False,
-    model: str | Path | None = None,
-    unit: str | None = None,
-) -> tuple[Path, ...]:
-    """Export people whose tracks are in memory, or those of the run folder `run`; raises as `export_run`."""
-    target = Path(path)
+    folder, people, target = None, run, Path(path)
+    if isinstance(people, (str, Path)):
+        folder = Path(people)
+        sources = (part / name for part in person_runs(folder) for name in (TRACK_FILE, RUN_FILE))
+        check_output(target, [folder / PEOPLE_FILE, *sources])
+        people = load_persons(folder)
     name, format_ = _chosen(target, format)
     if rig is not None and not format_.rigged:
         named = ", ".join(known.suffix for known in FORMATS.values() if known.rigged)
@@ -258,14 +255,18 @@ def export_people(
     place = origin or format_.origin
     if place == FLOOR and not as_tracked:
         people = [at_rest(person) for person in people]
-    if format_.together or len(people) == 1:
-        _write(format_, target, people, place, rig, run, recording, model, unit or "cm")
-        return (target,)
-    written = []
-    for person in people:
-        written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        _write(format_, written[-1], [person], place, rig, run, recording, model, unit or "cm")
-    return tuple(written)
+    files = {target: people}
+    if not format_.together and len(people) > 1:
+        files = {target.with_name(f"{target.stem}_{each.name}{target.suffix}"): [each] for each in people}
+    for file, shown in files.items():
+        if not format_.blank and not shown[0].there.any():
+            raise UsageError(
+                f"{shown[0].name} is in no frame, which {file.name} cannot represent; export .csv or .json"
+            )
+        zero = origin_of(shown, place)
+        moved = [person.moved(zero.offset) for person in shown]
+        format_.write(file, ExportJob(moved, zero, rig or OWN, folder, recording, model, unit or "cm"))
+    return tuple(files)
 
 
 def _chosen(target: Path, format: str | None) -> tuple[str, Format]:
@@ -283,22 +284,3 @@ def _chosen(target: Path, format: str | None) -> tuple[str, Format]:
             return name, known
     suffixes = ", ".join(dict.fromkeys(known.suffix for known in FORMATS.values() if known.suffix))
     raise UsageError(f"cannot export to {target}; choose one of the suffixes {suffixes}")
-
-
-def _write(
-    format_: Format,
-    path: Path,
-    people: Sequence[Person],
-    origin: str,
-    rig: str | None,
-    run: str | Path | None,
-    recording: str | Path | None,
-    model: str | Path | None,
-    unit: str,
-) -> None:
-    if not format_.blank and not people[0].there.any():
-        raise UsageError(f"{people[0].name} is in no frame, which {path.name} cannot represent; export .csv or .json")
-    place = origin_of(people, origin)
-    moved = [person.moved(place.offset) for person in people]
-    folder = None if run is None else Path(run)
-    format_.write(path, ExportJob(moved, place, rig or OWN, folder, recording, model, unit))

@@ -13,7 +13,7 @@ import numpy as np
 
 from toolkit.body.body import vertex_normals
 from toolkit.output.rendering.mesh import KEY_LIGHT, LIGHTS
-from toolkit.sensing.camera import Camera
+from toolkit.output.rendering.views import OutsideView
 
 WHITE_PAPER = (255, 255, 255)
 """Background of the pictures, RGB."""
@@ -27,18 +27,6 @@ class ColoredMesh(NamedTuple):
     colors: np.ndarray
 
 
-class PictureView(NamedTuple):
-    """Camera of a picture, its position (3,) in the level frame, metres, and its rotation to the level frame (3, 3)."""
-
-    camera: Camera
-    centre: np.ndarray
-    rotation: np.ndarray
-
-    def project(self, points_level: np.ndarray) -> np.ndarray:
-        """Return the pixels (..., 2) of points (..., 3), NaN behind the camera."""
-        return self.camera.project((points_level - self.centre) @ self.rotation)
-
-
 class PicturePainter:
     """Painter of bodies on white paper, with their shadows on the ground.
 
@@ -48,7 +36,7 @@ class PicturePainter:
     ground : y of the ground, metres, level frame; NaN for none
     """
 
-    def __init__(self, view: PictureView, ground: float) -> None:
+    def __init__(self, view: OutsideView, ground: float) -> None:
         self._view, self._ground = view, ground
         self._samples = 3  # rays of a pixel along rows and along columns; their mean smooths contours
         self._to_light = view.rotation @ KEY_LIGHT

@@ -14,9 +14,9 @@ from toolkit.output.rendering import style
 from toolkit.output.rendering.axes import LimbAxes
 from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.mesh import draw_mesh, mesh_colors
-from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter, PictureView
+from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter
 from toolkit.output.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
-from toolkit.output.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
+from toolkit.output.rendering.views import R_LEVEL_VIEW, OutsideView, outside_view_of, window_on
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
@@ -186,7 +186,7 @@ class FramePainter:
         """Map points (..., 3) of the level frame to a panel (..., 2), NaN behind its camera."""
         if panel in R_LEVEL_VIEW:
             view = self._outside[panel]
-            return view.camera.project(view.to_camera(points))
+            return view.project(points)
         return self._window.camera.project(points @ self._rotation)
 
     def _draw_depth(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
@@ -212,8 +212,7 @@ class FramePainter:
 
     def _picture_painters(self) -> dict[str, PicturePainter]:
         """Return the painters of the panels with bodies on white paper."""
-        views = {"body": PictureView(self._window.camera, np.zeros(3), self._rotation)}
-        views |= {name: PictureView(view.camera, view.centre, view.rotation) for name, view in self._outside.items()}
+        views = {"body": OutsideView(self._window.camera, np.zeros(3), self._rotation), **self._outside}
         return {name: PicturePainter(view, self._ground.height) for name, view in views.items()}
 
     def _draw_picture(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
@@ -228,7 +227,7 @@ class FramePainter:
         for k, person in self._there(i):
             vertices = view.to_camera(person.body.vertex_positions(person.track.pose[i]))
             depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], view.camera, depth)
-        draw_points(image, view.camera.project(view.to_camera(cloud.points)), style.CLOUD)
+        draw_points(image, view.project(cloud.points), style.CLOUD)
         place = (10, image.shape[0] - 2 * self._text)
         style.write(image, CAMERA_AT[panel], *place, max(8, self._text - 4), style.FAINT)
 

@@ -71,7 +71,7 @@ def window_on(joints: np.ndarray, camera: Camera, size: tuple[int, int]) -> Wind
 
 @dataclass(frozen=True)
 class OutsideView:
-    """A camera at the subject's left or above.
+    """A camera that is placed in the level frame.
 
     Attributes
     ----------
@@ -87,6 +87,10 @@ class OutsideView:
     def to_camera(self, points_level: np.ndarray) -> np.ndarray:
         """Return points (..., 3) of the level frame in the frame of this camera."""
         return (points_level - self.centre) @ self.rotation
+
+    def project(self, points_level: np.ndarray) -> np.ndarray:
+        """Return the pixels (..., 2) of points (..., 3), NaN behind the camera."""
+        return self.camera.project(self.to_camera(points_level))
 
 
 def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) -> OutsideView:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,8 +10,8 @@ import numpy as np
 
 from toolkit.evaluation.marker_statistics import LIMITS
 from toolkit.evaluation.marker_validation import Validation
-from toolkit.io.files import save_text
-from toolkit.io.html import csv_of, page, picture, png_of, table
+from toolkit.io.files import save_csv, save_json, save_text
+from toolkit.io.html import page, picture, png_of, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,14 +32,10 @@ def write_validation(validation: Validation, folder: str | Path) -> list[Path]:
     """
     target = Path(folder)
     rows = [JOINT_HEAD, *joint_rows(validation), ANGLE_HEAD, *angle_rows(validation)]
-    content = {
-        "validation.html": _page(validation),
-        "validation.csv": csv_of(rows[0], rows[1:]),
-        "validation.json": json.dumps(_plain(validation.figures()), indent=1) + "\n",
-    }
-    for name, text in content.items():
-        save_text(target / name, text)
-    return [target / name for name in content]
+    save_text(target / FILES[0], _page(validation))
+    save_csv(target / FILES[1], rows[0], rows[1:])
+    save_json(target / FILES[2], validation.figures())
+    return [target / name for name in FILES]
 
 
 def joint_rows(validation: Validation) -> list[tuple[str, ...]]:
@@ -92,15 +87,6 @@ def summary(validation: Validation) -> list[str]:
             f"One rigid alignment for the recording: median residual {1000 * validation.alignment.residual:.1f} mm."
         )
     return [*lines, *(f"Note: {note}." for note in validation.notes)]
-
-
-def _plain(value: object) -> object:
-    """Return a value without NaN, which JSON lacks."""
-    if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _page(validation: Validation) -> str:

@@ -11,54 +11,18 @@ import os
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import IntEnum
 from pathlib import Path
 from typing import IO, NamedTuple
 
 from toolkit.io.safe_open import open_file
 
-
-class Element(IntEnum):
-    """Identifiers of the elements."""
-
-    EBML = 0x1A45DFA3
-    SEGMENT = 0x18538067
-    CLUSTER = 0x1F43B675
-    TRACKS = 0x1654AE6B
-    ATTACHMENTS = 0x1941A469
-    INFO = 0x1549A966
-    TRACK_ENTRY = 0xAE
-    TRACK_NUMBER = 0xD7
-    CODEC = 0x86
-    CODEC_PRIVATE = 0x63A2
-    NAME = 0x536E
-    VIDEO = 0xE0
-    WIDTH = 0xB0
-    HEIGHT = 0xBA
-    CLUSTER_TIME = 0xE7
-    SIMPLE_BLOCK = 0xA3
-    BLOCK_GROUP = 0xA0
-    BLOCK = 0xA1
-    TIME_SCALE = 0x2AD7B1
-    ATTACHED_FILE = 0x61A7
-    FILE_NAME = 0x466E
-    FILE_DATA = 0x465C
-
-
-PARENTS = frozenset(
-    {
-        Element.SEGMENT,
-        Element.CLUSTER,
-        Element.TRACKS,
-        Element.ATTACHMENTS,
-        Element.INFO,
-        Element.TRACK_ENTRY,
-        Element.VIDEO,
-        Element.BLOCK_GROUP,
-        Element.ATTACHED_FILE,
-    }
-)
-"""Identifiers of the elements that contain relevant elements."""
+EBML, SEGMENT, CLUSTER, TRACK_ENTRY = 0x1A45DFA3, 0x18538067, 0x1F43B675, 0xAE
+PARENTS = frozenset({SEGMENT, CLUSTER, TRACK_ENTRY, 0x1654AE6B, 0x1941A469, 0x1549A966, 0xE0, 0xA0, 0x61A7})
+"""Elements that contain relevant ones; those without a name are Tracks, Attachments, Info, Video, BlockGroup and
+AttachedFile."""
+BLOCKS = frozenset({0xA3, 0xA1})
+"""SimpleBlock, and the Block of a BlockGroup."""
+CLUSTER_TIME, TIME_SCALE, FILE_NAME, FILE_DATA = 0xE7, 0x2AD7B1, 0x466E, 0x465C
 
 
 class Block(NamedTuple):
@@ -73,7 +37,7 @@ class Block(NamedTuple):
 class MatroskaTrack:
     """One track: name, codec, codec private data, size in pixels (0 without), and blocks."""
 
-    number: int = 0
+    number: int = -1
     name: str = ""
     codec: str = ""
     private: bytes = b""
@@ -94,13 +58,12 @@ class Matroska:
     def __init__(self, path: Path) -> None:
         self._stream = open_file(path)
         self._size = os.fstat(self._stream.fileno()).st_size
-        self._by_number: dict[int, MatroskaTrack] = {}
         self.tracks: list[MatroskaTrack] = []
         self.attachments: dict[str, bytes] = {}
         self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
         weakref.finalize(self, self._stream.close)
         identifier, *_ = self._element_at(0)
-        if identifier != Element.EBML:
+        if identifier != EBML:
             raise ValueError("it has no Matroska header")
         self._walk(0, self._size, 0)
         for track in self.tracks:
@@ -125,24 +88,20 @@ class Matroska:
             raise ValueError("its elements are nested too deep")
         while place < end:
             identifier, start, stop = self._element_at(place)
-            if stop > end and not (identifier in (Element.SEGMENT, Element.CLUSTER) and stop == self._size):
+            if stop > end and not (identifier in (SEGMENT, CLUSTER) and stop == self._size):
                 raise ValueError(f"it ends within an element at byte {place}")
-            if identifier == Element.TRACK_ENTRY:
+            if identifier == TRACK_ENTRY:
                 self.tracks.append(MatroskaTrack())
             if identifier in PARENTS:
                 self._walk(start, stop, depth + 1)
-            elif identifier in (Element.SIMPLE_BLOCK, Element.BLOCK):
+            elif identifier in BLOCKS:
                 self._add_block(start, stop)
             elif identifier in LEAVES:
-                LEAVES[identifier](self, _exactly(self._stream, start, self._bounded(identifier, stop - start)))
+                largest = 1 << 24  # bytes of an element that is no block
+                if stop - start > largest:
+                    raise ValueError(f"element {identifier:x} has {stop - start} bytes")
+                self._keep(identifier, _exactly(self._stream, start, stop - start))
             place = stop
-
-    @staticmethod
-    def _bounded(identifier: int, size: int) -> int:
-        small = 1 << 24  # maximum size of an element that is no block or attachment, bytes
-        if size > small:
-            raise ValueError(f"element {identifier:x} has {size} bytes")
-        return size
 
     def _add_block(self, start: int, stop: int) -> None:
         self._stream.seek(start)
@@ -152,37 +111,25 @@ class Matroska:
             raise ValueError(f"the block at byte {start} is cut short")
         if head[2] & 0x06:
             raise ValueError("its blocks are laced, which no recorder of depth does")
-        track = self._by_number.get(number)
+        track = next((track for track in self.tracks if track.number == number), None)
         if track is not None:
             time = (self._cluster_time + int.from_bytes(head[:2], "big", signed=True)) * self._scale
             track.blocks.append(Block(time, start + length + 3, stop - start - length - 3))
 
-    def _set_number(self, data: bytes) -> None:
-        self.tracks[-1].number = _whole(data)
-        self._by_number[_whole(data)] = self.tracks[-1]
-
-    def _set_time(self, data: bytes) -> None:
-        self._cluster_time = _whole(data)
-
-    def _set_scale(self, data: bytes) -> None:
-        self._scale = _whole(data)
-
-    def _set_file_name(self, data: bytes) -> None:
-        self._file_name = data.decode("utf-8", "replace")
-
-    def _add_file(self, data: bytes) -> None:
-        self.attachments[self._file_name] = data
-
-
-def _of_track(name: str, made: Callable[[bytes], object]) -> Callable[[Matroska, bytes], None]:
-    """Return the function that sets one attribute of the current track."""
-
-    def set_attribute(file: Matroska, data: bytes) -> None:
-        if not file.tracks:
+    def _keep(self, identifier: int, data: bytes) -> None:
+        if identifier == CLUSTER_TIME:
+            self._cluster_time = _whole(data)
+        elif identifier == TIME_SCALE:
+            self._scale = _whole(data)
+        elif identifier == FILE_NAME:
+            self._file_name = _text(data)
+        elif identifier == FILE_DATA:
+            self.attachments[self._file_name] = data
+        elif not self.tracks:
             raise ValueError("a track's property stands before the first track")
-        setattr(file.tracks[-1], name, made(data))
-
-    return set_attribute
+        else:
+            name, made = TRACK_FIELDS[identifier]
+            setattr(self.tracks[-1], name, made(data))
 
 
 def _whole(data: bytes) -> int:
@@ -193,19 +140,13 @@ def _text(data: bytes) -> str:
     return data.rstrip(b"\0").decode("utf-8", "replace")
 
 
-LEAVES: dict[int, Callable[[Matroska, bytes], None]] = {
-    Element.TRACK_NUMBER: Matroska._set_number,
-    Element.CODEC: _of_track("codec", _text),
-    Element.CODEC_PRIVATE: _of_track("private", bytes),
-    Element.NAME: _of_track("name", _text),
-    Element.WIDTH: _of_track("width", _whole),
-    Element.HEIGHT: _of_track("height", _whole),
-    Element.CLUSTER_TIME: Matroska._set_time,
-    Element.TIME_SCALE: Matroska._set_scale,
-    Element.FILE_NAME: Matroska._set_file_name,
-    Element.FILE_DATA: Matroska._add_file,
-}
-"""Identifier -> handler of the elements that are read immediately."""
+TRACK_FIELDS: dict[int, tuple[str, Callable[[bytes], object]]] = {
+    0xD7: ("number", _whole), 0x86: ("codec", _text), 0x63A2: ("private", bytes), 0x536E: ("name", _text),
+    0xB0: ("width", _whole), 0xBA: ("height", _whole),
+}  # fmt: skip
+"""Element -> attribute of the current track, and the conversion of its bytes."""
+LEAVES = frozenset({CLUSTER_TIME, TIME_SCALE, FILE_NAME, FILE_DATA, *TRACK_FIELDS})
+"""Elements that are read at once."""
 
 
 def _number(stream: IO[bytes], *, keep_mark: bool) -> tuple[int, int]:

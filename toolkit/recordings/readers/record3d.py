@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, optional_package
 from toolkit.io.files import is_file
 from toolkit.io.yaml_reader import LARGEST_JSON, parse_json
 from toolkit.recordings.reader_options import ReaderOptions
@@ -37,12 +37,7 @@ class _Record3dFrames(FrameSource):
     """Depth and colour images of the archive, by number."""
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
-        try:
-            import lzfse
-        except ImportError as error:
-            raise UsageError(
-                f"to read {path} the package lzfse is needed; install it with: pip install 'depthmocap[record3d]'"
-            ) from error
+        lzfse = optional_package("lzfse", "record3d", f"reading {path}")
         self._path, self._shape, self._decompress = path, shape, lzfse.decompress
         self._archive = zipfile.ZipFile(path)
         names = set(self._archive.namelist())

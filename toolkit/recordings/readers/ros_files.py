@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import RecordingError, optional_package
 from toolkit.io.files import is_file
 from toolkit.recordings.readers.base import damaged
 
@@ -105,17 +105,11 @@ class _BagMessages:
     """Reader by `rosbags`: ROS 1 bags, mcap files and ROS 2 folders, compressed ones too."""
 
     def __init__(self, path: Path) -> None:
-        try:
-            from rosbags.rosbag1 import Reader as Reader1
-            from rosbags.rosbag2 import Reader as Reader2
-        except ImportError as error:
-            raise UsageError(
-                f"to read {path} the package rosbags is needed; install it with: pip install 'depthmocap[ros]'"
-            ) from error
         self._path = path
         self.cdr = path.suffix.lower() != ".bag"
+        module = optional_package(f"rosbags.rosbag{2 if self.cdr else 1}", "ros", f"reading {path}")
         with damaged(path):
-            self._reader: Any = (Reader2 if self.cdr else Reader1)(path)
+            self._reader: Any = module.Reader(path)
             self._reader.open()
             weakref.finalize(self, _close, self._reader)
             self.topics = {c.topic: _type_name(c.msgtype) for c in self._reader.connections}

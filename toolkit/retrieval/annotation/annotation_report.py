@@ -11,8 +11,8 @@ import numpy as np
 
 from toolkit.io.display_names import shown
 from toolkit.io.errors import RetrievalError
-from toolkit.io.files import save_bytes, save_json, save_text
-from toolkit.io.html import csv_of, page, picture, png_of, table
+from toolkit.io.files import save_bytes, save_csv, save_json, save_text
+from toolkit.io.html import page, picture, png_of, table
 from toolkit.io.yaml_reader import read_table
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.measures import (
@@ -66,7 +66,7 @@ def write_report(
     folder = Path(folder)
     scores = {} if truth is None else score(annotation, truth)
     rows = [(f"{s.start:.3f}", f"{s.end:.3f}", shown(s.label, "table"), f"{s.score:.4f}") for s in annotation.segments]
-    save_text(folder / SEGMENTS_CSV, csv_of(COLUMNS, rows))
+    save_csv(folder / SEGMENTS_CSV, COLUMNS, rows)
     save_json(folder / SEGMENTS_JSON, _as_json(annotation, scores))
     drawn = png_of(plot_annotation(annotation, truth))
     save_bytes(folder / PICTURE, drawn)

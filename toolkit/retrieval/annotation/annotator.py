@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
@@ -43,11 +43,6 @@ class DecisionSettings:
 
     overlap: float = 0.1
     visible: float = 0.75
-
-    def __post_init__(self) -> None:
-        for name in ("overlap", "visible"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise SettingsError(f"{name} {getattr(self, name)} is no fraction; give a value in [0, 1]")
 
 
 AS_PUBLISHED = DecisionSettings(overlap=1.0, visible=0.0)

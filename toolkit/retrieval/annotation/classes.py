@@ -14,6 +14,7 @@ from toolkit.io.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import HIT_THRESHOLD, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ClassMotion, Example, learn_motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
+from toolkit.retrieval.learning.queries import check_classes
 from toolkit.retrieval.stored_arrays import StoredKind
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
@@ -50,11 +51,7 @@ def learn_classes(
     RetrievalError
         There are no labels, or a label has no clips.
     """
-    if not clips:
-        raise RetrievalError("there are no labelled clips to learn classes from; give at least one")
-    empty = sorted(label for label, matrices in clips.items() if not matrices)
-    if empty:
-        raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
+    check_classes(clips)
     classes = []
     for label in sorted(clips):
         template = MotionTemplate.of(clips[label])

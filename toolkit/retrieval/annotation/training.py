@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.io.errors import RetrievalError
 from toolkit.io.progress import Progress, silent
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Document, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
@@ -24,6 +23,7 @@ from toolkit.retrieval.annotation.place_classifier import Fold, joined, learn_cl
 from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.learning.queries import check_classes
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,14 +87,8 @@ def train(
     RetrievalError
         There are no clips, or a single class without counterexamples.
     """
-    if not clips:
-        raise RetrievalError("there are no labelled clips to learn from; give at least one")
     labels = sorted({clip.label for clip in clips})
-    if len(labels) == 1 and not others:
-        raise RetrievalError(
-            f"all clips have the label {labels[0]!r}, so there are no counterexamples; give clips of other "
-            "classes, or motions of none"
-        )
+    check_classes(dict.fromkeys(labels, clips), others)
     several = len({clip.person for clip in clips}) > 1  # halves of one person do not represent other people
     found = _what_clips_find(clips, others, rng, progress)
     folds = {label: {fold: joined(parts) for fold, parts in found[label].items()} for label in labels}

@@ -10,7 +10,7 @@ from math import ceil, floor
 
 import numpy as np
 
-from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import keyframe_search
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
 from toolkit.retrieval.index.feature_runs import RunLists
@@ -36,13 +36,6 @@ class GeneticSettings:
     population: int = 50
     generations: int = 100
     parents: int = 5
-
-    def __post_init__(self) -> None:
-        for name, least in (("population", 2), ("generations", 1), ("parents", 2)):
-            if getattr(self, name) < least:
-                raise SettingsError(f"{name} {getattr(self, name)} is too small; give {least} or more")
-        if self.parents > self.population:
-            raise SettingsError(f"{self.parents} parents are more than the population of {self.population}; give fewer")
 
 
 PlacedKeyframe = tuple[int, int, int]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from toolkit.io.errors import RetrievalError, SettingsError
+from toolkit.io.errors import RetrievalError
 from toolkit.io.progress import Progress, silent
 from toolkit.io.workers import Task
 from toolkit.retrieval.features.lengths import BodyLengths
@@ -46,10 +47,6 @@ class LearningSettings:
     runs: int = 100
     proportions: tuple[float, ...] = (0.8, 1.25)
     speeds: tuple[float, ...] = (0.8, 1.25)
-
-    def __post_init__(self) -> None:
-        if self.runs < 1:
-            raise SettingsError(f"{self.runs} runs are too few; give at least 1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +167,9 @@ def learn(
     from joblib import Parallel, delayed
 
     labels = list(classes) if labels is None else list(labels)
-    _check(classes, labels, others)
+    if unknown := [label for label in labels if label not in classes]:
+        raise RetrievalError(f"unknown label {unknown[0]!r}; the clips have {', '.join(sorted(classes)) or 'none'}")
+    check_classes(classes, others)
     documents = [document for clips in classes.values() for document in clips] + list(others)
     owners = np.array([label for label, clips in classes.items() for _ in clips] + [""] * len(others), dtype=object)
     training = {label: TrainingSet(documents, owners == label) for label in labels}
@@ -202,19 +201,16 @@ def learn(
     }
 
 
-def _check(
-    classes: Mapping[str, Sequence[FeatureMatrix]], labels: Sequence[str], others: Sequence[FeatureMatrix]
-) -> None:
-    """Raise RetrievalError if a class cannot be learned."""
-    for label in labels:
-        if label not in classes:
-            raise RetrievalError(f"unknown label {label!r}; the clips have {', '.join(sorted(classes)) or 'none'}")
-    empty = [label for label, clips in classes.items() if not clips]
+def check_classes(classes: Mapping[str, Sequence[Any]], others: Sequence[Any] | None = None) -> None:
+    """Raise RetrievalError if classes of clips cannot be learned, or one has no counterexamples (unless None)."""
+    if not classes:
+        raise RetrievalError("there are no labelled clips to learn from; give at least one")
+    empty = sorted(label for label, clips in classes.items() if not clips)
     if empty:
         raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
-    if len(classes) == 1 and not others:
+    if len(classes) == 1 and others is not None and not others:
         raise RetrievalError(
-            f"all clips have the label {labels[0]!r}, so there are no counterexamples; give clips of other "
+            f"all clips have the label {next(iter(classes))!r}, so there are no counterexamples; give clips of other "
             "classes, or of none (the default label of a clip is its folder's name)"
         )
 

@@ -56,7 +56,6 @@ def allocate(
     segments: Sequence[Segment],
     classes: Sequence[MotionClass],
     unknown: np.ndarray | None = None,
-    end_share: float = 0.2,
 ) -> Allocation:
     """Align each labelled segment of a document with its class's template.
 
@@ -68,7 +67,6 @@ def allocate(
     segments : labelled segments
     classes : all classes
     unknown : uint64 (L,), see `unknown_rows`
-    end_share : fraction of a segment at its end in which an alignment may end, because labels are wider than hits
 
     Raises
     ------
@@ -85,7 +83,7 @@ def allocate(
             raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it")
         row = labels.index(segment.label)
         first, stop = (int(np.clip(end, 0, len(words))) for end in segment.frames(features.frame_rate))
-        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop], end_share)
+        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop])
         here = np.arange(first, first + len(columns))
         better = (columns >= 0) & (cost < found.cost[here])
         at = here[better]
@@ -94,10 +92,9 @@ def allocate(
     return found
 
 
-def _best_end(
-    template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray, end_share: float
-) -> tuple[float, np.ndarray]:
+def _best_end(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
     """Return the cost and the columns (L,) of the cheapest alignment that ends in the last part of a segment."""
+    end_share = 0.2  # of a segment, at its end, in which an alignment may end, because labels are wider than hits
     least = max(1, len(words) - int(end_share * len(words)))
     best, columns = np.inf, np.full(len(words), -1, dtype=np.int64)
     for stop in range(least, len(words) + 1):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,7 +10,7 @@ import numpy as np
 
 from toolkit.io.display_names import shown
 from toolkit.io.errors import RetrievalError, UsageError
-from toolkit.io.files import save_json, save_text
+from toolkit.io.files import save_csv, save_json
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.motion import Motion
@@ -151,10 +149,8 @@ def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:
         return
     if Path(path).suffix.lower() != ".csv":
         raise UsageError(f"results cannot be written as {Path(path).name!r}; give a name that ends in .csv or .json")
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, ["label", "document", "start", "end", "cost"], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {key: f"{v:.4f}" if isinstance(v, float) else shown(v, "table") for key, v in row.items()} for row in rows
+    save_csv(
+        path,
+        ("label", "document", "start", "end", "cost"),
+        ([f"{v:.4f}" if isinstance(v, float) else shown(v, "table") for v in row.values()] for row in rows),
     )
-    save_text(path, stream.getvalue())

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from toolkit.io.errors import SettingsError
-from toolkit.io.typed_values import constant
+from toolkit.io.typed_values import AtLeastOne, constant
 from toolkit.kernels.cloud import component_tree, geodesic
 from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
@@ -40,7 +40,7 @@ class EffectorSettings:
         for all three pairs rarely hold
     """
 
-    count: int = constant(6)
+    count: AtLeastOne = constant(6)
     tree: bool = False
     source_drop: float = constant(0.1)
     prong: float = constant(0.25)
@@ -48,8 +48,6 @@ class EffectorSettings:
     widest: float = constant(75.0)
 
     def __post_init__(self) -> None:
-        if self.count < 1:
-            raise SettingsError(f"effectors.count is {self.count}; ask for at least 1 candidate")
         if not 0 <= self.narrowest < self.widest <= 180:
             raise SettingsError(
                 f"effectors.narrowest and widest are {self.narrowest} and {self.widest}; give rising degrees up to 180"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from toolkit.io.errors import SettingsError
-from toolkit.io.typed_values import constant
+from toolkit.io.typed_values import AtLeastOne, Range, Share, constant
 
 
 @dataclass(frozen=True)
@@ -30,25 +30,13 @@ class ParticleSettings:
         mostly move slowly
     """
 
-    count: int = 64
-    alpha: float = constant(0.5)
-    trunk_columns: int = constant(80)
-    arm_columns: int = constant(160)
+    count: AtLeastOne = 64
+    alpha: Share = constant(0.5)
+    trunk_columns: AtLeastOne = constant(80)
+    arm_columns: AtLeastOne = constant(160)
     alternate: bool = constant(True)
-    looks: int = constant(8)
-    power: float = constant(1.0)
-    floor: float = constant(0.3)
-    held: float = constant(0.05)
-    fine: float = constant(0.3)
-
-    def __post_init__(self) -> None:
-        for name in ("count", "trunk_columns", "arm_columns"):
-            if getattr(self, name) < 1:
-                raise SettingsError(f"particles.{name} is {getattr(self, name)}; give at least 1")
-        if not self.power > 0.0:
-            raise SettingsError(f"particles.power is {self.power}; give more than 0")
-        if self.looks < 0:
-            raise SettingsError(f"particles.looks is {self.looks}; give 0 for none, or a number of swivels")
-        for name in ("alpha", "floor", "held", "fine"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise SettingsError(f"particles.{name} is {getattr(self, name)}; it is a fraction and lies in [0, 1]")
+    looks: Annotated[int, Range(0)] = constant(8)
+    power: Annotated[float, Range(1e-6)] = constant(1.0)
+    floor: Share = constant(0.3)
+    held: Share = constant(0.05)
+    fine: Share = constant(0.3)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database import canonical
-from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import Range
 from toolkit.kernels import linear, quaternions
 from toolkit.kernels.fit import aiming
 from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_of_both_arms, costs_of_whole, mean_cost
@@ -34,12 +34,8 @@ class InitialSettings:
         fork, and shoulders may form a wrong one
     """
 
-    rounds: int = 10
+    rounds: Annotated[int, Range(0)] = 10
     unlabelled: bool = True
-
-    def __post_init__(self) -> None:
-        if self.rounds < 0:
-            raise SettingsError(f"initial.rounds is {self.rounds}; give 0 or more")
 
 
 @dataclass(frozen=True, eq=False)

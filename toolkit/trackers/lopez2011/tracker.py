@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,9 +15,8 @@ from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
-from toolkit.io.errors import SettingsError
 from toolkit.io.parts import Parts
-from toolkit.io.typed_values import constant
+from toolkit.io.typed_values import NotNegative, Range, constant
 from toolkit.landmarks.graph import Workspace
 from toolkit.people.connection import connected
 from toolkit.people.sighting import PredictedBody, Sighting
@@ -70,12 +69,12 @@ class ParticleTrackerSettings:
     tracker: Literal["particles"] = "particles"
     seed: int = 0
     refined: bool = True
-    reach: float = 0.9
-    lap: float = 0.6
-    measured_seconds: float = 1.5
-    smallest_person: int = 300
-    lost_cost: float = 38.0
-    patience: float = 0.15
+    reach: NotNegative = 0.9
+    lap: NotNegative = 0.6
+    measured_seconds: NotNegative = 1.5
+    smallest_person: Annotated[int, Range(0)] = 300
+    lost_cost: Annotated[float, Range(1e-6)] = 38.0
+    patience: Annotated[float, Range(1e-6)] = 0.15
     sensing: SensingSettings = field(default_factory=SensingSettings)
     effectors: EffectorSettings = field(default_factory=EffectorSettings)
     particles: ParticleSettings = field(default_factory=ParticleSettings)
@@ -89,11 +88,6 @@ class ParticleTrackerSettings:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        for name in ("reach", "lap", "measured_seconds", "smallest_person"):
-            if getattr(self, name) < 0:
-                raise SettingsError(f"{name} is {getattr(self, name)}; give 0 or more")
-        if not self.patience > 0 or not self.lost_cost > 0:
-            raise SettingsError(f"patience and lost_cost are {self.patience} and {self.lost_cost}; give more than 0")
 
 
 class ParticleFollower(FollowedPerson):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from toolkit.body.rotations import quaternions as quat
 from toolkit.fitting.placed import balls_of
 from toolkit.fitting.terms import CARRIERS
 from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import AtLeastOne, NotNegative, Range
 from toolkit.kernels.fit import swarm as kernel
 
 WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
 """Weights of joints that detectors find less or more reliably (Qammaz, 2.3.2); 1 for the others."""
 JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
-FIGURES = ("balls", "mesh")
 
 
 @dataclass(frozen=True)
@@ -42,31 +42,19 @@ class DiscrepancySettings:
     fewest : minimum number of detected joints; with fewer, no joint is used
     """
 
-    figure: str = "balls"
-    width: int = 30
-    height: int = 40
-    clamp: float = 0.3
-    depth: float = 1.0
-    joints_2d: float = 0.5
-    joints_3d: float = 0.2
+    figure: Literal["balls", "mesh"] = "balls"
+    width: Annotated[int, Range(2)] = 30
+    height: Annotated[int, Range(2)] = 40
+    clamp: Annotated[float, Range(1e-6)] = 0.3
+    depth: NotNegative = 1.0
+    joints_2d: NotNegative = 0.5
+    joints_3d: NotNegative = 0.2
     published: bool = False
-    fewest: int = 6
+    fewest: AtLeastOne = 6
 
     def __post_init__(self) -> None:
-        if self.figure not in FIGURES:
-            raise SettingsError(f"discrepancy.figure is {self.figure!r}; it can be: {', '.join(FIGURES)}")
-        if min(self.width, self.height) < 2 or self.fewest < 1:
-            raise SettingsError(
-                f"the small image of {self.width}x{self.height} pixels has at least 2x2, and fewest ({self.fewest}) is "
-                "at least 1"
-            )
-        if not self.clamp > 0.0:
-            raise SettingsError(f"discrepancy.clamp is {self.clamp}; give the most that a pixel costs, in metres")
-        if min(self.depth, self.joints_2d, self.joints_3d) < 0.0 or not self.depth + self.joints_2d + self.joints_3d:
-            raise SettingsError(
-                f"the weights depth {self.depth}, joints_2d {self.joints_2d} and joints_3d {self.joints_3d} must be at "
-                "least 0, and one of them positive"
-            )
+        if not self.depth + self.joints_2d + self.joints_3d:
+            raise SettingsError("the weights depth, joints_2d and joints_3d are 0; one of them must be positive")
 
 
 class SeenJoints(NamedTuple):
@@ -133,7 +121,7 @@ def small_image(
 
 @lru_cache(maxsize=32)
 def figure_of(body: Body, kind: str) -> kernel.Figure:
-    """Return the drawn model of the body, `kind` out of `FIGURES`."""
+    """Return the drawn model of the body, `kind` as in `DiscrepancySettings.figure`."""
     balls = balls_of(body)
     drawn = slice(None) if kind == "balls" else slice(0)
     faces = body.faces.astype(np.int64) if kind == "mesh" else np.empty((0, 3), dtype=np.int64)

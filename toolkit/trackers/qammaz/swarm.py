@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from toolkit.io.errors import SettingsError
-from toolkit.io.typed_values import constant
+from toolkit.io.typed_values import AtLeastOne, NotNegative, Range, Share, constant
 from toolkit.kernels.fit import swarm as kernel
 
 Costs = Callable[[np.ndarray], np.ndarray]
@@ -33,28 +34,18 @@ class SwarmSettings:
     perturbed_share : of the particles, in [0, 1], that get one random angle of their window each time
     """
 
-    particles: int = 32
-    generations: int = 32
-    own: float = constant(2.8)
-    shared: float = constant(1.3)
-    perturbed_every: int = constant(3)
-    perturbed_share: float = constant(0.5)
+    particles: AtLeastOne = 32
+    generations: AtLeastOne = 32
+    own: NotNegative = constant(2.8)
+    shared: NotNegative = constant(1.3)
+    perturbed_every: Annotated[int, Range(0)] = constant(3)
+    perturbed_share: Share = constant(0.5)
 
     def __post_init__(self) -> None:
-        if self.particles < 1 or self.generations < 1:
+        if self.own + self.shared <= 4.0:
             raise SettingsError(
-                f"a swarm of {self.particles} particles in {self.generations} generations is empty; give at least "
-                "1 of each"
-            )
-        if min(self.own, self.shared) < 0.0 or self.own + self.shared <= 4.0:
-            raise SettingsError(
-                f"own and shared are {self.own} and {self.shared}; they must be at least 0 with a sum above 4, so "
-                "that the swarm contracts"
-            )
-        if self.perturbed_every < 0 or not 0.0 <= self.perturbed_share <= 1.0:
-            raise SettingsError(
-                f"perturbed_every is {self.perturbed_every} and perturbed_share {self.perturbed_share}; the first must "
-                "be at least 0, the second in [0, 1]"
+                f"own and shared are {self.own} and {self.shared}; their sum must be above 4, so that the swarm "
+                "contracts"
             )
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
 from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import AtLeastOne, NotNegative, Range
 from toolkit.kernels import linear
 from toolkit.trackers.qammaz.discrepancy import Discrepancy, DiscrepancySettings, SeenJoints, SmallImage, small_image
 from toolkit.trackers.qammaz.observed_pixels import exchanged, first_poses, gap, seen_joints, sides_exchanged
@@ -45,27 +47,19 @@ class SwarmSearchSettings:
         paper
     """
 
-    window: float = 0.7
-    reach: float = 0.3
-    tries: int = 3
-    history: int = 5
+    window: Annotated[float, Range(1e-6)] = 0.7
+    reach: Annotated[float, Range(1e-6)] = 0.3
+    tries: AtLeastOne = 3
+    history: Annotated[int, Range(0)] = 5
     joints_first: bool = True
     frozen: tuple[str, ...] = ()
     limits: dict[str, tuple[float, float]] | None = None
-    pulled: int = 2
-    refined: int = 4
-    disagreement: float = 0.08
+    pulled: Annotated[int, Range(0)] = 2
+    refined: Annotated[int, Range(0)] = 4
+    disagreement: NotNegative = 0.08
     sides: float | None = 0.015
 
     def __post_init__(self) -> None:
-        if min(self.window, self.reach) <= 0.0:
-            raise SettingsError(
-                f"window {self.window} and reach {self.reach} define the search range; give more than 0"
-            )
-        if min(self.history, self.pulled, self.refined, self.disagreement) < 0:
-            raise SettingsError("history, pulled, refined and disagreement must be at least 0")
-        if self.tries < 1:
-            raise SettingsError(f"tries is {self.tries}; give at least 1")
         if unknown := [name for name in self.frozen if name not in skeleton.JOINT_NAMES[1:]]:
             raise SettingsError(f"frozen {unknown} are no joints; there are: {', '.join(skeleton.JOINT_NAMES[1:])}")
         for name, (low, high) in (self.limits or {}).items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 from toolkit.body.body import Body
 from toolkit.fitting.fitting_settings import FittingSettings
@@ -11,7 +11,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.errors import SettingsError
-from toolkit.io.typed_values import constant
+from toolkit.io.typed_values import Range, Share, constant
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.trackers.qammaz.discrepancy import DiscrepancySettings
@@ -53,8 +53,8 @@ class SwarmTrackerSettings:
     tracker: Literal["swarm"] = "swarm"
     seed: int = 0
     hypotheses: tuple[str, ...] = HYPOTHESES
-    extrema: int = constant(20)
-    momentum: float = constant(0.7)
+    extrema: Annotated[int, Range(5)] = constant(20)
+    momentum: Share = constant(0.7)
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
     smallest_person: int = 300
     lost_distance: float = 0.25
@@ -75,10 +75,8 @@ class SwarmTrackerSettings:
             raise SettingsError(
                 f"hypotheses of the swarm tracker are 'swarm' and at most 'local' beside it, not {wrong}"
             )
-        if not 0.0 <= self.momentum <= 1.0:
-            raise SettingsError(f"momentum is {self.momentum}; it is a share and lies in [0, 1]")
-        if self.extrema < 5 or not self.sizes:
-            raise SettingsError("extrema is at least 5, and the number of sizes at least 1")
+        if not self.sizes:
+            raise SettingsError("sizes is empty; give at least one")
         if self.fitting.prior_weight:
             raise SettingsError(
                 f"fitting.prior_weight is {self.fitting.prior_weight}; set 0, because the prior needs a database"
