@@ -22,6 +22,7 @@ from toolkit.fitting.joint_confidence import (
     network_features,
 )
 from toolkit.fitting.scene import Scene
+from toolkit.kernels.learning import joint_crop
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
@@ -33,6 +34,16 @@ LEFT, RIGHT = (skeleton.REPORTED.index(f"{side}_wrist") for side in ("left", "ri
 
 
 standing = partial(pose_at, (0.0, 0.0, -2.5))
+
+
+def test_the_kernel_of_the_regressions_equals_numpy_and_ignores_further_features() -> None:
+    rng = np.random.default_rng(0)
+    table, features, found = rng.normal(size=(20, 5)), rng.normal(size=(20, 6)), np.empty(20)
+    joint_crop.probabilities(table, features, found)
+    odds = table[:, 0] + (table[:, 1:] * features[:, :4]).sum(axis=1)
+    np.testing.assert_allclose(found, 1.0 / (1.0 + np.exp(-odds)), rtol=1e-12)
+    joint_crop.probabilities(1e3 * table, features, found)
+    assert (np.minimum(found, 1.0 - found) > 0.0).all(), "never certain"
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs
-from toolkit.kernels.learning.joint_crop import exponential
+from toolkit.kernels.learning import joint_crop
 from toolkit.landmarks.joint_network import JointEstimate
 
 if TYPE_CHECKING:
@@ -72,9 +72,7 @@ class JointConfidence:
 
     def of(self, features: np.ndarray) -> np.ndarray:
         """Return the probabilities (20,) of features (20, 8), see `joint_features`."""
-        network = bool(np.isfinite(features).all())
-        table = self._tables["network" if network else "depth"]
-        return _probabilities(table, features if network else features[:, :WITHOUT_NETWORK])
+        return _probabilities(self._tables["network" if np.isfinite(features).all() else "depth"], features)
 
     def of_both(self, confidence: np.ndarray, apart: np.ndarray) -> np.ndarray:
         """Return the probabilities (20,) of joints that another pass has `apart` (20,) metres away, given their own."""
@@ -154,11 +152,10 @@ def bounded(values: np.ndarray, scale: float) -> np.ndarray:
 
 
 def _probabilities(table: np.ndarray, features: np.ndarray) -> np.ndarray:
-    """Return the probabilities (20,) by rows of a table (20, 1 + K) and features (20, K), summed in their order."""
-    odds = table[:, 0]
-    for k in range(features.shape[1]):
-        odds = odds + table[:, k + 1] * features[:, k]
-    return np.array([1.0 / (1.0 + exponential(-min(max(float(x), -30.0), 30.0))) for x in odds])
+    """Return the probabilities (20,), see `joint_crop.probabilities`."""
+    out = np.empty(len(table))
+    joint_crop.probabilities(table, features, out)
+    return out
 
 
 def group_of(joint: str) -> str:

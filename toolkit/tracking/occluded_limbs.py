@@ -14,7 +14,6 @@ from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried
-from toolkit.kernels import linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +85,10 @@ def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
 
     `observed` : float64 (C,), 1 for chosen vertices that lie where something was observed, else 0
     """
-    below = BELOW[:, placed.body.part[placed.placer.chosen]].astype(np.float64)
+    part = placed.body.part[placed.placer.chosen]
+    counts, seen = (np.bincount(part, weights, len(skeleton.JOINTS)) for weights in (None, observed))
     least_observed = 0.15  # fraction of the chosen vertices at and below a joint for which its angles are observed
-    hidden = linear.times(below, observed) < least_observed * below.sum(axis=1)
+    hidden = np.asarray((BELOW * seen).sum(axis=1) < least_observed * (BELOW * counts).sum(axis=1))
     hidden[0] = False
     return hidden
 

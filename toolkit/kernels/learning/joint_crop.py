@@ -26,6 +26,20 @@ def exponential(x: float) -> float:
 
 
 @njit(cache=True)
+def probabilities(table: np.ndarray, features: np.ndarray, out: np.ndarray) -> None:
+    """Fill `out` (N,) by logistic regressions: rows of `table` (N, 1 + K), constant first, and of `features` (N, >= K).
+
+    Log-odds count as at most 30 in either direction.
+    """
+    most = 30.0
+    for n in range(out.shape[0]):
+        odds = table[n, 0]
+        for k in range(table.shape[1] - 1):
+            odds += table[n, k + 1] * features[n, k]
+        out[n] = 1.0 / (1.0 + exponential(-min(max(odds, -most), most)))
+
+
+@njit(cache=True)
 def crop(
     depth: np.ndarray,
     unobserved: np.ndarray,
