@@ -147,7 +147,7 @@ def test_nothing_is_written_over_what_is_read(
 
 
 OUT_OF_RANGE: dict[str, str] = {
-    "demo --output table.csv": "check the path",
+    "demo --output table.csv": "choose another folder",
     "render run --output f.webm --rate inf": "frames a second",
     "render run --output f.webm --rate nan": "frames a second",
     "track take.npz --database poses.npz --output o --depth-unit 0": "--depth-unit is 0.0",

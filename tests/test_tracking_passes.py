@@ -183,7 +183,7 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def tracker(bundled_database: Path) -> HybridTracker:
-    settings = HybridSettings(hypotheses=("local", "extrema"), sizes=(-0.6, 0.4))
+    settings = HybridSettings(hypotheses=("local", "extrema", "arms"), sizes=(-0.6, 0.4))
     return HybridTracker(PoseDatabase.load(bundled_database), settings)
 
 
@@ -273,9 +273,11 @@ def test_what_went_wrong_in_the_first_pass_is_found_backwards(
 
 
 def test_a_keyframe_detection_is_followed_in_both_directions_if_both_trajectories_are_wrong(
-    take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
+    take: Path, bundled_database: Path, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
+    without_network = HybridSettings(hypotheses=("local", "extrema"), sizes=(-0.6, 0.4))
+    tracker = HybridTracker(PoseDatabase.load(bundled_database), without_network)
     first, redetect = turned(right, slice(0, None), take), FrameDetector.redetect
 
     def detected(self: FrameDetector, frame: int, direction: Direction) -> Detection:
@@ -449,7 +451,7 @@ def test_two_processes_track_as_one_does(
         for clip, x in zip(clips, (-0.7, 0.7), strict=True)
     ]
     room = simulate_scene(pair, tmp_path / "room.npz", CaptureSettings(sensor="tof", background=False))
-    overrides = {"hypotheses": ["local", "extrema"], "sizes": [-0.6, 0.4]}
+    overrides = {"hypotheses": ["local", "extrema", "arms"], "sizes": [-0.6, 0.4]}
     recipe = TrackerRecipe(overrides=overrides, database=bundled_database)
     follow = second.SecondPass._follow_together
     shared = list[int]()
