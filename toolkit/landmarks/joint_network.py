@@ -89,10 +89,11 @@ class JointNetwork:
         return known
 
     def _estimated(self, cloud: Cloud, unobserved: np.ndarray | None) -> JointEstimate:
-        depth, rotation = without_specks(cloud.depth, cloud.camera.intrinsics), cloud.rotation
+        depth, rotation = without_specks(cloud), cloud.rotation
         fx, fy, cx, cy = cloud.camera.intrinsics
-        rows, columns = np.nonzero(depth)
-        reference = float(np.median(depth[rows, columns]))
+        own = depth.take(cloud.pixels)
+        rows, columns = np.divmod(cloud.pixels[own > 0.0], depth.shape[1])
+        reference = float(np.median(own[own > 0.0]))
         middle = np.array([(np.median(columns) - cx) / fx, (np.median(rows) - cy) / fy, reference])
         down = _down(rotation)
         unknown = np.zeros((0, 0), dtype=np.bool_) if unobserved is None else np.ascontiguousarray(unobserved)
@@ -136,7 +137,7 @@ def joint_network() -> JointNetwork:
     return JointNetwork()
 
 
-def without_specks(depth: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
+def without_specks(cloud: Cloud) -> np.ndarray:
     """Return a person's depth image, float32 (H, W), metres, without small surfaces far behind the person.
 
     Stereo cameras measure specks between a person and the background. The network was trained without them and confuses
@@ -144,22 +145,19 @@ def without_specks(depth: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    rows, columns = window_of(depth)
-    own = depth[rows, columns]
-    if not own.size:
-        return depth
-    mean = float(own[own > 0.0].mean(dtype=np.float64))
-    pixel = mean / math.sqrt(intrinsics[0] * intrinsics[1])
+    depth, own = cloud.depth, cloud.depth.take(cloud.pixels)
+    mean = float(own.mean(dtype=np.float64)) if own.size else 0.0
     area, behind = 0.01, 0.3  # m^2; metres behind the mean depth
-    far = own > mean + behind
-    if not far.any():
+    if not (own > mean + behind).any():
         return depth
+    pixel = mean / math.sqrt(cloud.camera.fx * cloud.camera.fy)
+    window = window_of(depth)
     # Metres between neighbouring pixels of one surface: as for its contour, and a slope of 2.
     step = SensingSettings.contour_tolerance + SensingSettings.quantisation * mean**2 + 2.0 * pixel
-    millimetres = np.minimum(np.rint(1000.0 * own), np.iinfo(np.int16).max).astype(np.int16)
+    millimetres = np.minimum(np.rint(1000.0 * depth[window]), np.iinfo(np.int16).max).astype(np.int16)
     cv2.filterSpeckles(millimetres, 0.0, int(area / pixel**2), 1000.0 * step)
     cleaned = depth.copy()
-    cleaned[rows, columns][far & (millimetres == 0)] = 0.0
+    cleaned[window][(depth[window] > mean + behind) & (millimetres == 0)] = 0.0
     return cleaned
 
 
