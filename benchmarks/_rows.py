@@ -31,7 +31,7 @@ from toolkit.tracking.tracker_protocol import Tracker
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
     "one pass": ("hybrid", {"passes": 1}),
-    "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
+    "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints", "arms"]}),
     "baak2013": ("baak2013", {}),
     "baak2013 mixed": ("baak2013", {"sensing.contour": "mixed"}),
     "baak2013 local": ("baak2013", {"lookup_period": 1_000_000}),

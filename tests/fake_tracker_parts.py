@@ -26,8 +26,7 @@ def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
 
 def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Comparison:
     """Return a comparison of this distance whose samples all lie `gaps` metres away."""
-    drawn = np.zeros(4, dtype=np.int64)
-    return Comparison(distance, distance, np.zeros(1), np.full(4, gaps), drawn, energy, None, None)
+    return Comparison(distance, distance, np.zeros(1), np.full(4, gaps), energy, None, None)
 
 
 def observation(extrema: int = 20, estimate: Any = None, **others: Any) -> Any:

@@ -22,7 +22,7 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
-from toolkit.tracking.search.arm_search import HOLD, ITERATIONS, ArmSearch, ArmSettings, NetworkArms
+from toolkit.tracking.search.arm_search import ITERATIONS, JOINT_WEIGHT, ArmSearch, ArmSettings, NetworkArms
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_due
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
@@ -206,7 +206,7 @@ class FakeArmObjective:
 def arm_search(known: dict[float, Any], refiner: FakeRefiner | None = None, period: int = 1) -> ArmSearch:
     """Return a search whose kinematics move the root by 1."""
     objective: Any = FakeArmObjective(known)
-    settings = ArmSettings(margin=0.001, prior=0.5)
+    settings = ArmSettings(explained=0.0, margin=0.001, prior=0.5)
     return ArmSearch(NetworkArms(objective, refiner or FakeRefiner(), FakeRefiner(step=1.0), settings), period)
 
 
@@ -253,7 +253,7 @@ def test_each_arm_is_moved_to_its_own_joints_while_the_others_stay() -> None:
     objective: Any = FakeArmObjective({0.0: compared(0.2, gaps=0.02)})
     confidence = np.linspace(0.05, 1.0, 20)
     seen = observation(estimate=JointEstimate(np.ones((20, 3)), confidence))
-    arms = NetworkArms(objective, FakeRefiner(), kinematics, ArmSettings())
+    arms = NetworkArms(objective, FakeRefiner(), kinematics, ArmSettings(explained=0.0))
     assert arms.better(BEST, seen) is None
     stay = BODY.joint_positions(pose_at()) @ level
     for side, call in zip(("left", "right"), kinematics.calls, strict=True):
@@ -261,8 +261,16 @@ def test_each_arm_is_moved_to_its_own_joints_while_the_others_stay() -> None:
         own = np.isin(skeleton.REPORTED, [f"{side}_{joint}" for joint in ("elbow", "wrist", "hand")])
         assert term.targets[own] == pytest.approx(np.tile([1.0, -1.0, -1.0], (3, 1)))
         assert term.targets[~own] == pytest.approx(stay[~own])
-        assert term.weights[~own] == pytest.approx(HOLD)
-        assert term.weights[own] == pytest.approx(HOLD * np.sqrt(confidence[own]))
+        assert term.weights[~own] == pytest.approx(JOINT_WEIGHT)
+        assert term.weights[own] == pytest.approx(JOINT_WEIGHT * np.sqrt(confidence[own]))
+
+
+def test_where_the_body_explains_all_samples_the_network_is_not_evaluated() -> None:
+    seen = observation()
+    del seen.estimate  # an access raises AttributeError
+    objective: Any = FakeArmObjective({})
+    arms = NetworkArms(objective, FakeRefiner(), FakeRefiner(), ArmSettings(explained=0.0101))
+    assert arms.better(BEST, seen) is None
 
 
 def test_without_an_estimate_arms_stay() -> None:

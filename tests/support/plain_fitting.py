@@ -258,7 +258,7 @@ class PlainObjective(Objective):
         explained, drawn = scene.nearest_drawn(placed, samples, s.unexplained)
         sample_gaps = np.linalg.norm(explained - samples, axis=1)
         far = ~(sample_gaps < s.unexplained) | (drawn < 0)
-        sample_gaps[far], drawn[far] = s.unexplained, -1
+        sample_gaps[far] = s.unexplained
         extrema = np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)
         parts = (gaps[visible], sample_gaps if scene.plain_samples else extrema)
         surface = sum(_mean_capped(part, s.unexplained) for part in parts)
@@ -266,7 +266,7 @@ class PlainObjective(Objective):
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
         if distance > bound:
             return WORSE
-        return Comparison(distance, surface, gaps, sample_gaps, drawn, energy, placed, scene)
+        return Comparison(distance, surface, gaps, sample_gaps, energy, placed, scene)
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:

@@ -135,7 +135,7 @@ class PoseDatabase:
             body_shape=np.array(body.shape),
             body_scale=body.scale,
             torso_length=torso_length(body),
-            notes=notes or {},
+            notes={} if notes is None else notes,
             prior=prior,
         ).for_body(body)
 

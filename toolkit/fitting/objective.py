@@ -29,7 +29,6 @@ class Comparison:
     gaps : float64 (C,), metres, from each visible chosen vertex to the nearest measured point; NaN for invisible ones
         and those without a point
     sample_gaps : float64 (M,), metres, from each sample of the frame to the drawn body, capped
-    drawn : int64 (M,), nearest mesh vertex of each sample; -1 beyond the reach
     energy : energy of the pose terms, 0 for the likeliest pose
     placed, scene : the body in that pose and the frame, None for one that was given up
     """
@@ -38,7 +37,6 @@ class Comparison:
     surface: float
     gaps: np.ndarray
     sample_gaps: np.ndarray
-    drawn: np.ndarray
     energy: float
     placed: PlacedBody | None
     scene: Scene | None
@@ -53,7 +51,7 @@ class Comparison:
         return out
 
 
-WORSE = Comparison(np.inf, np.inf, np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.inf, None, None)
+WORSE = Comparison(np.inf, np.inf, np.empty(0), np.empty(0), np.inf, None, None)
 """Result of a comparison that stopped beyond the bound."""
 
 
@@ -121,7 +119,7 @@ class Objective:
         if distance > bound:
             return WORSE
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
-        return Comparison(distance, surface, gaps, sample_gaps, drawn, energy, placed, scene)
+        return Comparison(distance, surface, gaps, sample_gaps, energy, placed, scene)
 
     def confidence(
         self,

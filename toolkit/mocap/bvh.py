@@ -39,7 +39,6 @@ def read_bvh(path: str | Path) -> Clip:
     Parameters
     ----------
     path : the file
-    unit : metres of one file unit; None guesses it from the size of the rest pose (`units.metres_per_unit`)
 
     Raises
     ------

@@ -167,7 +167,7 @@ class Observation:
     def network_evidence(self, joints: np.ndarray, before: np.ndarray | None) -> np.ndarray | None:
         """Return the confidence's inputs from the network for joints (20, 3), see `network_features`; None without one.
 
-        In most frames no search evaluates the network; those `before`, of an earlier frame, are then kept, because one
+        In many frames no search evaluates the network; those `before`, of an earlier frame, are then kept, because one
         evaluation costs as much as half of the other steps together.
         """
         if before is not None and "estimate" not in self.__dict__:

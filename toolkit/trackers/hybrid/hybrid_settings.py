@@ -40,8 +40,8 @@ class HybridSettings:
         fifth of a refinement. 1 takes the best by Eq. 5.6 without comparison
     promising : maximum ratio of a retrieved pose's distance to that of the local hypothesis for a refinement, which
         rarely reduces a distance by more than half
-    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched as often, in
-        other frames, so that no frame pays for both
+    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched
+        equally often, with 2 or more in other frames
     restarts : number of poses refined on a first frame or after a loss, per body size
     momentum : fraction of the last velocity in the prediction, in [0, 1]; higher values follow fast limbs and amplify
         noise
@@ -87,7 +87,7 @@ class HybridSettings:
         check_seed(self.seed)
         known = ("local", "extrema", "joints", "arms", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
-            raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
+            raise SettingsError(f"hypotheses {unknown} are unknown; remove them, or choose from {', '.join(known)}")
         if self.passes not in (1, 2):
             raise SettingsError(f"passes is {self.passes}; choose 1 or 2")
         if self.body not in ("auto", "whole", "upper"):

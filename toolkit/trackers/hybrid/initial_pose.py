@@ -27,9 +27,9 @@ MIN_TURN = math.radians(60.0)
 class InitialPoseVerifier:
     """Refiner of the hypotheses of a first frame or of a frame after a loss; the nearest one is selected.
 
-    Candidates are the best of each body size, the best with a clearly different facing, and that one turned by 180
-    degrees. Their arms are moved to the joints of the network, because a wrong body size often fits better until the
-    arms are right. Turning requires the joint network, since depth alone does not separate front from back.
+    Candidates are the best of each body size, the best with a clearly different facing, and the best of all turned by
+    180 degrees. Their arms are moved to the joints of the network, because a wrong body size often fits better until
+    the arms are right. Turning requires the joint network, since depth alone does not separate front from back.
 
     Parameters
     ----------
@@ -44,8 +44,10 @@ class InitialPoseVerifier:
 
     def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> Parts[list[ScoredHypothesis]]:
         """See `Verifier.verified`: `scored` are the hypotheses of all searches and bodies."""
-        armed = [self._armed(each, observation) for each in best_of_each_body(scored)]
-        yield
+        armed = []
+        for each in best_of_each_body(scored):
+            armed.append(self._armed(each, observation))
+            yield
         best = min(armed, key=cost_of)
         others = facing_elsewhere(best, scored)
         if observation.estimate is not None:

@@ -21,8 +21,8 @@ SOURCE = "arms"
 ITERATIONS, KINEMATIC_ITERATIONS = 4, 8
 """Iterations that refine a pose with a moved arm, and that move the arm to joints: an arm on the wrong side of the body
 is within 2 cm of them after eight."""
-HOLD, REACH = 30.0, 1.0
-"""Weight of a joint against the pose prior, and metres at which it fades: a hand may be as far off."""
+JOINT_WEIGHT, JOINT_SIGMA = 30.0, 1.0
+"""Weight of a joint against the pose prior, and scale of its Geman-McClure weight, metres."""
 ARM_ROWS: tuple[np.ndarray, ...] = tuple(
     np.array([skeleton.REPORTED.index(f"{side}_{joint}") for joint in ("elbow", "wrist", "hand")])
     for side in skeleton.SIDES
@@ -36,11 +36,13 @@ class ArmSettings:
 
     Attributes
     ----------
+    explained : distance of a sample from the body that needs no other arm, metres; typical of correct poses
     margin : minimum reduction of the unexplained distance, metres: one of 400 samples that is 20 cm off; with 0, noise
         moves occluded arms
     prior : cost in metres per unit of the pose prior's energy, which decides between arms with equal fit
     """
 
+    explained: float = 0.03
     margin: float = 0.0005
     prior: float = 0.05
 
@@ -64,17 +66,23 @@ class NetworkArms:
         self._settings = settings
 
     def better(self, scored: ScoredHypothesis, observation: Observation) -> Hypothesis | None:
-        """Return the pose of a hypothesis with better arms; None without, or without an estimate of the network."""
-        body, estimate, scene = scored.body, observation.estimate, observation.scene
+        """Return the pose of a hypothesis with better arms; None without, or without an estimate of the network.
+
+        The network is not evaluated where arms cannot explain more of the samples than the margin.
+        """
+        body, scene, pose, compared = scored.body, observation.scene, scored.hypothesis.pose, scored.comparison
+        excess = np.maximum(compared.sample_gaps - self._settings.explained, 0.0)
+        if excess.sum() < self._settings.margin * len(excess):
+            return None
+        estimate = observation.estimate
         if estimate is None:
             return None
-        pose, compared = scored.hypothesis.pose, scored.comparison
         for rows in ARM_ROWS:
             targets = body.joint_positions(pose)
             targets[rows] = estimate.points[rows]
             weights = np.ones(len(targets))
             weights[rows] = np.sqrt(estimate.confidence[rows])
-            term = JointTerm(linear.rotated(targets, observation.cloud.rotation), HOLD * weights, REACH)
+            term = JointTerm(linear.rotated(targets, observation.cloud.rotation), JOINT_WEIGHT * weights, JOINT_SIGMA)
             moved = self._kinematics.refine(body, pose, scene, terms=[term], iterations=KINEMATIC_ITERATIONS)
             pose, compared = self._nearer(body, pose, compared, moved, observation)
         if pose is scored.hypothesis.pose:
