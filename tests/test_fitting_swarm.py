@@ -97,12 +97,12 @@ def test_positions_and_velocities_follow_the_equations():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"particles": 0}, "below 1"),
-        ({"generations": 0}, "below 1"),
+        ({"particles": 0}, "give at least 1"),
+        ({"generations": 0}, "give at least 1"),
         ({"own": 1.0}, "contracts"),
-        ({"shared": -1.0, "own": 6.0}, "shared is -1, below 0"),
+        ({"shared": -1.0, "own": 6.0}, "shared is -1; give at least 0"),
         ({"perturbed_share": 1.5}, "outside 0 to 1"),
-        ({"perturbed_every": -1}, "below 0"),
+        ({"perturbed_every": -1}, "give at least 0"),
     ],
 )
 def test_settings_that_make_no_swarm_are_refused(wrong, said):

@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -249,17 +250,19 @@ def test_arms_and_whole_poses_are_searched_in_different_frames_unless_the_person
 
 
 def test_each_arm_is_moved_to_its_own_joints_while_the_others_stay() -> None:
-    kinematics, level = FakeRefiner(), np.diag([1.0, -1.0, -1.0])
+    kinematics = FakeRefiner()
+    cosine, sine = np.cos(0.3), np.sin(0.3)
+    level = np.array([[1.0, 0.0, 0.0], [0.0, -cosine, sine], [0.0, -sine, -cosine]])  # a camera that looks down
     objective: Any = FakeArmObjective({0.0: compared(0.2, gaps=0.02)})
     confidence = np.linspace(0.05, 1.0, 20)
-    seen = observation(estimate=JointEstimate(np.ones((20, 3)), confidence))
+    seen = observation(estimate=JointEstimate(np.ones((20, 3)), confidence), cloud=SimpleNamespace(rotation=level))
     arms = NetworkArms(objective, FakeRefiner(), kinematics, ArmSettings(explained=0.0))
     assert arms.better(BEST, seen) is None
     stay = BODY.joint_positions(pose_at()) @ level
     for side, call in zip(("left", "right"), kinematics.calls, strict=True):
         (term,) = call.terms
         own = np.isin(skeleton.REPORTED, [f"{side}_{joint}" for joint in ("elbow", "wrist", "hand")])
-        assert term.targets[own] == pytest.approx(np.tile([1.0, -1.0, -1.0], (3, 1)))
+        assert term.targets[own] == pytest.approx(np.ones((3, 3)) @ level)
         assert term.targets[~own] == pytest.approx(stay[~own])
         assert term.weights[~own] == pytest.approx(JOINT_WEIGHT)
         assert term.weights[own] == pytest.approx(JOINT_WEIGHT * np.sqrt(confidence[own]))

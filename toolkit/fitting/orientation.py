@@ -22,7 +22,7 @@ class FrameEvidence(Protocol):
 
 
 DISAGREEMENT = 0.1
-"""Metres that a pose which contradicts all sensors is farther from the frame than it looks."""
+"""Cost added to a pose that contradicts all sensors, metres."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -172,8 +172,9 @@ class TypedReader:
     def _within(self, value: Any, marks: tuple[Any, ...], where: str) -> Any:
         for mark in marks:
             if isinstance(mark, Range) and not mark.low <= value <= mark.high:
-                limits = f"outside {mark.low:g} to {mark.high:g}" if mark.high < math.inf else f"below {mark.low:g}"
-                raise self._wrong(f"{where} is {value:g}, {limits}")
+                bounded = mark.high < math.inf
+                limits = f", outside {mark.low:g} to {mark.high:g}" if bounded else f"; give at least {mark.low:g}"
+                raise self._wrong(f"{where} is {value:g}{limits}")
         return value
 
     def _bounded(self, values: Any, where: str) -> Any:

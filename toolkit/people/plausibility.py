@@ -39,8 +39,8 @@ Kind = Literal["intrinsics", "unit", "size", "orientation", "times"]
 SAMPLED_SECONDS = 10.0
 """First seconds of a recording that are sampled."""
 SURE, SURE_IN_ROOM = 2.8, 1.5
-"""Log odds of a head from which on no other unit and no other orientation is tried, of people who are cut out and in a
-room, where 12 real recordings have 1.7 to 3.1."""
+"""Minimum log-odds of a head at which no other unit or orientation is tried: segmented people; people in a room, where
+12 real recordings have 1.7 to 3.1."""
 STATURE = (0.95, 2.7)
 """Metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms."""
 
@@ -112,10 +112,11 @@ def intrinsics_concern(recording: Recording) -> Concern | None:
     """Return a concern if the principal point lies far from the image centre, if cx and cy seem exchanged, or if the
     focal lengths differ.
     """
-    # Largest distance of the principal point from the image centre, as a share of the image's width or height, which is
-    # below 0.06 in registered and binned images of 14 depth cameras; the same where cx and cy fit each other's side;
-    # largest quotient of the focal lengths, which is below 1.02 for these cameras.
-    farthest, fitting, oblong = 0.15, 0.03, 1.1
+    # Maximum distance of the principal point from the image centre, as a share of width or height: below 0.06 in
+    # registered and binned images of 14 depth cameras.
+    farthest = 0.15
+    fitting = 0.03  # the same where cx and cy fit each other's side
+    oblong = 1.1  # maximum ratio of the focal lengths: below 1.02 in these cameras
     camera = recording.raw_camera
     centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     aside = abs(camera.cx - centre[0]) / camera.width, abs(camera.cy - centre[1]) / camera.height

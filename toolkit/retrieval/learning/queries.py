@@ -202,7 +202,9 @@ def learn(
 
 
 def check_classes(classes: Mapping[str, Sequence[Any]], others: Sequence[Any] | None = None) -> None:
-    """Raise RetrievalError if classes of clips cannot be learned, or one has no counterexamples (unless None)."""
+    """Raise RetrievalError if classes of clips cannot be learned, or if one has no counterexamples; `others` None skips
+    the second check.
+    """
     if not classes:
         raise RetrievalError("there are no labelled clips to learn from; give at least one")
     empty = sorted(label for label, clips in classes.items() if not clips)
