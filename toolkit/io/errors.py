@@ -105,7 +105,7 @@ def optional_package(name: str, extra: str, purpose: str) -> Any:
     """Import a package of an extra; raises UsageError with the purpose and the command that installs it."""
     package = name.partition(".")[0]
     try:
-        importlib.import_module(package)
+        importlib.import_module(package)  # a loaded submodule does not show that the package is there
         return importlib.import_module(name)
     except ImportError as error:
         raise UsageError(f"{purpose} needs the package {package}; type `pip install 'depthmocap[{extra}]'`") from error

@@ -18,7 +18,7 @@ from typing import Any
 from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.app.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.app.pipeline.run import track_recording
-from toolkit.app.pipeline.trackers import TrackerRecipe, held_tracker
+from toolkit.app.pipeline.trackers import TrackerRecipe, worker_tracker
 from toolkit.io.errors import DepthMocapError, PlausibilityWarning, RecordingError, UsageError
 from toolkit.io.progress import RecordingProgress, silent
 from toolkit.io.workers import Task
@@ -193,7 +193,7 @@ def _threads(workers: int | None) -> Any:
 
 def _in_worker(job: _Job) -> ManifestRow:
     """Run a job in a worker process and return its row."""
-    tracker, first = held_tracker(job.recipe)
+    tracker, first = worker_tracker(job.recipe)
     with warnings.catch_warnings():  # the calling process shows them
         warnings.simplefilter("always", PlausibilityWarning)
         warnings.showwarning = lambda *arguments, **named: None

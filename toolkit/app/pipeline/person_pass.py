@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.app.pipeline.trackers import TrackerRecipe, held_tracker
+from toolkit.app.pipeline.trackers import TrackerRecipe, worker_tracker
 from toolkit.app.pipeline.watch import stop_request
 from toolkit.body.body import Body
 from toolkit.io.checkpoint import check_state, load_checkpoint, save_checkpoint
@@ -104,7 +104,7 @@ class PersonTask:
 
 def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Plan | None, bool]:
     """Follow a person in a worker process; return the plan, and whether the person is done."""
-    tracker, plan = held_tracker(recipe)[0], None
+    tracker, plan = worker_tracker(recipe)[0], None
     assert isinstance(tracker, TwoPassTracker), "only trackers with two passes have tasks"
     with stop_request() as stop:
         for step in task.run(tracker):

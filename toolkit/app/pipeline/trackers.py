@@ -85,17 +85,17 @@ class TrackerRecipe:
         return registered(self.tracker)
 
 
-_HELD: dict[str, Tracker] = {}
+_WORKER_TRACKERS: dict[str, Tracker] = {}
 """Trackers of this worker process by their recipe."""
 
 
-def held_tracker(recipe: TrackerRecipe) -> tuple[Tracker, bool]:
+def worker_tracker(recipe: TrackerRecipe) -> tuple[Tracker, bool]:
     """Return the tracker of this worker process, and whether it was built by this call."""
     key = repr(recipe)
-    first = key not in _HELD
+    first = key not in _WORKER_TRACKERS
     if first:
-        _HELD[key] = recipe.build()
-    return _HELD[key], first
+        _WORKER_TRACKERS[key] = recipe.build()
+    return _WORKER_TRACKERS[key], first
 
 
 def _with_body(tracker: Tracker, body: str | Path | None) -> Tracker:

@@ -44,17 +44,17 @@ class InitialPoseVerifier:
 
     def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> Parts[list[ScoredHypothesis]]:
         """See `Verifier.verified`: `scored` are the hypotheses of all searches and bodies."""
-        armed = []
+        candidates = []
         for each in best_of_each_body(scored):
-            armed.append(self._armed(each, observation))
+            candidates.append(self._with_better_arms(each, observation))
             yield
-        best = min(armed, key=cost_of)
+        best = min(candidates, key=cost_of)
         others = facing_elsewhere(best, scored)
         if observation.estimate is not None:
             others.append(self._turned(best, observation))
-        return armed + [self._armed(each, observation) for each in others]
+        return candidates + [self._with_better_arms(each, observation) for each in others]
 
-    def _armed(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
+    def _with_better_arms(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """Return the hypothesis with better arms, or the same one."""
         found = self._arms.better(scored, observation)
         if found is None or found.comparison is None:

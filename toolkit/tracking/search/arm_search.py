@@ -50,9 +50,9 @@ class ArmSettings:
 class NetworkArms:
     """Arms of a pose moved to the joints that the network estimates, if that leaves less of the frame unexplained.
 
-    One arm after the other is moved while the other joints stay, and the pose is refined. The unexplained part of the
-    frame and the pose prior decide. The other parts of the sparse distance do not help: they are smallest for an arm
-    inside the body.
+    One arm after the other is moved while pulls hold the other joints, and the pose is refined. The unexplained part of
+    the frame and the pose prior decide. The other parts of the sparse distance do not help: they are smallest for an
+    arm inside the body.
 
     Parameters
     ----------
