@@ -10,9 +10,10 @@
   body. The excess is the time over N times that of one person. The people of all counts take their frames in
   turn, so that other load of the machine affects all alike.
 - `passes DATABASE`: `depthmocap track` as a command, in two passes and in one (`--online`), of one person of about
-  6,000 pixels who is cut out (300 and 600 frames), of six in a furnished room before a Kinect of 640x480 pixels (60 and
-  150 frames), and of the classroom of `bench rooms` where its data is. Processor time, at real-time priority where that
-  is permitted. A frame costs what the longer recording takes more than the shorter one, and the fixed cost is the rest.
+  6,000 pixels who is cut out (300 and 600 frames), of six in a furnished room before a Kinect of 640x480 pixels (120
+  and 300 frames; the body is learnt in the first 90), and of the classroom of `bench rooms` where its data is.
+  Processor time, at real-time priority where that is permitted. A frame costs what the longer recording takes more than
+  the shorter one, and the fixed cost is the rest.
   The first and the second command over 76 frames are measured in new processes, the first one with no kernel compiled.
 - `swarm [--frames 30] [--network]`: a simulated Kinect recording with given joints. Milliseconds per frame and stage of
   `configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing), microseconds
@@ -256,7 +257,7 @@ CLASSROOM = ROOMS / "um"
 """Room with up to six people who sit, if its data is here."""
 MADE: dict[str, tuple[Callable[[Path, int], None], int, int]] = {
     "one": (lambda path, frames: write_recording(path, PIXELS, frames), 300, 600),
-    "six": (six_in_a_room, 60, 150),
+    "six": (six_in_a_room, 120, 300),
 }
 """Recordings by the number of people, with the frames of a short and of a long one."""
 PASSES = {"two": (), "one": ("--online",)}
