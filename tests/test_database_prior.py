@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from database_builder.build import learn_prior
+from database_builder.prior import learn_prior
 from tests.database_helpers import known_without, neutral, random_poses, small_database
 from toolkit.body import skeleton
 from toolkit.body.body import Body
