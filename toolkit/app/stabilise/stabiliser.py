@@ -18,7 +18,7 @@ from toolkit.kernels import linear
 from toolkit.motion.contact import foot_contacts
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.features.motion import frame_rate_of, from_poses
+from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import allocate, unknown_rows
 from toolkit.retrieval.priors.expectation import GapContext
@@ -30,6 +30,7 @@ from toolkit.retrieval.priors.gap_trajectories import (
     gap_candidates,
 )
 from toolkit.retrieval.priors.gaps import Gap, find_gaps, hidden_flags
+from toolkit.sensing.recording import frame_rate_of
 from toolkit.tracks import Track
 
 SOURCE = "prior"
