@@ -10,16 +10,13 @@ from typing import Any
 from toolkit.io.errors import DatabaseError
 from toolkit.io.workers import Task
 
-WAITING = 8
-"""Maximum number of unread results per process."""
-
 
 @contextmanager
 def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
 
     The pool is joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster replaces it. At most
-    `WAITING` results per process are buffered, so that memory does not grow with the number of items.
+    8 results per process are buffered, so that memory does not grow with the number of items.
 
     Raises
     ------
@@ -35,8 +32,8 @@ def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
         return
 
     def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-        rest = iter(items)
-        while some := list(islice(rest, WAITING * workers)):
+        rest, waiting = iter(items), 8  # unread results per process
+        while some := list(islice(rest, waiting * workers)):
             yield from parallel(joblib.delayed(Task.of(function))(item) for item in some)
 
     own = isinstance(around, joblib.parallel.LokyBackend)

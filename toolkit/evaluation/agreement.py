@@ -20,9 +20,6 @@ UTD_SUBJECT = re.compile(r"_s(\d+)_")
 COMPARED = np.setdiff1d(np.arange(len(skeleton.REPORTED)), HANDS_AND_FEET)
 """Joints that count for agreement: all but hands and feet, which the Kinect SDK itself loses."""
 
-FRAMES = 1000
-"""Maximum number of frames of a run for the offsets, evenly spaced (190 kB)."""
-
 _NECK, _PELVIS = skeleton.REPORTED.index("neck"), skeleton.REPORTED.index("pelvis")
 _LEFT_HIP, _RIGHT_HIP = skeleton.REPORTED.index("left_hip"), skeleton.REPORTED.index("right_hip")
 
@@ -49,9 +46,10 @@ def local_differences(joints: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    float32 (F, 16, 3), metres, of at most `FRAMES` evenly spaced frames
+    float32 (F, 16, 3), metres, of at most 1,000 evenly spaced frames
     """
-    rows = np.unique(np.linspace(0, len(joints) - 1, min(FRAMES, len(joints))).astype(np.int64))
+    most = 1000  # frames of a run (190 kB)
+    rows = np.unique(np.linspace(0, len(joints) - 1, min(most, len(joints))).astype(np.int64))
     tracked = np.asarray(joints, dtype=np.float64)[rows]
     apart = reference[rows] - tracked
     return np.einsum("tca,tjc->tja", torso_frames(tracked), apart)[:, COMPARED].astype(np.float32)

@@ -17,9 +17,6 @@ from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.limb_entries import ENTRIES
 from toolkit.retrieval.templates import QuantisedTemplate
 
-CONTACT_FEATURES: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg": (18, 26)}
-"""Numbers of the relational features that are 0 while a leg's foot is at rest: foot raised, foot fast."""
-
 
 def contact_columns(template: QuantisedTemplate, leg: str) -> np.ndarray:
     """Return a bool (K,) mask of the template columns in which the foot of a leg is at rest.
@@ -28,7 +25,9 @@ def contact_columns(template: QuantisedTemplate, leg: str) -> np.ndarray:
     """
     values, _ = template.expanded
     found = np.ones(values.shape[1], dtype=np.bool_)
-    for number in CONTACT_FEATURES[leg]:
+    # Numbers of the relational features that are 0 while a foot is at rest: foot raised, foot fast.
+    features = {"right_leg": (17, 25), "left_leg": (18, 26)}
+    for number in features[leg]:
         runs = np.zeros_like(found)
         for span in spans(values[number - 1] == 0):
             runs[span] = span.stop - span.start >= 5
