@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks._record import benchmark, drawn, script
-from benchmarks.real import SHIFTS
+from benchmarks.real import SHIFTS, shifted
 from tests.support.calibration import BINS, calibration_error
 from tests.support.scenes import GROUPS, chosen_scenes, record_scene
 from tests.support.suite import WORK, chosen_takes
@@ -28,7 +28,7 @@ from toolkit.body import skeleton
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
-from toolkit.evaluation.agreement import shifted, torso_frames
+from toolkit.evaluation.agreement import torso_frames
 from toolkit.landmarks.joint_network import RELIABLE_WITHIN
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording

@@ -61,14 +61,6 @@ def agreement(joints: np.ndarray, reference: np.ndarray, compared: Sequence[int]
     return _share_near(np.linalg.norm(difference, axis=-1))
 
 
-def shifted(joints: np.ndarray, frames: float) -> np.ndarray:
-    """Return joints (T, J, 3) as they are `frames` later, interpolated linearly; those at the ends stay."""
-    at = np.clip(np.arange(len(joints)) + frames, 0.0, len(joints) - 1.0)
-    before = np.floor(at).astype(np.int64)
-    after, share = np.minimum(before + 1, len(joints) - 1), (at - before)[:, None, None]
-    return np.asarray((1.0 - share) * joints[before] + share * joints[after])
-
-
 def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence[str | None]) -> list[float]:
     """Return the agreement of each run after offsets fitted on all other subjects; NaN without other subjects.
 

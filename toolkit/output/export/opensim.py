@@ -77,7 +77,7 @@ class SolvedModel:
     rms: float
 
 
-def export_opensim(folder: str | Path, person: Person, model: str | Path | None, mass: float | None = None) -> None:
+def export_opensim(folder: str | Path, person: Person, model: str | Path | None) -> None:
     """Write a person for OpenSim into a folder.
 
     With a model and the package `opensim`: `markers.trc`, `scaled.osim`, `motion.mot` and `solved.json` with the
@@ -93,7 +93,7 @@ def export_opensim(folder: str | Path, person: Person, model: str | Path | None,
     """
     target = Path(folder)
     if model is not None and _package() is not None:
-        solved = solve(person, Path(model), target, mass)
+        solved = solve(person, Path(model), target)
         save_json(target / "solved.json", {"rms_m": solved.rms, "model": Path(model).name})
         return
     export_trc(target / "markers.trc", person)
