@@ -25,7 +25,7 @@ from toolkit.app.config import parse_overrides
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.joint_errors import joint_errors
 from toolkit.evaluation.scores import EvaluationTable
-from toolkit.fitting.joint_confidence import WITHIN
+from toolkit.landmarks.joint_network import RELIABLE_WITHIN
 from toolkit.recordings.opening import open_recording
 from toolkit.tracks import Track
 
@@ -54,7 +54,7 @@ def confidence_bins(tracks: Sequence[Track], truths: Sequence[np.ndarray]) -> li
         {
             "joints": int((number == i).sum()),
             "mean": float(confidence[number == i].mean()),
-            "within": float((errors[number == i] <= WITHIN).mean()),
+            "within": float((errors[number == i] <= RELIABLE_WITHIN).mean()),
         }
         for i in np.unique(number)
     ]

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks._record import benchmark, drawn, script
-from benchmarks.real import SHIFTS
+from benchmarks.real import SHIFTS, shifted
 from tests.support.calibration import BINS, calibration_error
 from tests.support.scenes import GROUPS, chosen_scenes, record_scene
 from tests.support.suite import WORK, chosen_takes
@@ -28,8 +28,8 @@ from toolkit.body import skeleton
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
-from toolkit.evaluation.agreement import shifted, torso_frames
-from toolkit.fitting.joint_confidence import WITHIN
+from toolkit.evaluation.agreement import torso_frames
+from toolkit.landmarks.joint_network import RELIABLE_WITHIN
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
@@ -154,14 +154,14 @@ def judged(rows: Sequence[Rows]) -> dict[str, dict[str, float]]:
         confidence = np.concatenate([r.confidence for r in own])
         plain = np.concatenate([r.plain for r in own])
         in_time, true = (np.concatenate([distances(r, moved) for r in own]) for moved in ({}, offsets))
-        curves[source] = confidence.ravel(), true.ravel() <= WITHIN
+        curves[source] = confidence.ravel(), true.ravel() <= RELIABLE_WITHIN
         figures[source] = {
             "frames": len(confidence),
             "confidence": float(confidence.mean()),
             "ece": calibration_error(*curves[source]),
-            "ece_plain": calibration_error(confidence.ravel(), plain.ravel() <= WITHIN),
-            "within_100_mm": float((true <= WITHIN).mean()),
-            "within_100_mm_plain": float((plain <= WITHIN).mean()),
+            "ece_plain": calibration_error(confidence.ravel(), plain.ravel() <= RELIABLE_WITHIN),
+            "within_100_mm": float((true <= RELIABLE_WITHIN).mean()),
+            "within_100_mm_plain": float((plain <= RELIABLE_WITHIN).mean()),
         } | {
             f"{name}{which}": value
             for which, measured in (("_in_time", in_time), ("_plain", plain))

@@ -24,7 +24,7 @@ from toolkit.app.config import parse_overrides
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace
 from toolkit.datasets.folder import data_folder
-from toolkit.evaluation.agreement import agreement, shifted, torso_frames
+from toolkit.evaluation.agreement import agreement, torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.recordings.opening import open_recording
@@ -38,6 +38,14 @@ LAGS = np.arange(-4.0, 2.1, 0.5)
 """Shifts that `lag` compares, frames."""
 ON_SURFACE = 0.12
 """Metres between a joint and the measured surface in front of it: the radius of a forearm and the sensor's noise."""
+
+
+def shifted(joints: np.ndarray, frames: float) -> np.ndarray:
+    """Return joints (T, J, 3) as they are `frames` later, interpolated linearly; those at the ends stay."""
+    at = np.clip(np.arange(len(joints)) + frames, 0.0, len(joints) - 1.0)
+    before = np.floor(at).astype(np.int64)
+    after, share = np.minimum(before + 1, len(joints) - 1), (at - before)[:, None, None]
+    return np.asarray((1.0 - share) * joints[before] + share * joints[after])
 
 
 @benchmark(DATABASE, stride=1, rows="hybrid")

@@ -1,119 +1,32 @@
-"""Build a pose database: read mocap, sample it, observe every selected pose, write one file (Baak 2013, 5.3.3).
-
-The pose prior is learned from the same poses: a Gaussian mixture for each situation.
-"""
+"""Build a pose database: read mocap, sample it, observe every selected pose, write one file (Baak 2013, 5.3.3)."""
 
 from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from database_builder.prior import learn_prior
+from database_builder.process_pool import process_pool
 from database_builder.reading import MocapFile, find_sources, of_clip, read_source
 from database_builder.sampling import PosePool
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import RootView, observed_offsets
-from toolkit.database.prior import SITUATIONS, SIZE, PosePrior, situations, variables
-from toolkit.io.errors import DatabaseError, MocapError, PlausibilityWarning, UsageError
+from toolkit.io.errors import MocapError, PlausibilityWarning, UsageError
 from toolkit.io.files import check_output, is_folder
 from toolkit.io.progress import Progress, silent
-from toolkit.io.workers import Task, usable_processors
+from toolkit.io.workers import usable_processors
 from toolkit.kernels.linear import lengths
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
-
-
-def learn_prior(poses: np.ndarray, body: Body) -> PosePrior | None:
-    """Return the prior of canonical poses (N, P) of `body`, or None without a situation with enough poses."""
-    from sklearn.mixture import GaussianMixture
-    from threadpoolctl import threadpool_limits
-
-    values = variables(poses, body)
-    of_pose = situations(values)
-    weights: list[np.ndarray] = []
-    means: list[np.ndarray] = []
-    covariances: list[np.ndarray] = []
-    labels: list[np.ndarray] = []
-    components = 4  # maximum number of Gaussians of a situation
-    smallest = 60  # minimum number of poses of a Gaussian; a situation with fewer is left out
-    most = 4000  # maximum number of poses of a situation, evenly chosen
-    deviation = 0.15  # standard deviation added to each variable, radians, so that no variance is zero
-    # Exponent of a situation's number of poses in its weight: 0 all equal, 1 as often as in the database.
-    evenness = 0.5
-    for situation in range(len(SITUATIONS)):
-        rows = np.flatnonzero(of_pose == situation)
-        count = min(components, len(rows) // smallest)
-        if count == 0:
-            continue
-        chosen = values[rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).astype(np.int64)]]
-        mixture = GaussianMixture(count, reg_covar=deviation**2, random_state=0, max_iter=60, tol=1e-2)
-        with threadpool_limits(1):  # the last bits of BLAS products depend on the number of threads
-            mixture.fit(chosen)
-        weights.append(mixture.weights_ * len(rows) ** evenness)
-        means.append(mixture.means_)
-        covariances.append(mixture.covariances_)
-        labels.append(np.full(count, situation))
-    if not weights:
-        return None
-    together = np.concatenate(weights)
-    decimals = 6  # significant digits of the mixture; the others depend on the processor's linear algebra
-    return PosePrior(
-        np.round(together / together.sum(), decimals),
-        np.round(np.concatenate(means).reshape(-1, SIZE), decimals),
-        np.round(np.concatenate(covariances).reshape(-1, SIZE, SIZE), decimals),
-        np.concatenate(labels),
-    )
-
-
-WAITING = 8
-"""Maximum number of unread results per process."""
-
-
-@contextmanager
-def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
-    """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
-
-    The pool is joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster replaces it. At most
-    `WAITING` results per process are buffered, so that memory does not grow with the number of items.
-
-    Raises
-    ------
-    DatabaseError
-        A process was killed.
-    """
-    import joblib
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    around = joblib.parallel.get_active_backend()[0]
-    if workers <= 1 and isinstance(around, joblib.parallel.LokyBackend):
-        yield map
-        return
-
-    def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-        rest = iter(items)
-        while some := list(islice(rest, WAITING * workers)):
-            yield from parallel(joblib.delayed(Task.of(function))(item) for item in some)
-
-    own = isinstance(around, joblib.parallel.LokyBackend)
-    try:
-        with joblib.parallel_config("loky", inner_max_num_threads=1) if own else nullcontext():
-            with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
-                yield mapped
-    except TerminatedWorkerError as error:
-        raise DatabaseError(
-            "a process of the build was killed, perhaps by lack of memory; use fewer workers"
-        ) from error
-
 
 SAMPLING_THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the

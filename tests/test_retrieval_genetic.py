@@ -144,11 +144,11 @@ def test_learning_gives_the_same_queries_for_any_number_of_workers() -> None:
     assert list(alone) == ["both", "left"]
     for label in alone:
         assert alone[label].query == together[label].query
-        assert alone[label].solutions == together[label].solutions
+        assert alone[label].ranked == together[label].ranked
     assert told[0] == ("both", 1, 6) and told[-1] == ("left", 6, 6)
     assert alone["both"].training.fitness == 1.0 and alone["both"].query.label == "both"
     other = learn(classes, settings, np.random.default_rng(6), labels=["both"])
-    assert other["both"].solutions != alone["both"].solutions
+    assert other["both"].ranked != alone["both"].ranked
 
 
 def test_training_data_that_cannot_teach_anything_is_refused() -> None:

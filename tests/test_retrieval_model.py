@@ -116,7 +116,7 @@ def test_a_new_person_is_annotated(model: MotionModel, others: list[Motion]) -> 
     for segment, true in zip(found.segments, document.segments, strict=True):
         assert segment.start == pytest.approx(true.start, abs=0.4) and segment.end == pytest.approx(true.end, abs=0.4)
         assert 0.5 <= segment.score <= 1.0
-    assert found.measure == "doubt" and found.decided.max() == 1
+    assert found.measure == "doubt" and found.frames.any(axis=1).all()
     assert not model.annotate(relational_features(document.motion), least=0.999999).segments
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.inertial_scenes import write_run
 from tests.test_stabilising_priors import BODY
-from toolkit.app.stabilise.stabiliser import contact_columns, contact_frames, floor_term
+from toolkit.app.stabilise.floor_contact import contact_columns, contact_frames, floor_term
 from toolkit.body import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.fitting.placed import NormalSystem

@@ -17,6 +17,7 @@ from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.io.errors import SettingsError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
 from toolkit.people.single_person import SinglePersonSegmenter
@@ -161,6 +162,12 @@ def test_a_mirrored_recording_gives_mirrored_joints(
     apart = np.linalg.norm(found - expected, axis=2)
     assert apart.mean() < 0.02
     assert np.linalg.norm(found - joints_of(results) * [-1, 1, 1], axis=2).mean() > 0.2  # sides without exchange
+
+
+@pytest.mark.parametrize("hypotheses", [(), ("arms",), ("local",), ("local", "arms")])
+def test_hypotheses_that_find_no_first_pose_are_refused(hypotheses: tuple[str, ...]) -> None:
+    with pytest.raises(SettingsError, match="no first pose; add one of extrema, joints, swarm"):
+        HybridSettings(hypotheses=hypotheses)
 
 
 def test_the_joint_network_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:

@@ -23,8 +23,9 @@ from toolkit.body import skeleton
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.fitting import joint_confidence as model
-from toolkit.fitting.joint_confidence import FEATURES, WITHIN, WITHOUT_NETWORK, JointConfidence
+from toolkit.fitting.joint_confidence import FEATURES, WITHOUT_NETWORK, JointConfidence
 from toolkit.io.files import save_json
+from toolkit.landmarks.joint_network import RELIABLE_WITHIN
 from toolkit.trackers.hybrid.tracker import HybridTracker
 
 PEOPLE = {"utd_mhad": "13", "msr_action3d": "123"}
@@ -117,7 +118,7 @@ def regressions(tracked: Sequence[tuple[Rows, np.ndarray]]) -> dict[str, Any]:
     counts = {kind: sum(len(r.apart) for r in rows if kind_of(r) == kind) for kind in WEIGHTS}
     total = sum(counts.values())
     weight = np.concatenate([np.full(len(r.apart), WEIGHTS[k] * total / counts[k]) for r in rows if (k := kind_of(r))])
-    right = np.concatenate([distances(r, offsets) <= WITHIN for r in rows])
+    right = np.concatenate([distances(r, offsets) <= RELIABLE_WITHIN for r in rows])
     content: dict[str, Any] = {"network": {}, "depth": {}, "passes": {}}
     for group in model.GROUPS:
         columns = [k for k, name in enumerate(skeleton.REPORTED) if model.group_of(name) == group]

@@ -46,8 +46,8 @@ def load_settings(
     return READER.read(values, kind, "")
 
 
-def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> Any:
-    """Return one top-level value of file and overrides, or None if neither names it.
+def tracker_of(path: str | Path | None, overrides: Mapping[str, Any] | None) -> Any:
+    """Return the name of the tracker in file and overrides, or None if neither has one.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str
         As `load_settings`.
     """
     values = {} if path is None else _read(path)
-    return (overrides or {}).get(name, values.get(name))
+    return (overrides or {}).get("tracker", values.get("tracker"))
 
 
 def parse_overrides(pairs: list[str]) -> dict[str, Any]:

@@ -90,16 +90,14 @@ def _carrier(name: str) -> int:
 CARRIERS: np.ndarray = np.array([_carrier(name) for name in NAMES])
 """Joint of `skeleton.JOINT_NAMES` whose rotation each SDK joint has, int64 (32,)."""
 
-EYE_RISE, EYE_APART, EYE_DEPTH = 0.035, 0.032, 0.025
-"""Metres from the tip of the nose up to the eyes, sideways to each eye, and back (neutral stature)."""
-
 
 def rest_points(body: Body) -> np.ndarray:
     """Return the positions of the 32 joints on a body in the T-pose: float64 (32, 3), body frame, metres."""
     points = {name.upper(): place for name, place in zip(skeleton.JOINT_NAMES, body.joints, strict=True)}
     points |= {name.upper(): place for (name, _), place in zip(skeleton.SITES, body.sites, strict=True)}
     tips = dict(zip(skeleton.END_EFFECTORS, body.vertices[body.end_effectors], strict=True))
-    neutral_stature = 1.71  # stature in metres for `EYE_RISE`, `EYE_APART` and `EYE_DEPTH`
+    # Metres from the tip of the nose up to the eyes, sideways to each eye, and back, at the neutral stature (metres).
+    eye_rise, eye_apart, eye_depth, neutral_stature = 0.035, 0.032, 0.025, 1.71
     skull, size = points["HEAD"], body.height / neutral_stature
     face = body.vertices[body.part == skeleton.JOINT_NAMES.index("cervical")]
     nose, half = face[face[:, 2].argmax()], 0.5 * np.ptp(face[:, 0])
@@ -118,7 +116,7 @@ def rest_points(body: Body) -> np.ndarray:
         found |= {
             f"HANDTIP_{side}": tips[f"{side.lower()}_hand"],
             f"THUMB_{side}": palm[palm[:, 2].argmax()],
-            f"EYE_{side}": found["NOSE"] + size * np.array([sign * EYE_APART, EYE_RISE, -EYE_DEPTH]),
+            f"EYE_{side}": found["NOSE"] + size * np.array([sign * eye_apart, eye_rise, -eye_depth]),
             f"EAR_{side}": skull + [sign * half, 0.0, 0.0],  # their midpoint is the skull's centre
         }
     return np.array([found[name] for name in NAMES])

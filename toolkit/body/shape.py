@@ -22,8 +22,6 @@ from toolkit.kernels import linear
 CHILD = 2.4
 """Size (first coefficient) of the smallest people of the shape space's population."""
 ASSETS = Path(__file__).parent / "assets"
-CLOTHING = 0.01
-"""Metres per standard deviation of a clothing component; the population of the shape space is naked and bald."""
 CLOTHES = (
     ("cervical",),
     ("root", "lumbar", "thorax", "left_clavicle", "right_clavicle"),
@@ -43,7 +41,7 @@ class ShapeSpace:
     ----------
     mean : float64 (V + 18 + 5, 3), metres: vertices, joints, sites
     basis : float64 (K, V + 18 + 5, 3), metres per standard deviation: orthogonal components of the population, then
-        one outward displacement of the skin by `CLOTHING` for each of `CLOTHES`, without joints
+        one outward displacement of the skin by 1 cm for each of `CLOTHES`, without joints
     faces, skin_joints, skin_weights, end_effectors : as in `Body`
     variance : float64 (K,), fraction of the population's variance that each component explains
     named : coefficients (K,) of each named body
@@ -178,10 +176,11 @@ def _clothes(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_
     """Return the clothing components, (6, V + 18 + 5, 3): outward along the normals, hands uncovered."""
     normals = vertex_normals(mean[: len(skin_joints)], faces)
     out = np.zeros((len(CLOTHES), *mean.shape))
+    thickness = 0.01  # metres per standard deviation; the population of the shape space is naked and bald
     for component, names in zip(out, CLOTHES, strict=True):
         carriers = [skeleton.JOINT_NAMES.index(name) for name in names]
         covered = (skin_weights * np.isin(skin_joints, carriers)).sum(axis=1)
-        component[: len(skin_joints)] = CLOTHING * covered[:, None] * normals
+        component[: len(skin_joints)] = thickness * covered[:, None] * normals
     return out
 
 

@@ -85,16 +85,12 @@ class Conditional:
     unknown : int64 (B,), rows of the unknown variables
     mean, covariance : float64 (B,) and (B, B), of the whole mixture
     responsibilities : float64 (K,), probability of each component
-    situations : float64 (4,), probability of each of `SITUATIONS`
-    log_density : log density of the known values under the prior; low for poses unlike any in the database
     """
 
     unknown: np.ndarray
     mean: np.ndarray
     covariance: np.ndarray
     responsibilities: np.ndarray
-    situations: np.ndarray
-    log_density: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +160,10 @@ class PosePrior:
         factors, gains, remaining = self._condition(given, missing, noise)
         shares = np.empty(len(self.weights))
         at = np.ascontiguousarray(np.asarray(values, dtype=np.float64)[given])
-        log_density = gaussians.responsibilities(at, np.log(self.weights), self.means, given, factors, shares)
+        gaussians.responsibilities(at, np.log(self.weights), self.means, given, factors, shares)
         mean, covariance = np.empty(len(missing)), np.empty((len(missing), len(missing)))
         gaussians.expect(at, shares, self.means, given, missing, gains, remaining, mean, covariance)
-        by_situation = np.bincount(self.situation, weights=shares, minlength=len(SITUATIONS))
-        return Conditional(missing, mean, covariance, shares, by_situation, float(log_density))
+        return Conditional(missing, mean, covariance, shares)
 
     def _condition(self, given: np.ndarray, missing: np.ndarray, noise: float) -> tuple[np.ndarray, ...]:
         """Return `gaussians.condition`, cached, because the same limbs stay occluded from frame to frame."""

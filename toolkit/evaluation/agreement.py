@@ -20,9 +20,6 @@ UTD_SUBJECT = re.compile(r"_s(\d+)_")
 COMPARED = np.setdiff1d(np.arange(len(skeleton.REPORTED)), HANDS_AND_FEET)
 """Joints that count for agreement: all but hands and feet, which the Kinect SDK itself loses."""
 
-FRAMES = 1000
-"""Maximum number of frames of a run for the offsets, evenly spaced (190 kB)."""
-
 _NECK, _PELVIS = skeleton.REPORTED.index("neck"), skeleton.REPORTED.index("pelvis")
 _LEFT_HIP, _RIGHT_HIP = skeleton.REPORTED.index("left_hip"), skeleton.REPORTED.index("right_hip")
 
@@ -49,9 +46,10 @@ def local_differences(joints: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    float32 (F, 16, 3), metres, of at most `FRAMES` evenly spaced frames
+    float32 (F, 16, 3), metres, of at most 1,000 evenly spaced frames
     """
-    rows = np.unique(np.linspace(0, len(joints) - 1, min(FRAMES, len(joints))).astype(np.int64))
+    most = 1000  # frames of a run (190 kB)
+    rows = np.unique(np.linspace(0, len(joints) - 1, min(most, len(joints))).astype(np.int64))
     tracked = np.asarray(joints, dtype=np.float64)[rows]
     apart = reference[rows] - tracked
     return np.einsum("tca,tjc->tja", torso_frames(tracked), apart)[:, COMPARED].astype(np.float32)
@@ -61,14 +59,6 @@ def agreement(joints: np.ndarray, reference: np.ndarray, compared: Sequence[int]
     """Return the share of the compared joints that lie within 100 mm of the reference; NaN if none is known."""
     difference = np.asarray(joints, np.float64)[:, compared] - reference[:, compared]
     return _share_near(np.linalg.norm(difference, axis=-1))
-
-
-def shifted(joints: np.ndarray, frames: float) -> np.ndarray:
-    """Return joints (T, J, 3) as they are `frames` later, interpolated linearly; those at the ends stay."""
-    at = np.clip(np.arange(len(joints)) + frames, 0.0, len(joints) - 1.0)
-    before = np.floor(at).astype(np.int64)
-    after, share = np.minimum(before + 1, len(joints) - 1), (at - before)[:, None, None]
-    return np.asarray((1.0 - share) * joints[before] + share * joints[after])
 
 
 def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence[str | None]) -> list[float]:

@@ -16,8 +16,6 @@ SMOOTHING = 0.05
 """Seconds, standard deviation of the Gaussian before speeds are compared."""
 LEAST_OVERLAP = 1.0
 """Seconds that both recordings have to share."""
-LEAST_CORRELATION = 0.5
-"""Correlation of speeds below which two recordings do not show the same movement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +85,7 @@ def synchronise(
     Raises
     ------
     RecordingError
-        No lag gives `LEAST_OVERLAP` and `LEAST_CORRELATION`: no movement, another movement, or no overlap in time.
+        No lag gives `LEAST_OVERLAP` and a sufficient correlation: no movement, another movement, or no overlap in time.
     """
     own_at, own = speeds(times, points)
     other_at, other = speeds(other_times, other_points)
@@ -103,7 +101,8 @@ def synchronise(
         score = correlation - spread
         if score > best:
             best, lag, found = score, shift, correlation
-    if best < 0 or found < LEAST_CORRELATION:
+    least_correlation = 0.5  # of speeds; below it two recordings do not show the same movement
+    if best < 0 or found < least_correlation:
         raise RecordingError(
             "the marker file and the track do not show the same movement at any lag; check that both are of one trial, "
             "or give --lag SECONDS if no person moves"

@@ -17,8 +17,6 @@ from toolkit.io.files import shipped
 from toolkit.io.yaml_reader import read_yaml
 
 PELVIS_KEYS = ("left_asis", "right_asis", "left_psis", "right_psis")
-FEWEST_JOINTS = 4
-"""Joint centres below which a set does not fit a file: a rigid alignment would rest on too little."""
 
 
 @dataclass(frozen=True)
@@ -118,13 +116,14 @@ def joint_centres(recording: MarkerRecording, name: str | Path | None = None) ->
     UsageError
         There is no such set.
     RecordingError
-        No set, or not the named one, defines at least `FEWEST_JOINTS` joints; the message names the nearest markers.
+        No set, or not the named one, defines at least 4 joints; the message names the nearest markers.
     """
     sets = [load_marker_set(name)] if name is not None else [_shipped(each) for each in marker_set_names()]
     found = [_centres(recording, each) for each in sets]
     counts = [int(np.isfinite(each.points).all(axis=2).any(axis=0).sum()) for each in found]
     best = int(np.argmax(counts))
-    if counts[best] >= FEWEST_JOINTS:
+    fewest_joints = 4  # joint centres of a rigid alignment
+    if counts[best] >= fewest_joints:
         return found[best]
     known = sorted({marker for each in sets for marker in each.markers})
     near = [

@@ -20,25 +20,23 @@ DISTANCES, ERRORS_CSV, ERRORS_JSON = "distances.csv", "errors.csv", "errors.json
 PICTURE, PAGE = "distances.png", "report.html"
 
 
-def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
-    """Write `distances.csv`, `errors.csv`, `errors.json`, `distances.png` and `report.html`; return their paths."""
+def write_check(check: RunCheck, folder: str | Path) -> None:
+    """Write `distances.csv`, `errors.csv`, `errors.json`, `distances.png` and `report.html`."""
     root = Path(folder)
-    paths = [root / name for name in (DISTANCES, ERRORS_CSV, ERRORS_JSON, PICTURE, PAGE)]
     rows = [
         (f"{time:.4f}", curve.limb, _cell(full), _cell(axis))
         for curve in check.distances
         for time, full, axis in zip(curve.times, curve.full, curve.axis, strict=True)
     ]
-    save_csv(paths[0], ("time", "limb", "full", "axis"), rows)
+    save_csv(root / DISTANCES, ("time", "limb", "full", "axis"), rows)
     errors = [
         (e.limb, f"{e.start:.3f}", f"{e.end:.3f}", f"{e.peak:.1f}", f"{e.mean:.1f}", e.kind) for e in check.errors
     ]
-    save_csv(paths[1], ("limb", "start", "end", "peak", "mean", "kind"), errors)
-    save_json(paths[2], _as_json(check))
+    save_csv(root / ERRORS_CSV, ("limb", "start", "end", "peak", "mean", "kind"), errors)
+    save_json(root / ERRORS_JSON, _as_json(check))
     drawn = png_of(_plot_check(check))
-    save_bytes(paths[3], drawn)
-    save_text(paths[4], _page(check, drawn))
-    return paths
+    save_bytes(root / PICTURE, drawn)
+    save_text(root / PAGE, _page(check, drawn))
 
 
 def _plot_check(check: RunCheck) -> Figure:

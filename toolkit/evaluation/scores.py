@@ -106,9 +106,8 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("overlap", "body on depth %", "%"),
     ("frames", "frames", "d"),
 )
-"""Columns of the terminal table, most important first: name, heading, format. Up to `SHOWN` available columns are
-printed; files hold all."""
-SHOWN = 5
+"""Columns of the terminal table, most important first: name, heading, format. The first five available columns
+are printed; files hold all."""
 
 
 class EvaluationTable:
@@ -150,9 +149,9 @@ class EvaluationTable:
         """Return the terminal table, one line per run and their mean: six columns in 80 characters."""
         from rich.table import Table
 
-        held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)][:SHOWN]
+        most, longest_name = 5, 26  # columns, and characters of a name in one line: together 80 characters
+        held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)][:most]
         table = Table(title=title)
-        longest_name = 26  # maximum length of a name in one line; with `SHOWN` columns the table has 80 characters
         table.add_column("run", overflow="fold", max_width=longest_name)
         for _, heading, _ in held:
             table.add_column(heading, justify="right", max_width=1 + max(map(len, heading.split())))

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from toolkit.fitting.objective import Comparison
 
 ASSET = Path(__file__).parent / "assets" / "confidence.json"
-WITHIN = 0.1
-"""Error for which the confidence is defined, metres: confidence = P(error below it)."""
 GROUPS: dict[str, tuple[str, ...]] = {
     "trunk": ("pelvis", "spine", "neck", "head", "shoulder", "hip"),
     "elbow": ("elbow",),

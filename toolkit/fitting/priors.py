@@ -23,10 +23,6 @@ class PoseTerm(Protocol):
         """Return the cost of `pose` (P,), at least 0."""
 
 
-PRIOR_SPREAD = 0.1
-"""Additional spread of each angle in the pose prior, radians."""
-
-
 @dataclass(frozen=True)
 class GaussianPrior:
     """Gaussian prior on the joint angles: `1/2 weight (pose - mean)' precision (pose - mean)`, without the root.
@@ -40,10 +36,11 @@ class GaussianPrior:
 
     @classmethod
     def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
-        """Return the prior of a sample of poses (N, P); `PRIOR_SPREAD` prevents zero variances of constant angles."""
+        """Return the prior of a sample of poses (N, P)."""
+        spread = 0.1  # radians, added to each angle, so that no variance is zero
         angles = np.asarray(poses, dtype=np.float64)[:, 6:]
         mean, covariance = linear.moments(angles)
-        precision = linear.inverse(covariance + PRIOR_SPREAD**2 * np.eye(angles.shape[1]))
+        precision = linear.inverse(covariance + spread**2 * np.eye(angles.shape[1]))
         return cls(weight, np.concatenate([np.zeros(6), mean]), precision)
 
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:

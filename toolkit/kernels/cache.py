@@ -48,8 +48,6 @@ PORTABLE_CPU = "x86-64-v3"
 """Processor that kernels are compiled for on x86 (AVX2, in desktop processors since 2013 to 2015)."""
 X86_FEATURES = ("avx2", "bmi2", "fma")
 """Features of x86-64-v3 as LLVM names them; a processor that lacks one has its kernels compiled for itself."""
-STORED_VERSIONS = 3
-"""Digests in the user's cache folder whose kernels are kept, the latest used ones."""
 
 config: Any = numba_config
 """Numba's settings, whose names it makes while it is imported."""
@@ -123,7 +121,7 @@ def user_folder() -> Path:
     return temporary_folder()
 
 
-def prune(parent: Path, kept: int = STORED_VERSIONS) -> None:
+def prune(parent: Path, kept: int = 3) -> None:
     """Remove the kernels of all digests in `parent` but the `kept` latest used ones."""
     folders = [path for path in parent.iterdir() if path.is_dir() and len(path.name) == len(sources_digest())]
     for folder in sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)[kept:]:

@@ -11,9 +11,6 @@ from toolkit.kernels import linear
 from toolkit.kernels.cloud import torso
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 
-FACING_TIME = 0.15
-"""Time constant of the smoothing at weight 1, seconds."""
-
 
 @dataclass(frozen=True)
 class FacingEstimate:
@@ -103,7 +100,7 @@ def smoothed_facing(
     """Return the smoothed facing (2,) in the ground plane, x and z, after the estimate of one more frame.
 
     A low-pass filter with the weight of the estimate as its rate: an estimate of weight w moves the direction by the
-    fraction 1 - exp(-w dt / `FACING_TIME`). One long step therefore equals two short ones, and an occluded torso leaves
+    fraction 1 - exp(-w dt / time constant). One long step therefore equals two short ones, and an occluded torso leaves
     the direction unchanged. The vector form has no discontinuity at pi.
 
     Parameters
@@ -118,5 +115,6 @@ def smoothed_facing(
         direction = np.array([np.sin(prior), np.cos(prior)])
         share = estimate.weight
     else:
-        share = 1.0 - np.exp(-estimate.weight * max(dt, 0.0) / FACING_TIME)
+        time_constant = 0.15  # seconds, at weight 1
+        share = 1.0 - np.exp(-estimate.weight * max(dt, 0.0) / time_constant)
     return direction + share * (measured - direction)

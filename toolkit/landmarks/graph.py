@@ -28,7 +28,6 @@ class Graph:
     more : int32 (R,), row with further edges of the same node, -1 for none
     roots : int32 (N,), lowest node of each node's component before the components were joined
     bridges : int32 (B, 2), the edges that join a component to the largest one, whose node stands second
-    edges : number of edges, bridges included, each counted once
     """
 
     neighbours: np.ndarray
@@ -36,7 +35,6 @@ class Graph:
     more: np.ndarray
     roots: np.ndarray
     bridges: np.ndarray
-    edges: int
 
     def __len__(self) -> int:
         return len(self.roots)
@@ -77,44 +75,23 @@ class Workspace:
 
 
 def grid_graph(cloud: Cloud, settings: LandmarkSettings, workspace: Workspace | None = None) -> Graph:
-    """Build the graph over the 8-neighbourhood of the pixels of an organised cloud.
+    """Build the graph over the 8-neighbourhood of the pixels of an organised cloud, and join its components.
 
     Raises
     ------
     SegmentationError
         The cloud is empty.
     """
-    workspace = workspace or Workspace()
-    points = _checked(cloud.points)
-    rows = _rows(len(points), settings)
-    neighbours = workspace.take("neighbours", rows, 8)
-    lengths = workspace.take("lengths", rows, 8)
-    threshold = round(settings.neighbour_distance / cloud_graph.UNIT)
-    edges = cloud_graph.grid_table(points, cloud.pixels, cloud.index, threshold, neighbours, lengths)
-    return _connected(points, neighbours, lengths, edges, settings, workspace)
-
-
-def _rows(nodes: int, settings: LandmarkSettings) -> int:
-    """Return the number of rows with room for all possible bridges."""
-    return nodes + 2 * (nodes // settings.smallest_component)
-
-
-def _checked(points: np.ndarray) -> np.ndarray:
-    if len(points) == 0:
+    nodes = len(cloud.points)
+    if nodes == 0:
         raise SegmentationError("the cloud has no points, so it has no landmarks; skip frames without a person")
-    return np.ascontiguousarray(points, dtype=np.float32)
-
-
-def _connected(
-    points: np.ndarray,
-    neighbours: np.ndarray,
-    lengths: np.ndarray,
-    edges: int,
-    settings: LandmarkSettings,
-    workspace: Workspace,
-) -> Graph:
-    """Find the components of a table of edges and join them."""
-    nodes = len(points)
+    workspace = workspace or Workspace()
+    points = np.ascontiguousarray(cloud.points, dtype=np.float32)
+    most_rows = nodes + 2 * (nodes // settings.smallest_component)  # with all possible bridges
+    neighbours = workspace.take("neighbours", most_rows, 8)
+    lengths = workspace.take("lengths", most_rows, 8)
+    threshold = round(settings.neighbour_distance / cloud_graph.UNIT)
+    cloud_graph.grid_table(points, cloud.pixels, cloud.index, threshold, neighbours, lengths)
     roots = workspace.take("roots", nodes)
     cloud_graph.components(neighbours, roots)
     ends = workspace.take("bridge ends", nodes, 2)
@@ -125,6 +102,6 @@ def _connected(
         workspace.take("boxes", 2 * nodes // cloud_graph.CHUNK + 2, 6, dtype=np.float64), ends, bridge_lengths,
     )  # fmt: skip
     bridges = ends[:count]
-    more = workspace.take("more", len(neighbours))
+    more = workspace.take("more", most_rows)
     rows = cloud_graph.add_bridges(bridges, bridge_lengths[:count], neighbours, lengths, more, nodes)
-    return Graph(neighbours[:rows], lengths[:rows], more[:rows], roots, bridges, edges + count)
+    return Graph(neighbours[:rows], lengths[:rows], more[:rows], roots, bridges)

@@ -67,7 +67,7 @@ def read_asf(path: str | Path) -> AsfSkeleton:
         degrees = units.get("angle", "deg").lower().startswith("deg")
         bones = {ROOT: _root_bone(sections["root"], degrees)}
         for block in _blocks(sections["bonedata"], file.name):
-            bone = _bone(block, degrees, file.name)
+            bone = _bone(block, degrees)
             if bone.name in bones:
                 raise MocapError(f"{file.name} defines the bone {bone.name!r} twice; remove one")
             bones[bone.name] = bone
@@ -189,7 +189,7 @@ def _check_channels(bone: str, channels: tuple[str, ...]) -> None:
         raise ValueError(f"bone {bone!r} has a degree of freedom twice: {' '.join(channels)}")
 
 
-def _bone(lines: list[str], degrees: bool, name: str) -> Bone:
+def _bone(lines: list[str], degrees: bool) -> Bone:
     fields = {line.split()[0].lower(): line.split()[1:] for line in lines}
     direction = np.array([float(w) for w in fields["direction"]])
     if direction.shape != (3,) or not np.isfinite(direction).all():

@@ -11,8 +11,6 @@ from toolkit.body import skeleton
 from toolkit.io.spans import spans
 from toolkit.tracks import EMPTY, Track
 
-UNCERTAIN = 0.5
-"""Mean confidence of a limb's outer joints below which the limb is uncertain: it is more likely wrong than right."""
 NAMED = 6
 """Maximum number of stretches in a text, the longest ones."""
 
@@ -31,13 +29,14 @@ class UncertainStretch(NamedTuple):
 
 
 def uncertain_stretches(track: Track) -> list[UncertainStretch]:
-    """Return the stretches in which the mean confidence of a limb's outer joints is below `UNCERTAIN`, by start."""
+    """Return the stretches in which the mean confidence of a limb's outer joints is below 0.5, by start."""
     there, times = track.state != EMPTY, track.timestamps - track.timestamps[0]
     steps = np.diff(times, append=times[-1] + (np.median(np.diff(times)) if len(times) > 1 else 0.0))
     found = []
+    uncertain = 0.5  # mean confidence below which a limb is more likely wrong than right
     pause = 0.3  # seconds: stretches of one limb with shorter pauses between them are joined
     for limb, joints in skeleton.OUTER.items():
-        low = spans(there & (track.confidence[:, joints].mean(axis=1) < UNCERTAIN))
+        low = spans(there & (track.confidence[:, joints].mean(axis=1) < uncertain))
         breaks = [0, *(k for k, (a, b) in enumerate(pairwise(low), 1) if times[b.start] - times[a.stop] >= pause)]
         for first, after in pairwise([*breaks, len(low)]):
             if first < after:

@@ -292,6 +292,12 @@ def check_timestamps(timestamps: np.ndarray, count: int, path: Path) -> np.ndarr
     return times
 
 
+def frame_rate_of(timestamps: np.ndarray) -> float:
+    """Return the frames per second of `timestamps` (T,), seconds, from their median step; 30 if undefined."""
+    steps = np.diff(timestamps)
+    return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
+
+
 def check_joints(joints: np.ndarray | None, count: int, key: str, path: Path) -> np.ndarray | None:
     """Return a copy as float32 (count, 20, 3), or (N, count, 20, 3) of N people; NaN = unknown.
 

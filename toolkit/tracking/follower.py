@@ -212,10 +212,6 @@ class Follower(FollowedPerson):
         whole = bool(estimate.in_view.min() > 0.5)  # each joint is more likely in view than not
         return joints, facing, head_top(cloud, estimate.points[HEAD]), whole
 
-    def compared(self, body: Body, pose: np.ndarray, observation: Observation, context: StepContext) -> float:
-        """Return the cost of a pose (P,) in an observed frame, metres, without priors."""
-        return weighed(self.objective.compare(body, pose, observation.scene).distance, pose, context.heading)
-
     def off_floor(self, scored: ScoredHypothesis) -> float:
         """Return the cost of a hypothesis that ends above or below the floor, metres."""
         if self.floor is None or scored.comparison.placed is None:

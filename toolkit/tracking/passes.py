@@ -33,8 +33,6 @@ JUMP = 0.05
 """Metres, mean over the joints, by which a step has to exceed those beside it to be a jump."""
 REPAIRED_SHARE = 0.5
 """Frames that are followed through jumps, per frame in sight, at most."""
-STORED_DETECTIONS = 32
-"""Detections in keyframes that are kept at a time, 1 MB each; others are computed again."""
 _STATE = {
     "leg": Column("iu", (), 0),
     "merged": Column("b", ()),
@@ -173,7 +171,8 @@ class BidirectionalTracker:
     def _detected(self, frame: int) -> Detection:
         """Return the detection in a keyframe."""
         if frame not in self._detections:
-            if len(self._detections) == STORED_DETECTIONS:
+            most_stored = 32  # detections of 1 MB each; others are computed again
+            if len(self._detections) == most_stored:
                 self._detections.pop(next(iter(self._detections)))
             self._detections[frame] = self._detector.redetect(frame, Direction.BACKWARD)
         return self._detections[frame]

@@ -28,8 +28,6 @@ UPRIGHT = 0.15
 """Metres by which a stature may differ from the height of the head: if nearer, the person stood and this is the
 stature; if farther, the person sat or was occluded.
 """
-SIZE_COST_SPREAD = 0.03
-"""Metres by which a frame may fit a body of another size better than the person's."""
 
 
 def stature_prior_cost(stature: float) -> float:
@@ -163,9 +161,10 @@ class StatureBelief:
 
     @property
     def possible(self) -> tuple[int, ...]:
-        """Numbers of the bodies to try again: one frame may be wrong by `SIZE_COST_SPREAD`."""
+        """Numbers of the bodies to try again: one frame may fit another size better than the person's."""
+        spread = 0.03  # metres by which the mean cost of another size may be lower
         mean = self.costs / max(self.frames, 1)
-        return tuple(np.flatnonzero(mean <= mean.min() + SIZE_COST_SPREAD).tolist())
+        return tuple(np.flatnonzero(mean <= mean.min() + spread).tolist())
 
     @property
     def likely(self) -> tuple[int, ...]:

@@ -72,17 +72,15 @@ class People:
         return "\n".join([*lines, *(f"furniture, left out: {own.text()}" for own in self.furniture)])
 
 
-def save_people(run: str | Path, people: Sequence[PersonSummary], furniture: Sequence[Evidence] = ()) -> Path:
-    """Write `people.json` into a run and return its path.
+def save_people(run: str | Path, people: Sequence[PersonSummary], furniture: Sequence[Evidence] = ()) -> None:
+    """Write `people.json` into a run.
 
     Raises
     ------
     OutputError
         The file cannot be written.
     """
-    path = Path(run) / PEOPLE_FILE
-    save_json(path, asdict(People(tuple(people), tuple(furniture))))
-    return path
+    save_json(Path(run) / PEOPLE_FILE, asdict(People(tuple(people), tuple(furniture))))
 
 
 def load_people(run: str | Path) -> People:

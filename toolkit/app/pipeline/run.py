@@ -35,7 +35,7 @@ from toolkit.people.survey import find_people, find_person
 from toolkit.people.vertical import floor_height
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
-from toolkit.sensing.recording import Recording
+from toolkit.sensing.recording import Recording, frame_rate_of
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
@@ -226,8 +226,6 @@ def _first_pass(
         _warm_up(job, report)  # otherwise body estimation comes first and is not timed
     logger.info("%s: tracking frames %d to %d", recording.name, people_tracker.frames, len(recording))
     if watcher is not None:
-        from toolkit.retrieval.features.motion import frame_rate_of
-
         watcher.begin(frame_rate_of(recording.timestamps), people_tracker.bodies.get(1), sink.past())
     try:
         _follow(recording, people_tracker, sink, report, stop, watcher)

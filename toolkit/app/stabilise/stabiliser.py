@@ -1,7 +1,4 @@
-"""Stabilisation of a track (thesis, Fig. 6.1): label it, predict its occluded limbs, track again, select.
-
-Floor contact of occluded legs comes from class templates that are aligned with the track (thesis 6.4.1, 6.4.2).
-"""
+"""Stabilisation of a track (thesis, Fig. 6.1): label it, predict its occluded limbs, track again, select."""
 
 from __future__ import annotations
 
@@ -11,22 +8,19 @@ from functools import partial
 
 import numpy as np
 
+from toolkit.app.stabilise.floor_contact import contact_terms
 from toolkit.app.stabilise.retrack import GapGuide, Retracked, retrack
 from toolkit.app.stabilise.source_run import SourceRun
 from toolkit.body import skeleton
-from toolkit.body.body import Body
-from toolkit.body.sole import FEET, Sole
-from toolkit.fitting.priors import ResidualTerm
 from toolkit.io.errors import SettingsError
 from toolkit.io.progress import Progress, silent
-from toolkit.io.spans import spans
 from toolkit.kernels import linear
 from toolkit.motion.contact import foot_contacts
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.features.motion import frame_rate_of, from_poses
+from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
-from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
+from toolkit.retrieval.priors.allocation import allocate, unknown_rows
 from toolkit.retrieval.priors.expectation import GapContext
 from toolkit.retrieval.priors.gap_trajectories import (
     KEPT,
@@ -36,79 +30,8 @@ from toolkit.retrieval.priors.gap_trajectories import (
     gap_candidates,
 )
 from toolkit.retrieval.priors.gaps import Gap, find_gaps, hidden_flags
-from toolkit.retrieval.priors.limb_entries import ENTRIES
-from toolkit.retrieval.templates import QuantisedTemplate
+from toolkit.sensing.recording import frame_rate_of
 from toolkit.tracks import Track
-
-CONTACT_FEATURES: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg": (18, 26)}
-"""Numbers of the relational features that are 0 while a leg's foot is at rest: foot raised, foot fast."""
-
-
-def contact_columns(template: QuantisedTemplate, leg: str) -> np.ndarray:
-    """Return a bool (K,) mask of the template columns in which the foot of a leg is at rest.
-
-    Both features of the leg are 0, each in a run of at least 5 columns.
-    """
-    values, _ = template.expanded
-    found = np.ones(values.shape[1], dtype=np.bool_)
-    for number in CONTACT_FEATURES[leg]:
-        runs = np.zeros_like(found)
-        for span in spans(values[number - 1] == 0):
-            runs[span] = span.stop - span.start >= 5
-        found &= runs
-    return found
-
-
-def contact_frames(allocation: Allocation, classes: Sequence[MotionClass], leg: str) -> np.ndarray:
-    """Return a bool (T,) mask of the labelled frames in which the class template has the foot of `leg` at rest."""
-    found = np.zeros(len(allocation.label), dtype=np.bool_)
-    for row, motion_class in enumerate(classes):
-        labelled = allocation.label == row
-        found[labelled] = contact_columns(motion_class.template, leg)[allocation.column[labelled]]
-    return found
-
-
-def contact_terms(source: SourceRun, context: GapContext) -> dict[int, list[ResidualTerm]]:
-    """Return the floor terms of each frame in which a leg is occluded and its class has the foot at rest.
-
-    A foot that is visible in part of a contact stays at its median place there.
-    """
-    found: dict[int, list[ResidualTerm]] = {}
-    for leg in FEET:
-        sole = Sole.of(source.body, leg)
-        for span in spans(contact_frames(context.allocation, context.classes, leg)):
-            hidden = context.hidden[leg][span]
-            if not hidden.any():
-                continue
-            visible = np.flatnonzero(~hidden) + span.start
-            places = np.array([sole.at(source.body, context.poses[frame]) for frame in visible])
-            place = np.median(places, axis=0) if len(visible) else None
-            term = floor_term(source.body, leg, source.floor.height, place)
-            for frame in (np.flatnonzero(hidden) + span.start).tolist():
-                found.setdefault(frame, []).append(term)
-    return found
-
-
-def floor_term(body: Body, leg: str, height: float, place: np.ndarray | None) -> ResidualTerm:
-    """Return a term that pulls heel and ball of a foot to the floor and to their place on it.
-
-    Parameters
-    ----------
-    body : body that is fitted
-    leg : `left_leg` or `right_leg`; only its angles change
-    height : metres, y of the floor under the foot, level frame
-    place : float64 (2, 3), metres, heel and ball at rest (only x and z are used); None if unknown
-    """
-    sole = Sole.of(body, leg)
-
-    def residuals(pose: np.ndarray) -> np.ndarray:
-        points = sole.at(body, pose)
-        above = points[:, 1] - height
-        return above if place is None else np.concatenate([above, (points - place)[:, [0, 2]].ravel()])
-
-    weight, scale = 1.0, 0.1  # relative to one correspondence; metres of the Geman-McClure weight
-    return ResidualTerm(weight, scale, ENTRIES[leg], residuals)
-
 
 SOURCE = "prior"
 """Entry of `Track.source_names` for frames with an exchanged limb."""

@@ -162,16 +162,14 @@ def output_folders(runs: Sequence[Path], output: Path) -> dict[Path, Path]:
     return {run: output / name for run, name in zip(runs, names, strict=True)}
 
 
-def write_page(source: SourceRun, result: Stabilised, folder: Path) -> Path:
+def write_page(source: SourceRun, result: Stabilised, folder: Path) -> None:
     """Write `report.html` into a folder (after the thesis's Fig. 6.11 and 6.14)."""
     parts = [
         f"<p>{sum(gap.accepted for gap in result.gaps)} of {len(result.gaps)} gaps were filled.</p>",
         picture(png_of(_curves(source, result)), "costs, gaps and errors over time"),
     ]
     parts.append("<h2>Gaps</h2>" + _table(source, result))
-    path = folder / PAGE
-    save_text(path, page(source.run.name, parts, about=": stabilised"))
-    return path
+    save_text(folder / PAGE, page(source.run.name, parts, about=": stabilised"))
 
 
 def _truth(source: SourceRun) -> np.ndarray | None:

@@ -10,8 +10,6 @@ import numpy as np
 from toolkit.io.errors import MocapError
 from toolkit.kernels import quaternions
 
-LARGEST_TURN = 1000.0
-"""Largest angle in full turns; larger values in a motion file are damaged."""
 _ORDER = re.compile("[xyz]{1,3}|[XYZ]{1,3}")
 
 
@@ -23,9 +21,10 @@ def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.
     Raises
     ------
     MocapError
-        An axis is unknown or repeated in a row, or an angle is larger than `LARGEST_TURN`.
+        An axis is unknown or repeated in a row, or an angle is larger than 1,000 full turns.
     """
-    if angles.size and np.abs(angles).max() > LARGEST_TURN * (360.0 if degrees else 2 * np.pi):
+    largest_turn = 1000.0  # full turns; a larger angle in a motion file is damaged
+    if angles.size and np.abs(angles).max() > largest_turn * (360.0 if degrees else 2 * np.pi):
         raise MocapError(f"{name} turns by {np.abs(angles).max():g}, which is not a joint angle; repair or remove it")
     if not _ORDER.fullmatch(order) or any(first == second for first, second in pairwise(order)):
         raise MocapError(f"{name} turns about the axes {order!r}, which is not an Euler order; export it again")

@@ -29,12 +29,12 @@ def grid_table(
     threshold: int,
     neighbours: np.ndarray,
     lengths: np.ndarray,
-) -> int:
+) -> None:
     """Compute edges shorter than `threshold` units between neighbours in the 8-neighbourhood, each pair once.
 
     `points` (N, 3) metres; `pixels` (N,) rising flat indices into `index` (H, W), which names the node of a pixel or
     -1. Fills the rows of the nodes in the table `neighbours` and `lengths` (at least N, 8), a column per direction, a
-    free place with the node itself and length 0; returns the number of edges.
+    free place with the node itself and length 0.
     """
     height, width = index.shape
     total = points.shape[0]
@@ -42,7 +42,6 @@ def grid_table(
         for side in range(8):
             neighbours[node, side] = node
             lengths[node, side] = 0
-    count = 0
     for node in range(total):
         v = pixels[node] // width
         u = pixels[node] - v * width
@@ -61,8 +60,6 @@ def grid_table(
                 lengths[node, side] = length
                 neighbours[other, 7 - side] = node
                 lengths[other, 7 - side] = length
-                count += 1
-    return count
 
 
 @njit(cache=True)

@@ -10,13 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-
-@njit(cache=True)
-def _root(roots: np.ndarray, node: int) -> int:
-    while roots[node] != node:
-        roots[node] = roots[roots[node]]
-        node = roots[node]
-    return node
+from toolkit.kernels.image.components import root_of
 
 
 @njit(cache=True)
@@ -41,7 +35,7 @@ def max_tree(
             for other in neighbours[row]:
                 if other == node or roots[other] < 0:
                     continue
-                branch = _root(roots, other)
+                branch = root_of(roots, other)
                 if branch != node:
                     parents[branch] = node
                     roots[branch] = node

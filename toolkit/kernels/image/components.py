@@ -47,7 +47,7 @@ def label_components(
             elif left == 0 or above == 0 or left == above:
                 labels[v, u] = left if left > 0 else above
             else:
-                a, b = _root(parents, left), _root(parents, above)
+                a, b = root_of(parents, left), root_of(parents, above)
                 low, high = min(a, b), max(a, b)
                 parents[high] = low
                 labels[v, u] = low
@@ -67,7 +67,8 @@ def label_components(
 
 
 @njit(cache=True)
-def _root(parents: np.ndarray, k: int) -> int:
+def root_of(parents: np.ndarray, k: int) -> int:
+    """Return the root of `k` in a forest of `parents`, and shorten the path to it."""
     while parents[k] != k:
         parents[k] = parents[parents[k]]
         k = parents[k]
@@ -165,13 +166,13 @@ def hole_sizes(depth: np.ndarray, sizes: np.ndarray) -> None:
                 k += 1
             j = k
             while j < here and firsts[j] < u:
-                a, b = _root(parents, j), _root(parents, count)
+                a, b = root_of(parents, j), root_of(parents, count)
                 parents[max(a, b)] = min(a, b)
                 j += 1
             count += 1
     totals = np.zeros(count, dtype=np.int32)
     for k in range(count):
-        totals[_root(parents, k)] += ends[k] - firsts[k]
+        totals[root_of(parents, k)] += ends[k] - firsts[k]
     sizes[:] = 0
     for k in range(count):
-        sizes[rows[k], firsts[k] : ends[k]] = totals[_root(parents, k)]
+        sizes[rows[k], firsts[k] : ends[k]] = totals[root_of(parents, k)]

@@ -56,8 +56,8 @@ def condition(
 def responsibilities(
     values: np.ndarray, log_weights: np.ndarray, means: np.ndarray, known: np.ndarray, factors: np.ndarray,
     out: np.ndarray,
-) -> float:  # fmt: skip
-    """Compute the probability of each of K Gaussians given the known variables; return their log density.
+) -> None:  # fmt: skip
+    """Compute the probability of each of K Gaussians given the known variables.
 
     Fills `out` (K,). `values` (A,) belong to the variables `known` (A,); `means` (K, D); `factors` as filled by
     `condition`.
@@ -81,7 +81,6 @@ def responsibilities(
         mass += out[k]
     for k in range(count):
         out[k] /= mass
-    return best + np.log(mass)
 
 
 @njit(cache=True)

@@ -16,9 +16,6 @@ from toolkit.sensing.camera import rotated_points
 from toolkit.tracks import EMPTY, TRACKED
 from toolkit.tracks.runs import Person
 
-NONE, LOW, MEDIUM = 0, 1, 2
-"""Confidence levels of the SDK, which never uses its fourth (high)."""
-
 
 def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
     """Write all people as the SDK's offline processor does: depth camera frame, millimetres, quaternions wxyz.
@@ -84,8 +81,9 @@ def confidence_levels(person: Person) -> np.ndarray:
     """Return the SDK levels of the 32 joints, int64 (T, 32), from probability and visibility of our nearest joint."""
     track = person.track
     likely, seen = track.confidence[:, k4abt.WITNESS], track.observed[:, k4abt.WITNESS]
-    # Minimum probability of an observed joint for level MEDIUM, and maximum one for level NONE.
+    none, low, medium = 0, 1, 2  # the SDK never uses its fourth level (high)
+    # Minimum probability of an observed joint for level medium, and maximum one for level none.
     sure, guessed = 0.5, 0.1
-    levels = np.where(likely < guessed, NONE, LOW)
-    levels[(likely >= sure) & seen & (track.state == TRACKED)[:, None]] = MEDIUM
+    levels = np.where(likely < guessed, none, low)
+    levels[(likely >= sure) & seen & (track.state == TRACKED)[:, None]] = medium
     return levels

@@ -28,8 +28,6 @@ logger = logging.getLogger(__name__)
 
 WEIGHTS = {"pelvis": 10.0, "torso": 0.1, "humerus": 0.1, "ulna": 0.1, "hand": 0.1}
 """Weights of markers by body, 1 for legs: the models' trunk has one joint, ours three, and pulls at the pelvis."""
-DENSITY = 985.0
-"""Kilograms per cubic metre of a human body (Krzywicki and Chinn 1967)."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ class SolvedModel:
     rms: float
 
 
-def export_opensim(folder: str | Path, person: Person, model: str | Path | None, mass: float | None = None) -> None:
+def export_opensim(folder: str | Path, person: Person, model: str | Path | None) -> None:
     """Write a person for OpenSim into a folder.
 
     With a model and the package `opensim`: `markers.trc`, `scaled.osim`, `motion.mot` and `solved.json` with the
@@ -95,7 +93,7 @@ def export_opensim(folder: str | Path, person: Person, model: str | Path | None,
     """
     target = Path(folder)
     if model is not None and _package() is not None:
-        solved = solve(person, Path(model), target, mass)
+        solved = solve(person, Path(model), target)
         save_json(target / "solved.json", {"rms_m": solved.rms, "model": Path(model).name})
         return
     export_trc(target / "markers.trc", person)
@@ -110,7 +108,7 @@ def export_opensim(folder: str | Path, person: Person, model: str | Path | None,
 def solve(person: Person, model: Path, folder: Path, mass: float | None = None) -> SolvedModel:
     """Scale a model to a person, place virtual markers on both and solve inverse kinematics.
 
-    Lengths come from the fitted body, mass is given or the volume of the fitted body times `DENSITY`.
+    Lengths come from the fitted body, mass is given or `body_mass`.
 
     Parameters
     ----------
@@ -157,10 +155,11 @@ def solve(person: Person, model: Path, folder: Path, mass: float | None = None) 
 
 
 def body_mass(person: Person) -> float:
-    """Estimate the mass of a person in kilograms: volume of the fitted body times `DENSITY`."""
+    """Estimate the mass of a person in kilograms: volume of the fitted body times its density."""
     vertices, faces = person.body.vertices, person.body.faces
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    return float(abs((a * np.cross(b, c)).sum()) / 6.0 * DENSITY)
+    density = 985.0  # kilograms per cubic metre of a human body (Krzywicki and Chinn 1967)
+    return float(abs((a * np.cross(b, c)).sum()) / 6.0 * density)
 
 
 def scale_factors(person: Person, origins: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -20,9 +20,6 @@ from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import STATE_NAMES
 from toolkit.tracks.runs import Person
 
-STREAMED_POINTS = 6000
-"""Number of measured pixels of the first frame above which depth images are subsampled."""
-
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
     """Write all people, and the measured depth if the recording is available, for `rerun FILE`.
@@ -66,7 +63,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
 def _write_depth(
     rr: Any, stream: Any, recording: Recording, times: np.ndarray, R_level_camera: np.ndarray, offset: np.ndarray
 ) -> None:
-    """Write the camera, and undistorted depth images as PNG with about `STREAMED_POINTS` measured pixels."""
+    """Write the camera, and undistorted depth images as PNG with about 6,000 measured pixels."""
     polisher = DepthFilter(recording.camera, SensingSettings())
     step = point_step(recording.depth(0))
     place = rr.Transform3D(translation=-offset, mat3x3=R_level_camera)
@@ -82,8 +79,9 @@ def _write_depth(
 
 
 def point_step(depth_mm: np.ndarray) -> int:
-    """Return the step of rows and columns at which a frame has about `STREAMED_POINTS` measured pixels."""
-    return max(1, int(np.ceil(np.sqrt(np.count_nonzero(depth_mm) / STREAMED_POINTS))))
+    """Return the step of rows and columns at which a frame has about 6,000 measured pixels."""
+    streamed_points = 6000
+    return max(1, int(np.ceil(np.sqrt(np.count_nonzero(depth_mm) / streamed_points))))
 
 
 def log_camera(rr: Any, stream: Any, camera: Camera, place: Any) -> None:

@@ -30,7 +30,6 @@ TITLES = {
     "plan": "seen from above",
 }  # fmt: skip
 CAMERA_AT = {"side": "camera at the left", "plan": "camera at the bottom"}
-NEAR_BODY = 0.15  # m between the drawn body and points shown with it
 ENGINES = ("toolkit", "open3d")
 
 
@@ -157,7 +156,7 @@ class FramePainter:
         return [(k, person) for k, person in enumerate(self._people) if person.track.state[i] != EMPTY]
 
     def _cloud(self, i: int, depth_mm: np.ndarray) -> Cloud:
-        """Return the measured points within `NEAR_BODY` of a drawn body, independent of the segmentation."""
+        """Return the measured points near a drawn body, independent of the segmentation."""
         camera = self._filter.camera
         drawn = np.full(camera.shape, np.inf, dtype=np.float32)
         blank = np.zeros((*camera.shape, 3), dtype=np.uint8)
@@ -166,7 +165,8 @@ class FramePainter:
             draw_mesh(blank, vertices, person.body.faces, self._colors[k], camera, drawn)
         step = self._filter.step
         depth = (self._filter.checked(depth_mm)[::step, ::step] / 1000.0).astype(np.float32)
-        near = np.where((depth > 0) & (np.abs(depth - drawn) < NEAR_BODY), depth, np.float32(0.0))
+        reach = 0.15  # metres between the drawn body and points shown with it
+        near = np.where((depth > 0) & (np.abs(depth - drawn) < reach), depth, np.float32(0.0))
         return Cloud.from_depth(near, camera, self._rotation)
 
     def _colored(self, depth_mm: np.ndarray, cloud: Cloud) -> np.ndarray:

@@ -9,9 +9,6 @@ import numpy as np
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 
-POINT_REACH = 0.45
-"""Maximum distance of a point from a joint, metres: the length of a forearm, so that a limb missed by the body is
-shown."""
 MILLIMETRES = 1000.0
 STORED_UNIT = 0.004
 """Metres per unit of a stored point, below the resolution of depth cameras."""
@@ -71,19 +68,20 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
 
 
 def near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Return the mask (H, W) of measured pixels within `POINT_REACH` of a joint (J, 3)."""
+    """Return the mask (H, W) of measured pixels near a joint (J, 3)."""
+    reach = 0.45  # metres, the length of a forearm, so that a limb missed by the body is shown
     near = np.zeros(depth_mm.shape, dtype=bool)
     known = joints[np.isfinite(joints).all(axis=1)]
     if not len(known):
         return near
     z = depth_mm / MILLIMETRES
-    low, high = known[:, 2].min() - POINT_REACH, known[:, 2].max() + POINT_REACH
+    low, high = known[:, 2].min() - reach, known[:, 2].max() + reach
     rows, columns = np.nonzero((z > max(low, 0.0)) & (z < high))
     points = rays[rows, columns] * z[rows, columns, None]
     distance = np.full(len(points), np.inf)
     for joint in known:
         distance = np.minimum(distance, ((points - joint) ** 2).sum(axis=1))
-    near[rows, columns] = distance < POINT_REACH**2
+    near[rows, columns] = distance < reach**2
     return near
 
 

@@ -24,7 +24,7 @@ from toolkit.output.rendering import style
 from toolkit.output.rendering.film import render_run
 from toolkit.output.rendering.mesh import mesh_colors
 from toolkit.output.rendering.painter import RenderSettings
-from toolkit.output.report.clouds import STORED_UNIT, gather_clouds, pack
+from toolkit.output.report.clouds import MILLIMETRES, STORED_UNIT, gather_clouds, pack
 from toolkit.output.report.gait import gait_section
 from toolkit.sensing.recording import Recording
 from toolkit.tracks import EMPTY, STATE_NAMES, RunInfo, Track
@@ -35,7 +35,6 @@ LONGEST = 3000
 FILM = RenderSettings(panels=("depth", "body"), height=320, aspect=0.8, extrema=0)
 """Panels of the film in a page; the 3-D view replaces the side view."""
 STAGE_COLORS = ("#5b8ff9", "#f6903d", "#61ddaa", "#d3adf7", "#f6bd16", "#ff99c3", "#65789b", "#269a99")
-MILLIMETRES = 1000.0
 
 
 @dataclass(frozen=True, eq=False)

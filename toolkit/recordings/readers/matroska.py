@@ -16,7 +16,7 @@ from typing import IO, NamedTuple
 
 from toolkit.io.safe_open import open_file
 
-EBML, SEGMENT, CLUSTER, TRACK_ENTRY = 0x1A45DFA3, 0x18538067, 0x1F43B675, 0xAE
+SEGMENT, CLUSTER, TRACK_ENTRY = 0x18538067, 0x1F43B675, 0xAE
 PARENTS = frozenset({SEGMENT, CLUSTER, TRACK_ENTRY, 0x1654AE6B, 0x1941A469, 0x1549A966, 0xE0, 0xA0, 0x61A7})
 """Elements that contain relevant ones; those without a name are Tracks, Attachments, Info, Video, BlockGroup and
 AttachedFile."""
@@ -63,7 +63,8 @@ class Matroska:
         self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
         weakref.finalize(self, self._stream.close)
         identifier, *_ = self._element_at(0)
-        if identifier != EBML:
+        ebml = 0x1A45DFA3  # header of each Matroska file
+        if identifier != ebml:
             raise ValueError("it has no Matroska header")
         self._walk(0, self._size, 0)
         for track in self.tracks:

@@ -1,6 +1,6 @@
 """Folders of the Stray Scanner (iPhone and iPad with LiDAR): `depth/`, `camera_matrix.csv`, `odometry.csv`.
 
-The matrix belongs to the colour video with `VIDEO_WIDTH` columns; depth covers the same image at a lower resolution.
+The matrix belongs to the colour video with 1,920 columns; depth covers the same image at a lower resolution.
 The odometry maps the camera frame (x right, y down, z forward) to a world with y up, which gives the vertical. The
 video is not read.
 """
@@ -27,8 +27,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 
 MATRIX, ODOMETRY = "camera_matrix.csv", "odometry.csv"
-VIDEO_WIDTH = 1920
-"""Width of the video, pixels."""
 
 
 def matches(path: Path) -> bool:
@@ -50,7 +48,8 @@ def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
         fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     except (ValueError, IndexError) as error:
         raise RecordingError(f"{path} is no matrix of 3x3 numbers ({error}); give --intrinsics fx,fy,cx,cy") from error
-    scale = shape[1] / VIDEO_WIDTH
+    video_width = 1920  # pixels
+    scale = shape[1] / video_width
     scaled = (fx * scale, fy * scale, (cx + 0.5) * scale - 0.5, (cy + 0.5) * scale - 0.5)
     return Camera.from_intrinsics(np.array(scaled), shape)
 

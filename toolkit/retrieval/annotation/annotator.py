@@ -83,7 +83,6 @@ class Annotation:
     labels : labels of the P classes
     frame_rate : frames per second
     distances : float64 (P, L), modified distance functions, infinite outside all hits (Fig. 5.2a)
-    decided : int64 (L,), cheapest class of each frame, -1 for none (Equation 5.6)
     frames : bool (P, L), labels after the segments' extension (Fig. 5.2c); a frame may have several
     segments : the same as runs, sorted by start
     too_long : classes with templates that are longer than the document and were not searched
@@ -95,7 +94,6 @@ class Annotation:
     labels: tuple[str, ...]
     frame_rate: float
     distances: np.ndarray
-    decided: np.ndarray
     frames: np.ndarray
     segments: tuple[Segment, ...]
     too_long: tuple[str, ...] = ()
@@ -149,10 +147,10 @@ class Annotator:
                 f"{self.shortest}; give a longer motion"
             )
         distances, searched = self._distances(features, intervals)
-        decided = dtw.decide(distances, searched)
+        decided = dtw.decide(distances, searched)  # the cheapest class of each frame (Equation 5.6)
         frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
-            features.name, self.labels, features.frame_rate, distances, decided, frames,
+            features.name, self.labels, features.frame_rate, distances, frames,
             tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
             tuple(c.label for c in self.classes if len(features) < c.template.shortest),
             tuple(motion_class.threshold for motion_class in self.classes),

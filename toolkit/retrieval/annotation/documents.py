@@ -45,12 +45,10 @@ class Document:
     ----------
     motion : the whole motion
     segments : true segments, seconds
-    joins : (start, end) of the joins between parts, seconds; they have no label
     """
 
     motion: Motion
     segments: tuple[Segment, ...] = ()
-    joins: tuple[tuple[float, float], ...] = ()
 
     @cached_property
     def features(self) -> FeatureMatrix:
@@ -83,20 +81,18 @@ def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Tra
     size = BodyLengths.of(parts[0][0]).body
     pieces: list[tuple[np.ndarray, np.ndarray]] = []
     segments: list[Segment] = []
-    joins: list[tuple[float, float]] = []
     frames = 0
     for motion, label in parts:
         piece = _placed(motion, size, pieces[-1] if pieces else None)
         if pieces:
             pieces.append(_join(pieces[-1], piece, rate, joining))
-            joins.append((frames / rate, (frames + len(pieces[-1][0])) / rate))
             frames += len(pieces[-1][0])
         if label is not None:
             segments.append(Segment(frames / rate, (frames + len(motion)) / rate, label))
         pieces.append(piece)
         frames += len(motion)
     joints, axes = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
-    return Document(Motion(name, joints, rate, axes), tuple(segments), tuple(joins))
+    return Document(Motion(name, joints, rate, axes), tuple(segments))
 
 
 def excerpt(motions: Sequence[Motion], seconds: tuple[float, float], rng: np.random.Generator) -> Motion:

@@ -87,18 +87,16 @@ class MotionModel:
                 np.minimum(doubts[row, first:stop], doubt[k], out=doubts[row, first:stop])
                 if doubt[k] <= 1.0 - least:
                     found.append((float(doubt[k]), row, first, stop))
-        decided = np.full(length, -1, dtype=np.int64)
         frames = np.zeros(doubts.shape, dtype=bool)
         segments: list[Segment] = []
         rate = features.frame_rate
         shared = 0.3  # largest fraction of a motion's frames that more probable motions may cover
         for doubt_of_hit, row, first, stop in sorted(found):
-            if np.count_nonzero(decided[first:stop] >= 0) <= shared * (stop - first):
+            if np.count_nonzero(frames[:, first:stop].any(axis=0)) <= shared * (stop - first):
                 frames[row, first:stop] = True
-                decided[first:stop] = np.where(decided[first:stop] < 0, row, decided[first:stop])
                 segments.append(Segment(first / rate, stop / rate, self.labels[row], 1.0 - doubt_of_hit))
         return Annotation(
-            features.name, self.labels, rate, doubts, decided, frames,
+            features.name, self.labels, rate, doubts, frames,
             tuple(sorted(segments, key=lambda segment: (segment.start, segment.end, segment.label))),
             thresholds=(1.0 - least,) * len(self.labels), measure="doubt",
         )  # fmt: skip

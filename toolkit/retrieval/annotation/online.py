@@ -80,8 +80,6 @@ class FrameFeatures:
 
 RULES = DecisionSettings()
 """Acceptance of overlapping hits."""
-HOLD = 3
-"""Columns of 1/30 s without a lower cost that confirm a minimum."""
 
 
 @dataclass(frozen=True)
@@ -177,6 +175,7 @@ class OnlineAnnotator:
 
     def _confirmed(self, now: float, *, everything: bool = False) -> list[Event]:
         """Return events of the confirmed hits, the cheapest first."""
+        hold = 3  # columns of 1/30 s without a lower cost that confirm a minimum
         column = len(self.columns) - 1
         waiting = sorted((hit.cost, row) for row, hit in enumerate(self._pending) if hit is not None)
         if not waiting:
@@ -187,7 +186,7 @@ class OnlineAnnotator:
             hit = self._pending[row]
             assert hit is not None  # `waiting` has no None
             rival = any(other.start <= hit.end and hit.start <= other.end for other in open_hits)
-            if not everything and (column - hit.end < HOLD or rival):
+            if not everything and (column - hit.end < hold or rival):
                 open_hits.append(hit)
                 continue
             self._pending[row] = None

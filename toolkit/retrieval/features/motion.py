@@ -22,6 +22,7 @@ from toolkit.io.files import shipped
 from toolkit.kernels import kinematics
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig
+from toolkit.sensing.recording import frame_rate_of
 from toolkit.tracks import TRACKED
 
 if TYPE_CHECKING:
@@ -291,12 +292,6 @@ def even_frames(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     low, high = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
     share = np.clip((ticks - places[low]) / np.maximum(places[high] - places[low], 1e-9), 0.0, 1.0)
     return low, high, share
-
-
-def frame_rate_of(timestamps: np.ndarray) -> float:
-    """Return the frames per second of `timestamps` (T,), seconds, from their median step; 30 if undefined."""
-    steps = np.diff(timestamps)
-    return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
 def _clip_points(clip: Clip, positions: np.ndarray, rotations: np.ndarray) -> dict[str, np.ndarray]:

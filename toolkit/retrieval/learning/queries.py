@@ -61,7 +61,6 @@ class LearnedQuery:
         their hits contain the middle of a motion rather than most of it
     training : quality of the best one on the training set
     template : strict template of the runs
-    solutions : best individual of each run
     """
 
     label: str
@@ -69,7 +68,6 @@ class LearnedQuery:
     tight: tuple[Individual, ...]
     training: Quality
     template: QuantisedTemplate
-    solutions: tuple[Individual, ...]
 
     @property
     def individual(self) -> Individual:
@@ -234,7 +232,7 @@ def _learned(
     ]
     ranked = _ranked([*extracted, *solutions], comparison)
     tight = _ranked([tightened(comparison, candidate) for candidate in ranked], comparison)
-    return LearnedQuery(label, ranked, tight, training.quality(ranked[0]), template, tuple(solutions))
+    return LearnedQuery(label, ranked, tight, training.quality(ranked[0]), template)
 
 
 def _ranked(candidates: Sequence[Individual], comparison: TrainingSet) -> tuple[Individual, ...]:

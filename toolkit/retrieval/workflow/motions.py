@@ -14,8 +14,9 @@ from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.io.yaml_reader import read_table
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.retrieval.features.motion import Motion, even_frames, frame_rate_of, from_clip, from_track
+from toolkit.retrieval.features.motion import Motion, even_frames, from_clip, from_track
 from toolkit.retrieval.features.relational import feature_columns
+from toolkit.sensing.recording import frame_rate_of
 from toolkit.tracks import RunInfo, Track
 
 

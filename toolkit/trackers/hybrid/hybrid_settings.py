@@ -32,7 +32,8 @@ class HybridSettings:
     hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by joints
         of the joint network, for extrema that merge with the body), "arms" (the best one with arms at these joints; on
         first frames and after losses also turned by 180 degrees), "swarm" (on first frames and after losses, with image
-        joints, which are then evidence in each frame; settings as in configs/swarm.yaml)
+        joints, which are then evidence in each frame; settings as in configs/swarm.yaml). "local" and "arms" start from
+        a pose of the others
     body : visible part of a person: "auto" (the joint network decides per frame), "whole" (all links, unless
         occluded), "upper" (no legs)
     extrema : number of geodesic extrema per frame, for the lookup and as correspondences of the local optimisation
@@ -85,15 +86,15 @@ class HybridSettings:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        known = ("local", "extrema", "joints", "arms", "swarm")
+        known, first = ("local", "extrema", "joints", "arms", "swarm"), ("extrema", "joints", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; remove them, or choose from {', '.join(known)}")
+        if not {*self.hypotheses} & {*first}:
+            raise SettingsError(f"hypotheses {[*self.hypotheses]} have no first pose; add one of {', '.join(first)}")
         if self.passes not in (1, 2):
             raise SettingsError(f"passes is {self.passes}; choose 1 or 2")
         if self.body not in ("auto", "whole", "upper"):
             raise SettingsError(f"body is {self.body!r}; choose auto, whole or upper")
-        if not self.hypotheses:
-            raise SettingsError(f"a tracker needs a hypothesis; choose from {', '.join(known)}")
         if not 0.0 <= self.momentum <= 1.0:
             raise SettingsError(f"momentum is {self.momentum}; it is a share and lies in [0, 1]")
         if self.lookup_period < 1:

@@ -20,9 +20,6 @@ from toolkit.tracking.search.arm_search import SOURCE, NetworkArms
 from toolkit.tracking.search.database_lookup import FIRST_ROUNDS
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis, cost_of
 
-MIN_TURN = math.radians(60.0)
-"""Minimum angle between two facings that no refinement connects."""
-
 
 class InitialPoseVerifier:
     """Refiner of the hypotheses of a first frame or of a frame after a loss; the nearest one is selected.
@@ -82,10 +79,11 @@ def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothes
 
 
 def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """Return the best hypothesis that faces at least `MIN_TURN` away from the best one of all, or None."""
+    """Return the best hypothesis that faces at least 60 degrees away from the best one of all, or None."""
+    min_turn = math.radians(60.0)  # between two facings that no refinement connects
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(each.hypothesis.pose)) - yaw for each in scored]
-    apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= MIN_TURN]
+    apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= min_turn]
     return sorted(apart, key=cost_of)[:1]
 
 

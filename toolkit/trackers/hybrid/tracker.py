@@ -44,7 +44,6 @@ class HybridTracker(SearchingTracker):
     settings : see `HybridSettings`
     body : the person's own body if known; default: estimated from the recording
     database_path : path of the database, for `run.json`
-    guide : evidence besides the depth
     """
 
     def __init__(
@@ -54,9 +53,8 @@ class HybridTracker(SearchingTracker):
         *,
         body: Body | None = None,
         database_path: str = "",
-        guide: Guide | None = None,
     ) -> None:
-        self.guide = guide or NoGuide()
+        self.guide: Guide = NoGuide()
         self.settings = settings or HybridSettings()
         super().__init__(self.settings, body)
         self.database = database_path

@@ -17,8 +17,6 @@ from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
-SMALLEST_AREA = 0.004
-"""Minimum area of a summit, square metres: half a fist."""
 GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8)
 """Graph settings of upper bodies: neighbours within 0.1 m (with bridges, results are stable from 0.05 to 0.12), bridges
 up to 0.5 m, because forearms that point at the camera are not measured; a hand at 2 m has 30 pixels of 160x120."""
@@ -128,7 +126,7 @@ def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
 
 
 def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
-    """Return the nodes of summits of geodesic distance of at least `SMALLEST_AREA`, by decreasing dynamics."""
+    """Return the nodes of summits of geodesic distance of at least half a fist, by decreasing dynamics."""
     count = len(graph)
     distances = extrema.from_source
     reached = np.flatnonzero(distances != geodesic.UNREACHED)
@@ -139,7 +137,8 @@ def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
     depth = cloud.depth.reshape(-1)[cloud.pixels].astype(np.float64)
     sizes = depth**2 / (cloud.camera.fx * cloud.camera.fy)
     found = component_tree.summits(distances, order, parents, sizes, nodes, dynamics, areas)
-    large = np.flatnonzero(areas[:found] >= SMALLEST_AREA)
+    smallest_area = 0.004  # square metres, half a fist
+    large = np.flatnonzero(areas[:found] >= smallest_area)
     return nodes[large[np.argsort(-dynamics[large], kind="stable")]]
 
 
