@@ -147,6 +147,22 @@ def test_what_is_in_view_is_learnt_from_the_estimates_of_frames_that_cut_a_perso
     assert after(False, None) is None
 
 
+def test_of_a_fast_camera_the_joints_in_view_are_estimated_in_one_of_some_frames_unless_the_person_is_lost(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
+) -> None:
+    monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([True]))
+    observer, before = replace(OBSERVER, network=FakeNetwork(legless), period=3), np.ones(20)
+    third = VIEW_TIME * math.log(2.0) / 3
+
+    def after(elapsed: float = third, **known: Any) -> np.ndarray | None:
+        return observer.observe(cloud, elapsed, state(in_view=before, timestamp=0.0, **known)).in_view
+
+    assert after(turn=1) is before
+    assert after(turn=2) == pytest.approx((1.0 + legless) / 2)
+    assert after(turn=1, lost=0.1) == pytest.approx(1.0 + (1.0 - 0.5 ** (1 / 3)) * (legless - 1.0))
+    assert after(2 * third, turn=1) == pytest.approx(1.0 + (1.0 - 0.5 ** (2 / 3)) * (legless - 1.0))
+
+
 def test_the_joints_in_view_do_not_depend_on_a_search_using_the_estimate(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:

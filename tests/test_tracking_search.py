@@ -24,7 +24,7 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
 from toolkit.tracking.search.arm_search import ITERATIONS, JOINT_WEIGHT, ArmSearch, ArmSettings, NetworkArms
-from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget, is_due
+from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
@@ -244,8 +244,8 @@ def test_arms_and_whole_poses_are_searched_in_different_frames_unless_the_person
     turns = [state(pose_at(), turn=turn) for turn in range(6)]
     waits = [search.propose(estimated(), now, RNG, BEST) is NOTHING for now in turns]
     assert waits == [False, True, True, False, True, True]
-    assert [is_due(now, 3) for now in turns] == [False, False, True, False, False, True]
-    assert all(is_due(replace(now, lost=1), 2) for now in turns)
+    assert [now.is_due(3) for now in turns] == [False, False, True, False, False, True]
+    assert all(replace(now, lost=1).is_due(2) for now in turns)
     assert search.propose(estimated(), replace(turns[2], lost=1), RNG, BEST) is not NOTHING
 
 

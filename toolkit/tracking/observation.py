@@ -52,6 +52,7 @@ class Observer:
     body : visible part of a person: "auto", "whole" or "upper", see `HybridSettings`
     scene : finds correspondences, see `open3d_scene.SCENES`
     told_joints : True if image joints on the person's pixels are evidence in every frame
+    period : frames of which one evaluates the network for the joints in view
     """
 
     landmarks: LandmarkSettings
@@ -63,6 +64,7 @@ class Observer:
     learning: bool = False
     body: str = "auto"
     told_joints: bool = False
+    period: int = 1
     scene: type[Scene] = Scene
 
     @property
@@ -178,17 +180,23 @@ class Observation:
     def in_view(self) -> np.ndarray | None:
         """Smoothed probability that each joint is in view, float64 (20,); None for a person who was never truncated.
 
-        The network estimates it for truncated people; otherwise all joints are in view.
+        The network estimates it for truncated people, in one of `Observer.period` frames if these are close in time;
+        otherwise all joints are in view.
         """
         before, is_cut = self._state.in_view, bool(self.cut.any())
         if before is None and not is_cut:
             return None
+        period = self.observer.period
+        frames = period if period * self.elapsed < VIEW_TIME and not self._state.lost else 1
+        if before is not None and frames > 1 and not self._state.is_due(period):
+            return before
         now = np.ones(len(skeleton.REPORTED))
         if is_cut:
             if self.estimate is None:
                 return before
             now = self.estimate.in_view
-        return now if before is None else before + (1.0 - math.exp(-self.elapsed / VIEW_TIME)) * (now - before)
+        share = 1.0 - math.exp(-frames * self.elapsed / VIEW_TIME)
+        return now if before is None else before + share * (now - before)
 
     def prepare(self) -> None:
         """Compute the parts that each frame needs; the others are computed on demand."""

@@ -42,7 +42,7 @@ class HybridSettings:
     promising : maximum ratio of a retrieved pose's distance to that of the local hypothesis for a refinement, which
         rarely reduces a distance by more than half
     lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched
-        equally often, with 2 or more in other frames
+        equally often, with 2 or more in other frames; the joint network estimates the joints in view as often
     restarts : number of poses refined on a first frame or after a loss, per body size
     momentum : fraction of the last velocity in the prediction, in [0, 1]; higher values follow fast limbs and amplify
         noise

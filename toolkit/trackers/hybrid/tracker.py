@@ -89,9 +89,7 @@ class HybridTracker(SearchingTracker):
         members: list[Search] = []
         if "local" in asked:
             members.append(LocalSearch(refiner, settings.momentum))
-        queries = self.queries()
-        # without the local hypothesis, each frame needs a lookup
-        period = settings.lookup_period if "local" in asked else 1
+        queries, period = self.queries(), self._period
         if {"local", "arms"} <= set(asked):
             members.append(ArmSearch(self._arms(objective, refiner), period))
         budget = LookupBudget(settings.candidates, settings.restarts, settings.promising, period)
@@ -137,7 +135,7 @@ class HybridTracker(SearchingTracker):
         s = self.settings
         return Observer(
             s.landmarks, s.extrema, s.fitting.cloud_samples, self._network,
-            self.guide, s.estimate_pull, body=s.body, told_joints=bool(self._swarm),
+            self.guide, s.estimate_pull, body=s.body, told_joints=bool(self._swarm), period=self._period,
             scene=SCENES[s.fitting.correspondences],
         )  # fmt: skip
 
@@ -151,6 +149,11 @@ class HybridTracker(SearchingTracker):
     def occluded_limbs(self) -> OccludedLimbs | None:
         """See `SearchingTracker`; databases of older versions have no prior."""
         return None if self._poses.prior is None else OccludedLimbs(self._poses.prior)
+
+    @property
+    def _period(self) -> int:
+        """Return the interval of periodic searches; without the local hypothesis, each frame needs a lookup."""
+        return self.settings.lookup_period if "local" in self.settings.hypotheses else 1
 
     @property
     def _swarm(self) -> tuple[str, ...]:

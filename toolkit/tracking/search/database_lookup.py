@@ -60,11 +60,6 @@ class LookupBudget:
     period: int
 
 
-def is_due(state: PersonState, period: int) -> bool:
-    """Return True if the database is queried: after a loss, else in one of `period` frames."""
-    return bool(state.lost) or (state.turn + 1) % period == 0
-
-
 class DatabaseLookup:
     """Search by all queries after a loss or on a first frame, and by one after the other while tracking.
 
@@ -112,7 +107,7 @@ class DatabaseLookup:
         """Return the queries of this frame: one or none in turn while tracking, else all."""
         if state.lost or not self._queries:
             return self._queries
-        if not is_due(state, self._budget.period):
+        if not state.is_due(self._budget.period):
             return ()
         return (self._queries[(state.turn + 1) // self._budget.period % len(self._queries)],)
 
