@@ -1,6 +1,6 @@
 """The tracker of Baak 2013 as it is printed, and the reference that a reader follows with the paper in hand.
 
-Its constants stand in `configs/baak2013.yaml`, its deviations in `docs/papers.md`; here is what no constant switches.
+Its constants stand in `configs/baak2013.yaml`, its deviations in `docs/baak2013.md`; here is what no constant switches.
 `Follower.step` is one frame, from top to bottom:
 
 | paper | code |
