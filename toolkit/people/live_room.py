@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import scipy.optimize  # noqa: F401  (assigns heads to people; importing it in a frame takes 0.4 s)
 
 from toolkit.io.parts import Parts
 from toolkit.people.evidence import Evidence, furniture
