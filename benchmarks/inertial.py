@@ -34,7 +34,7 @@ from toolkit.body.shape import subject_body
 from toolkit.evaluation.orientations import THRESHOLDS, frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import Distances, distances
+from toolkit.inertial.distance import ERROR_DEGREES, Distances, distances
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY
 from toolkit.inertial.synchronise import Clock, synchronise
@@ -62,8 +62,6 @@ CHAINS = {
 }  # fmt: skip
 DRAWN = "left_shin"
 """Limb whose signals are plotted, of the first take that its sensor nearly covers; a wrong clock does not."""
-TURNED = 45.0
-"""Minimum error of a wrong orientation, degrees."""
 EASED = 5 / RATE
 """Duration of the change to and from an injected pose, seconds."""
 
@@ -196,7 +194,7 @@ def checked(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) -> Ite
         found = calibrate([take], CalibrationSettings(method=method, refuse=False))
         take = replace(take, clock=replace(clock, offset=found.takes["take"].offset))
         for curve in distances(found, take):
-            wrong = np.degrees(quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb))) > TURNED
+            wrong = np.degrees(quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb))) > ERROR_DEGREES
             chain = curve.limb.split("_")[0] + ("_leg" if curve.limb.endswith("shin") else "_arm")
             stretches = [Segment(s.start, s.end, curve.limb) for s in segments if s.label == chain]
             yield Checked(curve, wrong, stretches, signals_of(take, found, curve.limb))
@@ -215,7 +213,7 @@ def error_figures(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) 
         if curve.limb == "chest":
             torso.append(curve.full[known])
             continue
-        off[own.kind] += frame_counts(curve.full, own.wrong, TURNED)
+        off[own.kind] += frame_counts(curve.full, own.wrong, ERROR_DEGREES)
         kept = own.without_ramps()
         stretches[own.kind] += frame_scores(kept, own.injected, np.nan_to_num(kept.full) > 30.0)
         swept[own.kind].append((kept.full, own.wrong))

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import ndimage
 
 from benchmarks._movement import OPTIONS, tracked_run
 from benchmarks._record import benchmark, script
@@ -42,10 +43,7 @@ ON_SURFACE = 0.12
 
 def shifted(joints: np.ndarray, frames: float) -> np.ndarray:
     """Return joints (T, J, 3) as they are `frames` later, interpolated linearly; those at the ends stay."""
-    at = np.clip(np.arange(len(joints)) + frames, 0.0, len(joints) - 1.0)
-    before = np.floor(at).astype(np.int64)
-    after, share = np.minimum(before + 1, len(joints) - 1), (at - before)[:, None, None]
-    return np.asarray((1.0 - share) * joints[before] + share * joints[after])
+    return np.asarray(ndimage.shift(joints.astype(np.float64), (-frames, 0.0, 0.0), order=1, mode="nearest"))
 
 
 @benchmark(DATABASE, stride=1, rows="hybrid")
@@ -116,7 +114,7 @@ def on_surface(recording: Recording) -> dict[float, float]:
     frames, (height, width) = np.arange(len(depth))[:, None], depth.shape[1:]
     found = {}
     for shift in LAGS.tolist():
-        joints = shifted(recording.reference_joints, shift)[:, rows].astype(np.float64)
+        joints = shifted(recording.reference_joints, shift)[:, rows]
         u, v = np.rint(np.moveaxis(np.stack([camera.project(frame) for frame in joints]), 2, 0)).astype(np.int64)
         inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
         measured = depth[frames, np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]

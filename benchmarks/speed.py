@@ -7,14 +7,12 @@
   `depthmocap track` over a short and a long recording.
 - `crowd DATABASE [--frames 120]`: simulated people of about 6,000 pixels each move side by side before one wide
   camera, already cut out; the image is the same for every count. A frame is one `MultiPersonTracker.step` with a known
-  body. The excess is the time over N times that of one person. The people of all counts take their frames in
-  turn, so that other load of the machine affects all alike.
+  body. The excess is the time over N times that of one person. All counts take their frames in turn, under equal load.
 - `passes DATABASE`: `depthmocap track` as a command, in two passes and in one (`--online`), of one person of about
   6,000 pixels who is cut out (300 and 600 frames), of six in a furnished room before a Kinect of 640x480 pixels (120
   and 300 frames; the body is learnt in the first 90), and of the classroom of `bench rooms` where its data is.
-  Processor time, at real-time priority where that is permitted. A frame costs what the longer recording takes more than
-  the shorter one, and the fixed cost is the rest.
-  The first and the second command over 76 frames are measured in new processes, the first one with no kernel compiled.
+  Processor time, at real-time priority where permitted. A frame costs what the longer recording takes more than the
+  shorter one; the rest is the fixed cost. First and second command: 76 frames in new processes, at first not compiled.
 - `swarm [--frames 30] [--network]`: a simulated Kinect recording with given joints. Milliseconds per frame and stage of
   `configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing), microseconds
   per hypothesis with balls and with the mesh in images of several sizes, and the time of the pose network.
@@ -261,8 +259,6 @@ MADE: dict[str, tuple[Callable[[Path, int], None], int, int]] = {
 }
 """Recordings by the number of people, with the frames of a short and of a long one."""
 PASSES = {"two": (), "one": ("--online",)}
-TYPED_FRAMES = 76
-"""Frames of the recording of the first and second command: those of a recording of UTD-MHAD."""
 
 
 @benchmark(database=Path)
@@ -296,7 +292,7 @@ def by_passes(people: str, folder: Path, track: Callable[..., tuple[float, float
 def typed(folder: Path, track: Callable[..., tuple[float, float]]) -> dict[str, Any]:
     """Return processor seconds and peak memory of a first command, with no kernel compiled, and of the second one."""
     path, found = folder / "typed.npz", {}
-    write_recording(path, PIXELS, TYPED_FRAMES)
+    write_recording(path, PIXELS, 76)  # frames, as many as a recording of UTD-MHAD has
     for number in ("first", "second"):
         peak, seconds = track(path, output=folder / f"typed_{number}", cache=folder / "cache")
         found[number] = {"processor_s": round(seconds, 2), "peak_mb": round(peak)}
