@@ -109,7 +109,7 @@ def build_database(
 
     Parameters
     ----------
-    sources : mocap files (BVH, AMC), folders of them, or clips of our body; None = the bundled motions
+    sources : mocap files (BVH, AMC, AMASS), folders of them, or clips of our body; None = the bundled motions
     output : the database file (`.npz`)
     sampling : selection of the poses
     body : body of the poses, joints and features; None = the neutral adult

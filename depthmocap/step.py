@@ -84,7 +84,7 @@ class Tracker:
     intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file
     people : 1 tracks one person, in a room the largest one; a number or "all" several
     database, config, settings : see `depthmocap.track`
-    background : (H, W), depth of the empty scene; without it a room is learned in the first 20 seconds
+    background : (H, W), depth of the empty scene; without it a room is learned from the first 4, 8 and 20 seconds
     keep_track : True to keep the poses for `track` and `tracks`: 1 kB for each person and frame
     options : see `depthmocap.track`: depth_unit, up_camera, mirrored, rotate, ...
     """

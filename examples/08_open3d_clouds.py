@@ -36,7 +36,7 @@ def main() -> None:
         clouds.append(measured.select_by_index(np.flatnonzero(away)))
     print(f"{FRAMES} clouds, {len(clouds[0].points)} points in the first one")
 
-    # The list is tracked as a recording is. Without intrinsics a virtual camera would look at the points.
+    # The list is tracked like a recording. Without intrinsics the points are projected into a virtual camera.
     track = depthmocap.track(
         clouds,
         intrinsics=camera,

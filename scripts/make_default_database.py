@@ -1,6 +1,6 @@
 """Make `toolkit/database/assets/default.npz`, the default pose database.
 
-    python scripts/make_default_database.py CMU_FOLDER... [--output FILE] [--images N]
+    python scripts/make_default_database.py CMU_FOLDER... [--output FILE] [--workers N]
 
 Made of motions of the CMU Graphics Lab (folders `mocap/cmu` and `mocap_more/cmu` of the shared data) and of the bundled
 standing, floor and seated ones. Nothing else may go in: the poses travel with the package. The same folders give the

@@ -24,8 +24,8 @@ HEADS: dict[type, str] = {
 """,
     SwarmTrackerSettings: """
 # The swarm tracker (Qammaz): image joints and depth, without motion capture, joint network or database. A particle
-# swarm searches for the pose, the local optimisation of the hybrid tracker refines it, and competes with the refined
-# previous pose. Copy this file to change values; settings that keep their value can be left out.
+# swarm searches for the pose, and the local optimisation of the hybrid tracker refines it. The result competes with the
+# refined previous pose. Copy this file to change values; settings that keep their value can be left out.
 # configs/qammaz.yaml is the paper's own variant.
 """,
     ParticleTrackerSettings: """

@@ -186,7 +186,7 @@ def _clothes(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_
 
 @cache
 def load_body(name: str = "neutral") -> Body:
-    """Load a named tracker body: neutral, slim_male, heavy_female, child, ... (`body_names`).
+    """Load a tracker body by its name, such as neutral, slim_male, heavy_female or child.
 
     Raises
     ------

@@ -42,7 +42,7 @@ class RunScores:
         frames
     states, sources : share of frames in each state, and of the tracked frames in which each hypothesis won
     frame_ms, frame_ms_p99, stages_ms : median and 99th percentile of the time per frame, median of each stage
-    curve : A(t) at `joints.CURVE`; empty without a reference, as are the next two
+    curve : A(t) at `joint_errors.CURVE`; empty without a reference, as are the next two
     frame_error_mm, timestamps : mean error of each frame and its time in seconds, for plots
     differences : differences to another system's joints, see `agreement.local_differences`; empty for a truth
     """

@@ -115,8 +115,8 @@ class JointNetwork:
         z = np.maximum(places[:, 2] + reference, pixel)
         x, y = middle[0] + across / reference, middle[1] + along / reference
         camera = np.stack([x * z, y * z, z], axis=1)
-        # Scale on real frames against the network's own, and metres of it that add: 62 % of errors lie within it on
-        # 216 frames of UTD-MHAD, 60 % on 72 of MSR Action3D (63 % of an exponential distribution).
+        # Scale on real frames against the network's own, and metres of it that add: 62 % of an earlier network's errors
+        # lay within it on UTD-MHAD, 60 % on MSR Action3D (63 % of an exponential distribution); see `docs/models.md`.
         real_factor, real_floor = 1.4, 0.05
         scale = np.sqrt((real_factor * scales) ** 2 + real_floor**2)
         pixels = np.stack([x * fx + cx, y * fy + cy], axis=1)

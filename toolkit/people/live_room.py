@@ -29,7 +29,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 
 LEARNING_PERIOD = 4
-"""Frames of which one has a part of learning, 20 to 40 ms, while the background is unknown."""
+"""Frames of which one has a part of learning, 20 to 40 ms, while a background is learned."""
 LEARNED_AFTER = (FEWEST, 2 * FEWEST, SAMPLES)
 """Numbers of samples after which the room is learned: the fewest (4 s), twice as many, and all that are used (20 s)."""
 

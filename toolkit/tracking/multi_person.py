@@ -115,7 +115,7 @@ class MultiPersonTracker:
 
     @property
     def bodies(self) -> dict[int, Body]:
-        """Predicted bodies of the tracked people."""
+        """Bodies of the tracked people, by number."""
         return {person: follower.body for person, follower in self._followers.items()}
 
     def step(self, frame: Frame) -> list[Row]:

@@ -33,7 +33,7 @@ class Reading:
 
     format: Annotated[
         str | None,
-        _option("npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; default: detected from the path."),
+        _option("npz, npy, utd_mhad, ros, mkv, record3d, tum, stray, png, cloud or raw; default: detected."),
     ] = None
     intrinsics: Annotated[str | None, _option("fx,fy,cx,cy in pixels, or a JSON file with these values.")] = None
     mirrored: Annotated[
@@ -86,7 +86,7 @@ class Joints:
         typer.Option(
             metavar="FOLDER|colour|depth|none",
             help="Image joints: a folder of OpenPose JSON files, colour or depth (run the network), or none.",
-            show_default="those of the recording, else colour, else depth",
+            show_default="those of the recording, else colour or depth if the tracker needs joints",
         ),
     ] = None
     joints_size: Annotated[

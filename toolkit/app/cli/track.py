@@ -161,8 +161,8 @@ class Folders:
         int | None,
         typer.Option(
             min=1,
-            help="Number of processes that share recordings, or the people of one.",
-            show_default="one; processors for people",
+            help="Number of processes that share the recordings, or the people of a single one.",
+            show_default="1 for recordings; one per processor for people",
         ),
     ] = None
 

@@ -1,4 +1,4 @@
-"""Second pass over a recording: all people are tracked again, forward and backward from keyframes."""
+"""Second pass over a recording: all people are tracked backwards, with detections in keyframes."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from toolkit.tracks import FrameResult
 class GapGuide(NoGuide):
     """Guide of the second tracking: priors on occluded limbs, and floor terms (6.4.3).
 
-    A prior on all limbs increases the error of visible ones; see `docs/retrieval.md`.
+    A prior on all limbs increases the error of visible ones; see `docs/occluded_limbs.md`.
 
     Parameters
     ----------

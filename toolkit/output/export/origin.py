@@ -23,7 +23,7 @@ class Origin:
     ----------
     name : "floor" or "camera"
     offset : float64 (3,), its place in the level frame, metres
-    ground : source of the floor height, see `biomechanics.ground`; "" for the camera
+    ground : source of the floor height, see `motion.contact.ground_of`; "" for the camera
     """
 
     name: str

@@ -204,7 +204,7 @@ def export_run(
 ) -> tuple[Path, ...]:
     """Write all people of a run folder to `path` in the format of its suffix, or in `format` (one of `FORMATS`).
 
-    GLB, C3D and the JSON formats hold several people. Each other format gets one file per person,
+    GLB, C3D, RRD, body-index, ply and the JSON formats hold several people. Each other format gets one file per person,
     `<stem>_<person><suffix>`.
 
     Parameters

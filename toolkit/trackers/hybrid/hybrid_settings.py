@@ -27,13 +27,13 @@ class HybridSettings:
     ----------
     tracker : the name under which this tracker is registered
     seed : seed of all random numbers
-    passes : 2 adds forward and backward tracking from keyframes for each person; 1 finishes each frame when it arrives,
-        as for a stream
+    passes : 2 adds backward tracking with detections in keyframes for each person; 1 finishes each frame when it
+        arrives, as for a stream
     hypotheses : competing hypotheses: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by joints
         of the joint network, for extrema that merge with the body), "arms" (the best one with arms at these joints; on
         first frames and after losses also turned by 180 degrees), "swarm" (on first frames and after losses, with image
         joints, which are then evidence in each frame; settings as in configs/swarm.yaml). "local" and "arms" start from
-        a pose of the others
+        a pose of the others, of which at least one is needed
     body : visible part of a person: "auto" (the joint network decides per frame), "whole" (all links, unless
         occluded), "upper" (no legs)
     extrema : number of geodesic extrema per frame, for the lookup and as correspondences of the local optimisation
@@ -41,8 +41,9 @@ class HybridSettings:
         fifth of a refinement. 1 takes the best by Eq. 5.6 without comparison
     promising : maximum ratio of a retrieved pose's distance to that of the local hypothesis for a refinement, which
         rarely reduces a distance by more than half
-    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched
-        equally often, with 2 or more in other frames; the joint network estimates the joints in view as often
+    lookup_period : interval of database lookups in frames while tracking is stable. Arms are searched at the same
+        interval, in other frames if it is above 1. The joints in view of a truncated person are estimated at this
+        interval if it is below 0.3 s, else in each frame
     restarts : number of poses refined on a first frame or after a loss, per body size
     momentum : fraction of the last velocity in the prediction, in [0, 1]; higher values follow fast limbs and amplify
         noise

@@ -79,7 +79,7 @@ def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothes
 
 
 def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """Return the best hypothesis that faces at least 60 degrees away from the best one of all, or None."""
+    """Return the best hypothesis that faces at least 60 degrees away from the best one of all, or an empty list."""
     min_turn = math.radians(60.0)  # between two facings that no refinement connects
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(each.hypothesis.pose)) - yaw for each in scored]

@@ -258,12 +258,12 @@ class MeasuredBody:
         return None
 
     def predicted(self) -> PredictedBody:
-        """Return None, because no person is tracked during the measurement."""
+        """Raise NotImplementedError, because no person is tracked during the measurement."""
         raise NotImplementedError("a body measurement has no position")
 
     @property
     def body(self) -> Body | None:
-        """See `BodyLearner.body`: from shoulder width and arm length in frames with a fork."""
+        """See `BodyLearner.body`: from shoulder widths, and arm lengths in frames with a fork."""
         settings, workspace = self._settings.effectors, Workspace()
         breadths: list[float] = []
         arms: list[float] = []
