@@ -184,7 +184,7 @@ def _track(
                 bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
             complete = frames == len(recording)
             if second is not None and complete:
-                complete = second.follow(stop, partial(report, recording.name, "looking back"))
+                complete = second.follow(stop, partial(report, recording.name, "second pass"))
                 bodies = second.bodies
             tracks = sink.finish(bodies, complete=complete)
             if complete:

@@ -122,8 +122,8 @@ def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
             }
             for person in people
         ],
-        "meaning": "The nearest pose is held in frames without the person and is no measurement; in lost frames "
-        "the pose is predicted.",
+        "meaning": "In frames without the person the nearest pose is repeated, which is no measurement; in lost "
+        "frames the pose is far from the measured points.",
     }
 
 
