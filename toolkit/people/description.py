@@ -176,5 +176,5 @@ def _advice(
     if recording.camera.width * recording.camera.height >= full_size:
         found.append("--set sensing.half_resolution=true is faster")
     if sightings and recording.has_color:
-        found.append("--joints colour uses the colour images as well, if they are registered to the depth (extra `joints`)")
+        found.append("--joints colour also uses the colour images, if registered to the depth (extra `joints`)")
     return found
