@@ -46,7 +46,7 @@ def load_settings(
     return READER.read(values, kind, "")
 
 
-def tracker_of(path: str | Path | None, overrides: Mapping[str, Any] | None) -> Any:
+def tracker_name(path: str | Path | None, overrides: Mapping[str, Any] | None) -> Any:
     """Return the name of the tracker in file and overrides, or None if neither has one.
 
     Raises

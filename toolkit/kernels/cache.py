@@ -122,7 +122,7 @@ def user_folder() -> Path:
 
 
 def prune(parent: Path, kept: int = 3) -> None:
-    """Remove the kernels of all digests in `parent` but the `kept` latest used ones."""
+    """Remove the kernels of all digests in `parent` but the `kept` latest used ones: versions of the package."""
     folders = [path for path in parent.iterdir() if path.is_dir() and len(path.name) == len(sources_digest())]
     for folder in sorted(folders, key=lambda path: path.stat().st_mtime, reverse=True)[kept:]:
         shutil.rmtree(folder, ignore_errors=True)

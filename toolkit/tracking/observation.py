@@ -52,7 +52,7 @@ class Observer:
     body : visible part of a person: "auto", "whole" or "upper", see `HybridSettings`
     scene : finds correspondences, see `open3d_scene.SCENES`
     told_joints : True if image joints on the person's pixels are evidence in every frame
-    period : frames of which one evaluates the network for the joints in view
+    period : interval in frames at which the network estimates the joints in view, if it is below `VIEW_TIME`
     """
 
     landmarks: LandmarkSettings

@@ -107,9 +107,9 @@ class PersonState:
         """Return the seconds between the previous frame and `timestamp`, in either direction of time."""
         return FIRST_STEP if self.timestamp is None else abs(timestamp - self.timestamp)
 
-    def is_due(self, period: int) -> bool:
-        """Return True where the database is queried: when the person is lost, else in one of `period` frames."""
-        return bool(self.lost) or (self.turn + 1) % period == 0
+    def is_due(self, period: int, ahead: int = 1) -> bool:
+        """Return True if periodic work is due: the person is lost, or `turn` is `ahead` of a multiple of `period`."""
+        return bool(self.lost) or (self.turn + ahead) % period == 0
 
     def rng(self) -> np.random.Generator:
         """Return the generator in its state; after a step its new state belongs into the next `PersonState`."""

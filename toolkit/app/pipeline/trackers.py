@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from toolkit.app.config import load_settings, tracker_of
+from toolkit.app.config import load_settings, tracker_name
 from toolkit.database.database import PoseDatabase
 from toolkit.io.errors import UsageError
 from toolkit.io.files import is_file, sha256_of
@@ -79,7 +79,7 @@ class TrackerRecipe:
     @property
     def tracker(self) -> str:
         """Return the registered name of the tracker; raises SettingsError as `build`."""
-        return tracker_of(self.config, self.overrides) or DEFAULT
+        return tracker_name(self.config, self.overrides) or DEFAULT
 
     def _registration(self) -> Registration:
         return registered(self.tracker)

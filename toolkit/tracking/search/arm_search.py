@@ -128,8 +128,7 @@ class ArmSearch:
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """Propose arms, see `Search.propose`."""
-        waits = not state.lost and state.turn % self._period != 0
-        if state.previous is None or best is None or waits:
+        if state.previous is None or best is None or not state.is_due(self._period, ahead=0):
             return NOTHING
         found = self._arms.better(best, observation)
         return NOTHING if found is None else Proposal((replace(found, improves=best),))
