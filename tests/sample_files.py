@@ -187,7 +187,7 @@ def run_file(folder: Path) -> Path:
 
 def people_file(folder: Path) -> Path:
     row = dict(id=1, folder="person_01", first_frame=0, last_frame=3, stature=1.7, tracked=1.0, lost=0.0, hidden=0.0)
-    evidence = dict(looks=3, shaped=2, judged=1.5, rested=1, unlikely=0.02)
+    evidence = dict(looks=3, score=1.5, rested=1)
     whole = {"people": [row | {"evidence": evidence}], "furniture": [evidence]}
     (folder / "people.json").write_text(json.dumps(whole))
     return folder / "people.json"

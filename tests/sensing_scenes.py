@@ -2,30 +2,45 @@
 
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE
+from toolkit.people.person_network import person_network
+from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.simulation.raycast import render_depth
 
 TOF = Camera(220.0, 220.0, 87.5, 71.5, 176, 144)
 KINECT = Camera(285.63, 285.63, 159.5, 119.5, 320, 240)
 ARMS_DOWN = 1.2  # rad below the T-pose
+NO_HEAD = -6.0  # log-odds of a head where a fake classifier has none
 
 
 class ConstantOdds:
-    """Person classifier with the same log odds for all measured pixels that counts its calls."""
+    """Person classifier with the same log-odds for all measured pixels that counts its calls.
 
-    def __init__(self, odds: float = 0.0) -> None:
-        self.odds, self.calls = odds, 0
+    The heads are those of the package's network; their log-odds are `peak`, the same as of pixels unless given.
+    """
+
+    def __init__(self, odds: float = 0.0, peak: float | None = None) -> None:
+        self.odds, self.peak, self.calls = odds, odds if peak is None else peak, 0
+        self._heads = person_network().heads
 
     def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
         """See `PersonClassifier.log_odds`."""
         assert depth.shape == camera.shape
         self.calls += 1
         return np.where(depth > 0, np.float32(self.odds), np.float32(0))
+
+    def heads(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
+        """See `PersonClassifier.heads`."""
+        heads = self._heads(depth, camera)
+        peaks = (heads > 0) & (heads == cv2.dilate(heads, np.ones((5, 5), np.uint8)))
+        return np.where(peaks, np.float32(self.peak), np.float32(NO_HEAD))
 
 
 @lru_cache(maxsize=1)
@@ -85,6 +100,13 @@ def scene(
     """
     depth, who = _scene(camera, people, tilt, height, wall, floor)
     return depth.copy(), who.copy()
+
+
+def view_of(depth_mm: np.ndarray, camera: Camera = KINECT, up: np.ndarray | None = None) -> tuple[CoarseCamera, View]:
+    """Return the coarse camera and a frame in which all measured pixels are foreground."""
+    coarse = CoarseCamera(camera, up_of_tilt(0.0) if up is None else up, SensingSettings())
+    depth = coarse.downsampled(depth_mm)
+    return coarse, coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
 
 
 def person_alone(camera: Camera, x: float = 0.0, distance: float = 3.0) -> np.ndarray:

@@ -326,15 +326,15 @@ class RoomFinder:
         self.rooms: list[Any] = []
         self.seen: tuple[Sighting, ...] = ()
         self.evidence: dict[int, Evidence] = {}
-        self.asked: list[tuple[int | None, bool]] = []
+        self.asked: list[int | None] = []
 
     def use_room(self, room: Any) -> None:
         self.rooms.append((len(self.rooms), room))
 
     def find(
-        self, depth: np.ndarray, timestamp: float, predicted: Any, *, only: int | None = None, searches: bool = True
+        self, depth: np.ndarray, timestamp: float, predicted: Any, *, only: int | None = None
     ) -> tuple[Sighting, ...]:
-        self.asked.append((only, searches))
+        self.asked.append(only)
         return tuple(each for each in self.seen if only is None or each.id == only)
 
 
@@ -369,15 +369,6 @@ def test_a_room_is_learned_from_the_samples_so_far_in_parts(take: Recording, mon
     assert all(learned.floor == -1.2 for _, learned in finder.rooms)
 
 
-def test_heads_are_searched_in_every_eighth_frame_and_while_no_person_is_found(take: Recording) -> None:
-    finder = RoomFinder()
-    room, depth = room_finder(take, finder), take.depth(0)
-    for k in range(20):
-        finder.seen = (Sighting(1, depth.astype(np.float32), None, CAMERA),) if k >= 3 else ()
-        room.find(depth, k / 30, {})
-    assert [k for k, (_, searches) in enumerate(finder.asked) if searches] == [0, 1, 2, 3, 8, 16]
-
-
 def test_one_person_in_a_room_is_the_largest_and_stays_it_unless_it_is_furniture() -> None:
     def sighting(number: int, pixels: int) -> Sighting:
         depth = np.zeros(CAMERA.shape, np.float32)
@@ -395,8 +386,8 @@ def test_one_person_in_a_room_is_the_largest_and_stays_it_unless_it_is_furniture
     assert found(sighting(1, 500), sighting(2, 900)) == [900]
     assert found(sighting(1, 950), sighting(2, 400)) == [400]
     assert found(sighting(1, 950)) == [0]
-    assert [only for only, _ in inner.asked] == [None, None, 2, 2], "only the selected person is cut out"
-    inner.evidence = {2: replace(Evidence(), looks=10, judged=-1e6)}
+    assert inner.asked == [None, None, 2, 2], "only the selected person is cut out"
+    inner.evidence = {2: replace(Evidence(), looks=10, score=-1e6)}
     assert inner.evidence[2].log_odds <= 0
     assert found(sighting(1, 950), sighting(2, 990)) == [950]
 

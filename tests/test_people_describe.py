@@ -1,6 +1,6 @@
 """First description of a recording: five lines and a picture."""
 
-from dataclasses import replace
+import re
 
 import cv2
 import numpy as np
@@ -28,12 +28,11 @@ def test_a_description_names_camera_vertical_room_people_and_useful_options(tmp_
     assert camera == "camera: 320 x 240, 59 degrees wide, 9 frames, 30.0 frames a second"
     assert up == "up: file; the camera looks 11 degrees down, rolled by 0"
     assert surroundings.startswith("room: known")
-    why = "shape matched in 1 of 1 sampled frames, pixels"
-    assert people.split("\n  ") == [
-        "people: 2 in the first 3 s",
-        f"1 at 2.5 m, whole (person score +9.7 ({why} +5.9))",
-        f"2 at 3.1 m, whole (person score +9.8 ({why} +6.0))",
-    ]
+    heading, *found = people.split("\n  ")
+    assert heading == "people: 2 in the first 3 s" and [line[0] for line in found] == ["1", "2"]
+    score = r" \(person score \+\d+\.\d \(1 sampled frames, [01] of them motionless\)\)"
+    for line, distance in zip(sorted(found, key=lambda line: line[5:]), ("2.5", "3.1"), strict=True):
+        assert re.fullmatch(rf"\d at {distance} m, whole{score}", line)
     assert advice == "advice: --people all follows all of them"
 
 
@@ -62,9 +61,6 @@ def test_the_picture_shows_each_person_in_one_colour(tmp_path):
     depth, who = scene(KINECT, ((-0.7, 2.6), (0.7, 2.6)))
     look = describe(open_recording(recorded(tmp_path, [depth])))
     image = picture(look).astype(int)
-    ringed = picture(replace(look, furniture=np.array([[160.0, 40.0]]))).astype(int)
-    changed = np.flatnonzero((ringed != image).any(axis=2).any(axis=0))
-    assert 140 < changed.min() < 156 and changed.max() > 165, "furniture is ringed"
     hues = [image[who == number].mean(axis=0) / image[who == number].mean() for number in (1, 2)]
     expected = [np.array(person_color(k)) / np.mean(person_color(k)) for k in (0, 1)]
     off = [[np.abs(hue - color).max() for color in expected] for hue in hues]

@@ -8,30 +8,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
+from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt, view_of
 from toolkit.io.errors import SegmentationError, SeveralPeopleError
-from toolkit.people.candidates import in_a_mirror, shaped_alone
+from toolkit.people.candidates import in_a_mirror
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.selected_person import FIRST_SECONDS, SelectedPersonFinder, meant_person
 from toolkit.people.sharing import body_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import Plane
 from toolkit.people.tracks import KnownPerson
-from toolkit.people.view import CoarseCamera, View
+from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.sensing_settings import SensingSettings
 
 LEVEL = up_of_tilt(0.0)
-HEAD_HEIGHT = 1.63  # of the neutral body above the floor
-
-
-def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[CoarseCamera, View]:
-    """Return a frame in which all measured pixels are foreground."""
-    coarse = CoarseCamera(camera, up, SensingSettings())
-    depth = coarse.downsampled(depth_mm)
-    return coarse, coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
 
 
 def whole(who: np.ndarray, coarse: CoarseCamera) -> np.ndarray:
@@ -70,17 +61,6 @@ def test_a_table_with_the_floor_below_it_is_not_the_floor():
 # Candidates for a new person.
 
 
-def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
-    depth_mm, _ = scene(KINECT, ((0.0, 2.5),))
-    coarse, view = view_of(depth_mm)
-    head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.45])
-    assert shaped_alone(view, coarse, head)
-    assert not shaped_alone(view, coarse, head - (0.0, 1.2, 0.0))
-    board = np.where(np.arange(KINECT.height)[:, None] > 40, np.full(KINECT.shape, 2500), 0).astype(np.uint16)
-    coarse, view = view_of(board)
-    assert not shaped_alone(view, coarse, head)
-
-
 @pytest.mark.parametrize(("depth", "mirrored"), [(4.0, True), (4.8, False), (2.0, False)])
 def test_a_head_behind_a_wall_at_the_mirror_image_of_another_is_none(depth, mirrored):
     coarse, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
@@ -110,33 +90,6 @@ def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_cla
         assert (own == 3 + number).mean() > 0.97
         assert not (own == 6 - number).sum() > 5, "pixels of one body's rim"
     assert not seeds[truth == 0].any()
-
-
-# People in single frames.
-
-
-class FakeJudge:
-    """Classifier with one score for the left part of the image and one for the rest."""
-
-    def __init__(self, odds: float) -> None:
-        self.odds = odds
-
-    def log_odds(self, depth: np.ndarray, camera: Any) -> np.ndarray:
-        """See `PersonClassifier.log_odds`."""
-        left = np.arange(depth.shape[1]) < depth.shape[1] // 2
-        return np.broadcast_to(np.where(left, self.odds, 3.0), depth.shape)
-
-
-@pytest.mark.parametrize(("odds", "sides"), [(3.0, [-1, 1]), (-9.0, [1])])
-def test_two_people_are_two_and_a_negative_score_is_furniture(odds, sides):
-    depth_mm, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)))
-    coarse, view = view_of(depth_mm)
-    people, furniture, labels = people_and_furniture(view, coarse, cut_out=True, classifier=FakeJudge(odds))
-    assert sorted(np.sign(place[0]) for place in people) == sides
-    assert [np.sign(place[0]) for place in furniture] == ([] if odds > 0 else [-1])
-    truth = whole(who, coarse)
-    for number, place in enumerate([*people, *furniture], start=1):  # furniture keeps its pixels
-        assert (labels[truth == (1 if place[0] < 0 else 2)] == number).mean() > 0.9
 
 
 # Selected person.

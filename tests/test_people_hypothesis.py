@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, ConstantOdds, scene
-from toolkit.people.hypothesis import EvidenceSample, log_odds
+from toolkit.people.hypothesis import EvidenceSample, log_odds, person_score
 from toolkit.people.learning import learnt, person_pixels
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.newcomers import Newcomers
@@ -12,36 +12,31 @@ from toolkit.people.view import CoarseCamera
 from toolkit.sensing.sensing_settings import SensingSettings
 
 UP = np.array([0.0, -1.0, 0.0])
-FIGURE = EvidenceSample(shaped=True, moved=0.0)
 ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 
 
-def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
-    assert log_odds([FIGURE] * 40) < 0
+def test_motion_makes_a_person_of_a_head_that_the_network_rejects():
+    still, moving = ([EvidenceSample(-1.0, moved)] * 40 for moved in (0.0, 1.0))
+    assert log_odds(still) < 0 < log_odds(moving)
 
 
-@pytest.mark.parametrize(
-    "sample",
-    [
-        EvidenceSample(True, moved=1.0),
-        EvidenceSample(True, moved=0.0, judged=2.0),
-    ],
-    ids=["moved", "judged"],
-)
-def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(sample):
-    assert log_odds([sample] * 40) > 0
+def test_the_log_odds_of_samples_are_their_mean_score_and_grow_with_motion():
+    scores = [1.5, -0.5, 3.0]
+    assert log_odds([EvidenceSample(score, 0.0) for score in scores]) == pytest.approx(np.mean(scores))
+    shares = [log_odds([EvidenceSample(0.5, moved), EvidenceSample(1.5, 0.0)]) for moved in (0.0, 0.3, 1.0)]
+    assert shares[0] == pytest.approx(1.0) and np.all(np.diff(shares) > 0)
 
 
-def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_only_if_it_moves():
-    shaped, shapeless = (EvidenceSample(shape, moved=0.0, judged=2.5) for shape in (True, False))
-    assert log_odds([shaped] * 10 + [shapeless] * 30) < 0 < log_odds([shaped] * 40)
-    assert log_odds([shapeless] * 40) < 0 < log_odds([EvidenceSample(False, 1.0, judged=3.0)] * 40)
-
-
-def test_a_person_shape_in_each_of_few_frames_is_a_person():
+def test_a_person_in_each_of_few_frames_is_a_person():
     """A person at another place in each frame is another figure in each."""
-    person = EvidenceSample(True, moved=0.0, judged=2.9)
-    assert log_odds([person] * 10) == log_odds([person] * 40) > 0
+    person = EvidenceSample(2.9, moved=0.0)
+    assert log_odds([person] * 10) == pytest.approx(log_odds([person] * 40)) and log_odds([person]) > 0
+
+
+def test_the_person_score_grows_with_the_log_odds_of_the_head_and_of_its_pixels():
+    assert person_score(-2.0, 1.0) < person_score(0.0, 1.0) < person_score(3.0, 1.0)
+    assert person_score(0.0, -3.0) < person_score(0.0, 1.0) < person_score(0.0, 5.0)
+    assert person_score(-3.0, -3.0) < 0 < person_score(3.0, 3.0)
 
 
 def coarse_camera_of(camera=KINECT):
@@ -55,10 +50,10 @@ def downsampled(frames):
 def test_a_motionless_sitter_is_background_unless_the_classifier_disagrees():
     frames = downsampled([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
     coarse = coarse_camera_of()
-    furniture, person = (learnt(frames, coarse, classifier) for classifier in (ConstantOdds(), ConstantOdds(2.0)))
+    furniture, person = (learnt(frames, coarse, ConstantOdds(odds)) for odds in (-1.0, 2.0))
     v, u = coarse.camera.height // 2, coarse.camera.width // 2
-    assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and len(furniture.figures) == 1
-    assert person.background[v, u] == 0.0 and len(person.figures) == 0
+    assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15)
+    assert person.background[v, u] == 0.0
     assert person.still[v, u], "a chair's back that flows together with them is found by it"
     assert person.background[v, 5] == furniture.background[v, 5] > 3.9
 
@@ -76,10 +71,11 @@ def test_a_person_who_moves_in_place_with_a_head_measured_at_times_is_no_backgro
     assert room.background[camera.height // 2, camera.width // 2] == 0.0
 
 
-class Likes:
+class Likes(ConstantOdds):
     """Classifier with a positive score at some coarse pixels, bool (h, w), and a negative one at all others."""
 
     def __init__(self, where):
+        super().__init__(2.0)
         self.where = where
 
     def log_odds(self, depth, camera):
@@ -107,7 +103,7 @@ def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_re
     assert not two.unclaimed[two.owned].any(), "theirs have a moving person's reach"
 
 
-def test_a_person_has_connected_pixels_that_are_not_rejected_and_likely_ones_below_the_head():
+def test_a_person_has_likely_pixels_that_are_connected_or_below_the_head():
     frames, own, block = seated_on_a_block()
     view = coarse_camera_of().view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
     place = (view.points[own][np.argmax(view.points[own][:, 1])] - (0.0, 0.1, 0.0)).astype(np.float64)
@@ -126,7 +122,7 @@ def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_classifier():
     classifier = ConstantOdds(2.0)
     followed = MultiPersonFinder(KINECT, UP, classifier)
     assert len(followed.find(frames[0], 0.0, {})) == 1
-    classifier.odds = 0.5
+    classifier.odds, classifier.peak = 0.125, -1.0
     for k, depth in enumerate(frames):
         assert [s.id for s in followed.find(depth, 0.1 * (k + 1), {})] == [1]
         assert followed.people[0].head[0] == pytest.approx(0.1 * k, abs=0.05)
@@ -141,12 +137,12 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
         desk = np.s_[150:220, 150:200]
         depth[desk] = np.where(depth[desk] < 2500, depth[desk], 2500)
         frames.append(depth)
-    room = learnt(downsampled(frames), coarse_camera_of(), ConstantOdds())
+    room = learnt(downsampled(frames), coarse_camera_of(), ConstantOdds(0.5))
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.5, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
 
-def test_the_classifier_rejects_person_like_furniture_in_a_still():
+def test_the_classifier_rejects_furniture_in_a_still():
     depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
     for odds, count in ((2.0, 1), (-2.0, 0)):
         classifier = ConstantOdds(odds)

@@ -7,8 +7,7 @@ import pytest
 
 from toolkit.kernels.cloud.nearest import smallest_gap
 from toolkit.kernels.cloud.planes import best_plane
-from toolkit.kernels.image.growth import FAR, UNIT, grow, mark_seeds, refine_labels, take_label
-from toolkit.kernels.image.heads import head_scores, mark_near, run_widths
+from toolkit.kernels.image.growth import FAR, UNIT, grow, mark_near, mark_seeds, refine_labels, take_label
 from toolkit.kernels.image.sharing import draw_body, nearest_owner
 
 STEPS = np.array([0.05, 0.003, 0.4, 3.0, 0.5])
@@ -130,24 +129,6 @@ def test_labels_come_back_to_full_resolution_by_depth():
     assert box.tolist() == [1, 7, 1, 4]
 
 
-def test_a_ball_on_a_board_has_a_higher_head_score_than_the_board():
-    from toolkit.people.detection import AROUND, INSIDE, SHOULDERS, TOLERANCES
-
-    focal, shape = 150.0, (120, 160)
-    v, u = np.mgrid[: shape[0], : shape[1]]
-    x, y = (u - 79.5) / focal * 2.0, (v - 59.5) / focal * 2.0  # metres at 2 m
-    depth = np.full(shape, 4.0, dtype=np.float32)
-    depth[(np.abs(x) < 0.22) & (y > 0.16) & (y < 0.7)] = 2.05
-    ball = x**2 + y**2 < 0.1**2
-    depth[ball] = 2.1 - np.sqrt(0.1**2 - (x**2 + y**2)[ball])
-    scores = np.empty(shape, dtype=np.float32)
-    intrinsics, up = np.array([focal, focal, 79.5, 59.5]), np.array([0.0, -1.0, 0.0])
-    head_scores(depth, depth < 3, intrinsics, up, INSIDE, AROUND, SHOULDERS, TOLERANCES, 0.5, scores)
-    best = np.unravel_index(scores.argmax(), shape)
-    assert scores.max() > 0.9 and np.hypot(best[0] - 59.5, best[1] - 79.5) < 6
-    assert scores[y > 0.25].max() == 0
-
-
 def test_heads_and_what_stayed_of_torsos_are_marked():
     rng = np.random.default_rng(3)
     points = rng.uniform(-0.5, 0.5, (9, 11, 3)).astype(np.float32)
@@ -162,33 +143,6 @@ def test_heads_and_what_stayed_of_torsos_are_marked():
         expected = 9 if (v, u) == (4, 4) else int(np.argmax(own)) + 1 if foreground[v, u] and own.any() else 0
         assert seeds[v, u] == expected
     assert set(seeds.ravel().tolist()) == {0, 1, 2, 9}
-
-
-def plain_widths(points, depth, mask, head, band, gap, step):
-    above = points[..., 1] - head[1]
-    within = mask & (above > band[0]) & (above < band[1])
-    widths = []
-    for v in np.flatnonzero(within.any(axis=1)):
-        u = np.flatnonzero(within[v])
-        x, z = points[v, u, 0] - head[0], depth[v, u]
-        breaks = np.flatnonzero((np.diff(x) > gap) | (np.abs(np.diff(z)) > step))
-        runs = np.split(x, breaks + 1)
-        nearest = next(run for run in runs if np.abs(x).min() in np.abs(run))
-        widths.append(nearest[-1] - nearest[0])
-    return widths
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_run_nearest_below_a_head_is_measured_in_every_row_between_two_heights(seed):
-    rng = np.random.default_rng(seed)
-    depth = rng.uniform(2.0, 2.3, (20, 30)).astype(np.float32)
-    across, upwards = np.meshgrid(np.linspace(-0.5, 0.5, 30), np.linspace(0.4, -0.4, 20))
-    points = np.stack([across, upwards, -depth], axis=2).astype(np.float32)
-    mask, head, widths = rng.random((20, 30)) < 0.7, np.array([0.05, 0.02, -2.1]), np.empty(20)
-    rows = run_widths(points, depth, mask, head, -0.3, 0.1, 0.06, np.float32(0.2), widths)
-    expected = plain_widths(points, depth, mask, head, (-0.3, 0.1), 0.06, np.float32(0.2))
-    assert len(set(expected)) > 3
-    np.testing.assert_array_equal(widths[:rows], expected)
 
 
 def test_pixels_near_a_place_are_those_within_the_radius():

@@ -93,12 +93,12 @@ def test_a_person_at_the_border_is_gone_so_that_the_next_to_enter_there_is_anoth
 
 
 @pytest.mark.parametrize(
-    ("others", "judged", "most", "expected"),
+    ("others", "score", "most", "expected"),
     [(0, 0.0, 4, [1]), (1, 0.0, 4, []), (1, -30.0, 4, [1]), (1, 0.0, 2, [1])],
     ids=["alone", "of several", "beside furniture", "no more are told apart"],
 )
 def test_who_went_out_is_expected_back_unless_another_may_come(
-    others: int, judged: float, most: int, expected: list[int]
+    others: int, score: float, most: int, expected: list[int]
 ) -> None:
     known = KnownPeople(LENS, most)
     met(known, HEAD)
@@ -106,7 +106,7 @@ def test_who_went_out_is_expected_back_unless_another_may_come(
         met(known, ASIDE - (2.4, 0.0, 0.0))
     walked_out(known)
     for other in known.people[1:]:
-        known.keep(replace(other, last=LATER, evidence=Evidence(10 if judged else 0, judged=judged)))
+        known.keep(replace(other, last=LATER, evidence=Evidence(10 if score else 0, score=score)))
     assert [person.id for person in known.expected_back(LATER)] == expected
 
 
@@ -116,10 +116,10 @@ def test_people_are_there_and_back_as_arrays() -> None:
     assert other.people == []
     met(known, HEAD)
     met(known, ASIDE, 0.2)
-    known.keep(known.people[1].with_sample(shaped=True, judged=1.5, rests=True, timestamp=0.3))
+    known.keep(known.people[1].with_sample(score=1.5, rests=True, timestamp=0.3))
     other.restore_state(known.export_state())
     np.testing.assert_equal(other.export_state(), known.export_state())
-    assert [person.evidence for person in other.people] == [Evidence(), Evidence(1, 1, 1.5, 1)]
+    assert [person.evidence for person in other.people] == [Evidence(), Evidence(1, 1.5, 1)]
 
 
 @pytest.mark.parametrize("numbers", [[1, 1], [2, 1], [1, 3]])

@@ -11,14 +11,6 @@ from tests.sensing_scenes import KINECT, ConstantOdds, scene
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.io.errors import SegmentationError
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
-from toolkit.people.hypothesis import (  # fmt: skip
-    LOWEST,
-    SEATED,
-    EvidenceSample,
-    alone_log_odds,
-    log_odds,
-    lowness,
-)
 from toolkit.people.joint_masks import GivenJoints
 from toolkit.people.known_people import match_heads, re_identified
 from toolkit.people.multi_person import MultiPersonFinder
@@ -36,6 +28,7 @@ from toolkit.tracks.runs import load_people
 
 UP = np.array([0.0, -1.0, 0.0])
 HEAD = np.array([0.0, 0.3, -2.5])
+PERSON, FURNITURE = Evidence(4, 20.0), Evidence(3, -15.0, 3)
 
 
 def somebody(head=HEAD, number=1, *, velocity=(0.0, 0.0, 0.0), last=0.0, first=0.0, area=0.5):
@@ -101,41 +94,29 @@ def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are
 # Dropped people.
 
 
-@pytest.mark.parametrize(("odds", "dropped"), [(1.0, frozenset()), (-6.9, frozenset({1}))])
-def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, dropped):
+@pytest.mark.parametrize(("odds", "peak", "dropped"), [(1.0, 1.0, frozenset()), (-3.0, -1.0, frozenset({1}))])
+def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, peak, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
-    finder = MultiPersonFinder(KINECT, UP, ConstantOdds(odds), room)
+    finder = MultiPersonFinder(KINECT, UP, ConstantOdds(odds, peak), room)
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
     assert furniture(finder.evidence) == dropped
     assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
-    again = MultiPersonFinder(KINECT, UP, ConstantOdds(odds), room)
+    again = MultiPersonFinder(KINECT, UP, ConstantOdds(odds, peak), room)
     again.restore_state(finder.export_state())
     assert again.evidence == finder.evidence
 
 
-@pytest.mark.parametrize(
-    ("rested", "unlikely", "lifeless"), [(6, 0.05, True), (5, 0.05, False), (6, 0.03, False), (6, 0.0, False)]
-)
-def test_a_motionless_object_in_an_improbable_pose_is_furniture_unless_the_network_is_sure(rested, unlikely, lifeless):
-    own, person = (Evidence(6, 6, 6 * judged, rested, unlikely) for judged in (2.0, 4.0))
-    assert own.lifeless == lifeless and (furniture({2: own}) == {2}) == lifeless and not furniture({2: person})
-    assert own.log_odds == pytest.approx(Evidence(6, 6, 12.0).log_odds - 7.0 * lifeless)
-    assert ("motionless in an improbable pose" in own.text()) == lifeless
-    assert restore_evidence(export_evidence({2: own})) == {2: own}
-    assert [Evidence(n, n, 2.5 * n, n, 0.05).lifeless for n in range(6)] == [False] * 4 + [True] * 2
-
-
-def test_a_head_below_sitting_height_counts_against_a_person():
-    heights = [LOWEST - 0.2, LOWEST, 0.5 * (LOWEST + SEATED), SEATED, SEATED + 0.6]
-    low = [lowness(np.array([0.3, h - 1.2, -2.0]), -1.2) for h in heights]
-    assert low == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0])
-    assert lowness(np.array([0.0, -5.0, -2.0]), None) == 0.0
-    seated, chair = (EvidenceSample(True, 0.0, judged=2.0, low=low) for low in (0.0, 1.0))
-    assert log_odds([chair] * 20) == pytest.approx(log_odds([seated] * 20) - 2.0)
-    assert log_odds([chair] * 20) < 0 < log_odds([seated] * 20)
-    assert alone_log_odds(True, 1.2, 1.0) < 0 < alone_log_odds(True, 1.2)
+def test_the_score_of_a_track_is_the_mean_of_its_samples_and_motion_adds_to_it():
+    own = Evidence().after(1.5, rests=True).after(-0.5, rests=True)
+    assert own == Evidence(2, 1.0, 2) and own.log_odds == pytest.approx(0.5)
+    scores = [Evidence(4, 2.0, rested).log_odds for rested in range(5)]
+    assert np.all(np.diff(scores) < 0) and scores[-1] == pytest.approx(0.5)
+    assert furniture({1: Evidence(4, -2.0, 4), 2: Evidence(4, -2.0, 0), 3: Evidence(4, 2.0, 4)}) == {1}
+    assert Evidence().log_odds > 0, "a track without a sample is a person"
+    tracks = {1: own, 3: Evidence(), 7: Evidence(9, -3.25, 4)}
+    assert restore_evidence(export_evidence(tracks)) == tracks
 
 
 def row(state):
@@ -153,17 +134,17 @@ def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_withou
     states = {1: TRACKED, 2: TRACKED, 3: EMPTY}
     for frame in range(3):
         sink.write([Row(person, frame, frame / 30, row(state)) for person, state in states.items()])
-    sink.remove_furniture({1: Evidence(3, 0, -9.0), 2: Evidence(4, 4, 8.0)})
+    sink.remove_furniture({1: FURNITURE, 2: PERSON})
     tracks = sink.finish(dict.fromkeys((2, 3), load_body("neutral")), complete=True)
     assert [int(track.state[0]) for track in tracks] == [TRACKED, EMPTY]
     assert sorted(path.name for path in (tmp_path / "run").glob("person_*")) == ["person_01", "person_02"]
     assert [person.folder for person in load_people(tmp_path / "run").people] == ["person_01", "person_02"]
     assert "person_03" not in json.dumps((tmp_path / "run" / "people.json").read_text())
-    first, second = load_people(tmp_path / "run").text().split("\n")[:2]
-    assert first.startswith("person_01: 1.") and "person score +6.6" in first
+    first, second, left_out = load_people(tmp_path / "run").text().split("\n")[:3]
+    assert first.startswith("person_01: 1.") and f"person score {PERSON.log_odds:+.1f}" in first
     assert second.startswith("person_02") and "score" not in second
-    assert load_people(tmp_path / "run").furniture == (Evidence(3, 0, -9.0),)
-    assert load_people(tmp_path / "run").text().split("\n")[2].startswith("furniture, left out: person score -3.4")
+    assert load_people(tmp_path / "run").furniture == (FURNITURE,)
+    assert left_out.startswith(f"furniture, left out: person score {FURNITURE.log_odds:+.1f}")
 
 
 # Selected person.

@@ -1,4 +1,4 @@
-"""The person network: input, log-odds of people and rooms, the same bits everywhere."""
+"""The person network: input, log-odds of people, heads and rooms, the same bits everywhere."""
 
 import os
 import subprocess
@@ -33,13 +33,24 @@ def test_pixels_of_a_person_have_higher_log_odds_than_the_room(seen: tuple[np.nd
     assert (odds[person] > 0).mean() > 0.9 and (odds[(depth > 0) & ~person] < 0).mean() > 0.9
 
 
-def test_log_odds_are_multiples_of_a_step_and_zero_without_measurement(
+def test_log_odds_are_multiples_of_a_step_and_those_of_people_are_zero_without_measurement(
     seen: tuple[np.ndarray, np.ndarray, Camera],
 ) -> None:
     depth, _, camera = seen
     holes = np.where(np.arange(depth.shape[1]) % 7 == 0, np.float32(0), depth)
-    odds = person_network.person_network().log_odds(holes, camera) / person_network.STEP
+    network = person_network.person_network()
+    odds, heads = (output(holes, camera) / person_network.STEP for output in (network.log_odds, network.heads))
     assert (odds[holes == 0] == 0).all() and np.array_equal(odds, np.rint(odds))
+    assert heads[holes == 0].any() and np.array_equal(heads, np.rint(heads)) and heads.shape == depth.shape
+
+
+def test_the_log_odds_of_a_head_are_positive_at_the_head_alone(seen: tuple[np.ndarray, np.ndarray, Camera]) -> None:
+    depth, person, camera = seen
+    heads = person_network.person_network().heads(depth, camera)
+    top = np.flatnonzero(person.any(axis=1))[0]
+    head = np.zeros(person.shape, dtype=bool)
+    head[: top + round(0.3 * camera.fy / 2.5)] = True  # metres from the crown to the chin of a tall adult
+    assert heads[person & head].max() > 0 > heads[~person | ~head].max()
 
 
 def test_a_person_is_found_by_cameras_of_other_sizes_and_focal_lengths(
@@ -79,16 +90,17 @@ from toolkit.sensing.camera import Camera
 cv2.setNumThreads({threads})
 rng = np.random.default_rng(5)
 depth = np.where(rng.random((120, 160)) < 0.2, 0, rng.uniform(0.5, 6, (120, 160))).astype(np.float32)
-odds = person_network().log_odds(depth, Camera(140.0, 140.0, 79.5, 59.5, 160, 120))
-print(hashlib.sha256(odds.tobytes()).hexdigest())
+camera = Camera(140.0, 140.0, 79.5, 59.5, 160, 120)
+for output in (person_network().log_odds, person_network().heads):
+    print(hashlib.sha256(output(depth, camera).tobytes()).hexdigest())
 """
 
 
-def test_the_log_odds_have_the_same_bits_on_every_processor() -> None:
+def test_both_outputs_have_the_same_bits_on_every_processor() -> None:
     digests = set()
     for threads, disabled in ((1, ""), (2, ""), (1, "AVX2,AVX512_SKX,FMA3")):
         environment = {**os.environ, "OPENCV_CPU_DISABLE": disabled}
         command = [sys.executable, "-c", BITS.format(threads=threads)]
         run = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, cwd=Path.cwd())
-        digests.add(run.stdout.strip().splitlines()[-1])
-    assert len(digests) == 1
+        digests.add(tuple(run.stdout.split()[-2:]))
+    assert len(digests) == 1 and len(set(*digests)) == 2

@@ -23,7 +23,6 @@ from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.people import evidence
 from toolkit.people.evidence import Evidence
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.single_person import SinglePersonSegmenter
@@ -54,7 +53,7 @@ from toolkit.tracking.heading import (  # fmt: skip
 from toolkit.tracking.passes import JUMP, REPAIRED_SHARE, BidirectionalTracker, Jump
 from toolkit.tracking.planning import Plan, Stretch
 from toolkit.tracking.search.extrema_query import ExtremaQuery
-from toolkit.tracking.sightings import PersonSightings, SightingFile
+from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import PersonState
 from toolkit.tracking.stature import (  # fmt: skip
     StatureBelief,
@@ -476,24 +475,17 @@ def test_two_processes_track_as_one_does(
     assert load_people(tmp_path / "1").text() == load_people(tmp_path / "2").text()
 
 
-@pytest.mark.parametrize(("likely", "told"), [(True, 0.0), (False, 0.4), (False, 0.5)])
-def test_a_motionless_track_without_a_person_shape_or_joints_is_left_out(
-    likely: bool, told: float, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("score", "kept"), [(8.0, True), (-8.0, False)])
+def test_a_track_that_scores_as_furniture_is_left_out_of_a_run(
+    score: float, kept: bool, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    still = {1: Evidence(4, 4, 8.0, 4)}
-    monkeypatch.setattr(MultiPersonFinder, "evidence", still)
-    monkeypatch.setattr(evidence, "NOBODYS", 1e3 if likely else 1e-6)
-    monkeypatch.setattr(PersonSightings, "detected_fraction", lambda seen: told)
+    own = Evidence(4, score, 4)
+    monkeypatch.setattr(MultiPersonFinder, "evidence", {1: own})
     summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None, warm_up=False)
-    found, kept = load_people(tmp_path / "run"), likely or told == 0.5
+    found = load_people(tmp_path / "run")
     assert not summary.interrupted and (len(found.people), len(found.furniture)) == (kept, not kept)
-    own = found.people[0].evidence if kept else found.furniture[0]
-    assert own is not None
-    assert (own.unlikely > 0.0) == (told < 0.5) and (tmp_path / "run" / "person_01").exists() == kept
-    if likely:
-        poses = Track.load(tmp_path / "run" / "person_01").pose
-        energies = [sum(term.energy(pose) for term in tracker.priors) for pose in poses]
-        assert own.unlikely == pytest.approx(np.median(energies))
+    assert (found.people[0].evidence if kept else found.furniture[0]) == own
+    assert (tmp_path / "run" / "person_01").exists() == kept
 
 
 def test_a_run_killed_after_leaving_a_track_out_resumes_from_the_other_rows(
@@ -510,8 +502,8 @@ def test_a_run_killed_after_leaving_a_track_out_resumes_from_the_other_rows(
     for frames in (20, 21):
         camera, times = open_recording(take).camera, np.arange(frames) / RATE
         killed, again = (second.SecondPass(tmp_path, tracker, camera, np.eye(3), times, None, sink) for _ in range(2))
-        lifeless = Evidence(4, 4, -40.0, 4, 0.5)
-        killed.begin({1: body, 2: body}, {1: Evidence(4, 4, 8.0, 4), 2: lifeless}, [])
+        thing = Evidence(4, -40.0, 4)
+        killed.begin({1: body, 2: body}, {1: Evidence(4, 8.0, 4), 2: thing}, [])
         assert again.restore() == (frames == 20) and set(again.bodies) == {1, 2}
     assert asked == [{1}, {1}]
 

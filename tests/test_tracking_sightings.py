@@ -57,13 +57,6 @@ def test_sightings_are_read_back_to_the_bit_in_any_order(tmp_path: Path) -> None
     assert first.pixels[2] == np.count_nonzero(sighting(2).depth)
 
 
-def test_the_fraction_of_frames_with_image_joints_is_stored(tmp_path: Path) -> None:
-    kept = SightingFile(tmp_path, CAMERA)
-    for frame in (1, 2, 3, 5):
-        kept.append(frame, [sighting(frame)])
-    assert kept.of(1).detected_fraction() == 0.75 and kept.of(2).detected_fraction() == 0.0
-
-
 def test_earlier_sightings_may_lie_in_another_file(tmp_path: Path) -> None:
     kept, earlier = SightingFile(tmp_path / "kept", CAMERA), SightingFile(tmp_path / "earlier", CAMERA)
     for frame in (1, 2, 5, 6):

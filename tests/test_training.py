@@ -103,8 +103,8 @@ def test_an_exported_person_network_follows_its_weights(poses: np.ndarray, tmp_p
     images = draw_images(poses, 4, 5)
     torch.manual_seed(0)
     net = PersonNetwork().eval()
-    data = torch.from_numpy(images["depth"].astype(np.int16)), torch.from_numpy(images["owner"])
-    depth, owner = batch_of(data, slice(0, 4), augment=False)
+    data = tuple(torch.from_numpy(images[name]) for name in ("depth", "owner", "heads"))
+    depth, owner, _ = batch_of(data, slice(0, 4), augment=False)
     assert depth.shape[1:] == SHAPE[2:] and owner.shape[1:] == (SHAPE[2] // 2, SHAPE[3] // 2)
     inputs = features(depth)
     largest = export(net, ranges_of(net, [inputs]), tmp_path / "net.onnx")
@@ -113,5 +113,26 @@ def test_an_exported_person_network_follows_its_weights(poses: np.ndarray, tmp_p
     exact = ExactNetwork(tmp_path / "net.onnx", SHAPE, ("log_odds",))
     with torch.no_grad():
         expected = net(inputs).numpy()
-    found = np.concatenate([exact.run(np.rint(64 * x[None].numpy()))[0][0] for x in inputs])
+    found = np.stack([exact.run(np.rint(64 * x[None].numpy()))[0][0] for x in inputs])
     assert np.abs(found - expected).mean() < 0.1 * expected.std()
+
+
+def test_the_heads_to_learn_peak_at_projected_heads_and_an_occluded_one_is_not_learnt() -> None:
+    torch = pytest.importorskip("torch")
+    from training.train_people import PADDING, batch_of, peaks_of
+
+    depth, owner = np.full((1, HEIGHT, WIDTH), 4000, np.int16), np.full((1, HEIGHT, WIDTH), FURNITURE, np.int8)
+    heads = np.zeros((1, 8, 3), np.float32)
+    places = {0: (30, 40, 2.0), 1: (50, 120, 3.0)}  # row, column, metres; the second is behind a cupboard
+    for number, (row, column, z) in places.items():
+        heads[0, number] = (column - 0.5 * (WIDTH - 1)) * z / FOCAL, (row - 0.5 * (HEIGHT - 1)) * z / FOCAL, z
+        depth[0, row - 4 : row + 5, column - 4 : column + 5] = 1000 * z
+    owner[0, 26:35, 36:45] = 0
+    depth[0, 40:60, 110:130] = 1500
+    data = tuple(torch.from_numpy(values) for values in (depth, owner, heads))
+    peaks, visible = (values[0].numpy() for values in peaks_of(*batch_of(data, slice(0, 1), augment=False)))
+    rows, columns = np.nonzero(peaks == 1)
+    expected = {((row + PADDING) // 2, column // 2) for row, column, _ in places.values()}
+    assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == expected
+    assert 0 < peaks[17, 21] < 1 and peaks[17, 40] < 1e-6
+    assert np.argwhere(visible).tolist() == [[17, 20]]

@@ -69,7 +69,7 @@ def export(net: PersonNetwork, ranges: dict[str, float], out: Path) -> float:
     skipped = convolved(a, net.s0, "s0")
     total = graph.sum(folded(net.p1), b, exponent, plus=skipped, doubled=True)
     fine = residual(graph.rounded(total, exponent, 0, HIGHEST, FINE), net.u0, "u0")
-    outputs = {"log_odds": (graph.sum(folded(net.fine), fine, 0, rounded=False), [1, 1, SHAPE[2] // 2, SHAPE[3] // 2])}
+    outputs = {"log_odds": (graph.sum(folded(net.fine), fine, 0, rounded=False), [1, 2, SHAPE[2] // 2, SHAPE[3] // 2])}
     graph.save(out, "people", ("depth", list(SHAPE)), outputs)
     return graph.largest
 

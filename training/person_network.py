@@ -1,4 +1,4 @@
-"""The person network in PyTorch: from a depth image to the log-odds of a person in each second pixel.
+"""The person network in PyTorch: from a depth image to the log-odds of a person and of a head in each second pixel.
 
 A U-Net of depthwise separable convolutions (165,000 parameters). Its input is in `features`.
 """
@@ -60,16 +60,16 @@ class PersonNetwork(nn.Module):
         self.p1, self.s0 = convolution(c[1], FINE, relu=False), convolution(c[0], FINE, relu=False)
         self.u0 = Block(FINE)
         self.up = nn.Upsample(scale_factor=2, mode="nearest")
-        self.fine = nn.Conv2d(FINE, 1, 1)
+        self.fine = nn.Conv2d(FINE, 2, 1)
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        """Map features (B, 4, H, W) to log-odds (B, H / 2, W / 2); H and W are multiples of 16."""
+        """Map features (B, 4, H, W) to log-odds (B, 2, H / 2, W / 2) of people and heads; H, W multiples of 16."""
         a = self.stem(x)
         b = self.d1(a)
         c = self.d2(b)
         c = self.u2(c + self.up(self.p3(self.d3(c))))
         b = self.u1(b + self.up(self.p2(c)))
-        return self.fine(self.u0(torch.relu(self.s0(a) + self.up(self.p1(b)))))[:, 0]
+        return self.fine(self.u0(torch.relu(self.s0(a) + self.up(self.p1(b)))))
 
 
 def features(depth: torch.Tensor) -> torch.Tensor:

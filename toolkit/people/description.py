@@ -32,7 +32,6 @@ class FirstLook:
     frame : number of the frame with the most people, the first of them
     depth_mm : uint16 (H, W), that frame
     sightings : the people in it
-    furniture : float64 (F, 2), u and v in it of the heads of still things that have a person's shape
     concerns : reasons to doubt the recording
     """
 
@@ -40,7 +39,6 @@ class FirstLook:
     frame: int
     depth_mm: np.ndarray
     sightings: tuple[Sighting, ...]
-    furniture: np.ndarray
     concerns: tuple[Concern, ...] = ()
 
 
@@ -77,13 +75,7 @@ def describe(recording: Recording, sensing: SensingSettings | None = None) -> Fi
         f"people: {len(people)} in the first {first_seconds:g} s" + "".join(f"\n  {text}" for text in people),
         f"advice: {'; '.join(advice) if advice else 'none, the defaults fit' if not concerns else 'see the doubts'}",
     )
-    camera = coarse.camera
-    heads = coarse.from_level(surroundings.figures)
-    figures = np.column_stack([camera.fx * heads[:, 0], camera.fy * heads[:, 1]]) / heads[:, 2:] + (
-        camera.cx,
-        camera.cy,
-    )
-    return FirstLook(lines, frame, depth, sightings, figures * coarse.step, concerns)
+    return FirstLook(lines, frame, depth, sightings, concerns)
 
 
 def _camera_line(recording: Recording) -> str:
@@ -110,9 +102,7 @@ def _room_line(surroundings: Surroundings) -> str:
     if surroundings.cut_out:
         return "room: none, people are cut out already"
     how = "known or learnt" if surroundings.known else "not known, too few frames to learn it"
-    count = len(surroundings.figures)
-    figures = f", {count} still thing(s) of a person's shape in it, taken for furniture" if count else ""
-    return f"room: {how}, {len(surroundings.planes)} walls and floors{figures}"
+    return f"room: {how}, {len(surroundings.planes)} walls and floors"
 
 
 def person_text(sighting: Sighting, coarse: CoarseCamera, evidence: Evidence | None = None) -> str:

@@ -12,10 +12,7 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 from toolkit.io.typed_values import Range
 
-NOBODYS = 0.035
-"""Median energy of the pose prior over a track that fewer than one person in a hundred exceeds."""
-
-COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float, "rested": int, "unlikely": float}
+COLUMNS = {"id": int, "looks": int, "score": float, "rested": int}
 """Columns of the evidence of many tracks in a file."""
 
 
@@ -26,50 +23,32 @@ class Evidence:
     Attributes
     ----------
     looks : number of samples
-    shaped : samples with a person's shape
-    judged : sum of the classifier's mean log odds over the head's pixels
+    score : sum of the person scores of the head, see `hypothesis.person_score`
     rested : samples with a head at which nothing ever moves
-    unlikely : median energy of the pose prior over the tracked poses; 0 before tracking, and for people with detected
-        joints
     """
 
     looks: Annotated[int, Range(0)] = 0
-    shaped: Annotated[int, Range(0)] = 0
-    judged: Annotated[float, Range(-1e12, 1e12)] = 0.0
+    score: Annotated[float, Range(-1e12, 1e12)] = 0.0
     rested: Annotated[int, Range(0)] = 0
-    unlikely: Annotated[float, Range(0, 1e12)] = 0.0
 
-    def after(self, shaped: bool, judged: float, rests: bool) -> Evidence:
+    def after(self, score: float, rests: bool) -> Evidence:
         """Return the evidence with one more sample."""
-        looks, shapes, rested = self.looks + 1, self.shaped + shaped, self.rested + rests
-        return replace(self, looks=looks, shaped=shapes, judged=self.judged + judged, rested=rested)
-
-    @property
-    def lifeless(self) -> bool:
-        """True if nothing of it ever moves and its pose is improbable."""
-        still_looks = 4  # samples, a few a second, before stillness counts: people keep still for a moment
-        return self.looks == self.rested >= still_looks and self.unlikely > NOBODYS
+        return replace(self, looks=self.looks + 1, score=self.score + score, rested=self.rested + rests)
 
     @property
     def log_odds(self) -> float:
         """Person score: log odds of a person against furniture."""
-        followed = 2.0  # prior log odds of a track: it moved, or had a person's shape in the room
+        moving = 2.0  # log-odds of a track that moved in all samples
         if self.looks == 0:
-            return followed
-        shaped = 6.0  # log odds between a track that never has a person's shape and one that always has it
-        lifeless = 7.0  # log odds against a motionless track in an improbable pose: less than a sure network adds
-        pixel_weight = 0.8  # weight of the classifier's mean log odds, whose pixels are correlated
-        pixels = pixel_weight * self.judged / self.looks
-        return followed + shaped * (self.shaped / self.looks - 0.5) + pixels - lifeless * self.lifeless
+            return moving
+        moved = 1 - self.rested / self.looks
+        return self.score / self.looks + moving * moved
 
     def text(self) -> str:
         """Return the score with its evidence, for people."""
         if self.looks == 0:
             return "no evidence sampled"
-        pixels = f", pixels {self.judged / self.looks:+.1f}" if self.judged else ""
-        shape = f"shape matched in {self.shaped} of {self.looks} sampled frames"
-        still = ", motionless in an improbable pose" if self.lifeless else ""
-        return f"person score {self.log_odds:+.1f} ({shape}{pixels}{still})"
+        return f"person score {self.log_odds:+.1f} ({self.looks} sampled frames, {self.rested} of them motionless)"
 
 
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:

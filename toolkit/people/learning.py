@@ -13,18 +13,10 @@ from itertools import pairwise
 import numpy as np
 
 from toolkit.io.parts import Parts, whole
-from toolkit.people.detection import near_head
-from toolkit.people.hypothesis import (
-    EvidenceSample,
-    PersonClassifier,
-    head_log_odds,
-    log_odds,
-    lowness,
-    possible_height,
-)
-from toolkit.people.stills import people_and_furniture
+from toolkit.people.detection import connected_surfaces, find_heads, near_head
+from toolkit.people.hypothesis import EvidenceSample, PersonClassifier, log_odds, possible_height
 from toolkit.people.structure import Plane, find_planes, on_planes
-from toolkit.people.surroundings import NO_FIGURES, Surroundings, room_of, tolerances
+from toolkit.people.surroundings import Surroundings, room_of, tolerances
 from toolkit.people.view import CoarseCamera, View
 
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
@@ -84,13 +76,11 @@ def learnt_parts(
     seen: list[HeadTrack] = []
     for k in range(len(stack)):
         yield
-        heads = yield from _seen(k, stack, moved, planes, coarse, classifier, floor)
-        seen += [s for s in heads if possible_height(s.place, floor)]
+        seen += yield from _seen(k, stack, moved, planes, coarse, classifier, floor)
     yield
-    occupied, furniture = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
+    occupied = np.zeros(stack.shape, dtype=np.bool_)
     in_place: list[list[HeadTrack]] = []
     moving = 0.5  # minimum fraction of a head's pixels that move
-    figure_share = 0.5  # minimum fraction of samples in which a motionless figure has a person's shape
     for figure in _figures(seen):
         samples = [s.sample for s in figure]
         moves = np.mean([g.moved for g in samples]) > moving
@@ -99,8 +89,6 @@ def learnt_parts(
                 occupied[s.frame] |= s.own
             if moves and FEWEST <= len(figure) <= MOSTLY * len(stack):
                 in_place.append(figure)
-        elif sum(g.shaped for g in samples) > figure_share * len(stack):
-            furniture.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(occupied, np.float32(0), stack), 0.0, coarse)
     yield
     margin, near = _margins(stack, background, coarse)
@@ -108,21 +96,23 @@ def learnt_parts(
     for figure in in_place:  # people who move, with a head in at most half of the samples
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     owned = still & occupied.any(axis=0) & (background == 0)
-    return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(furniture), owned=owned)
+    return Surroundings(False, True, background, margin, still, tuple(planes), owned=owned)
 
 
 def person_pixels(view: View, connected: np.ndarray, place: np.ndarray, odds: np.ndarray) -> np.ndarray:
     """Return the pixels of the person with a head at `place` (3,), if it is one: bool (h, w).
 
-    Two kinds: those connected to the head, unless the classifier rejects them (a chair), and likely ones around the
-    head and below it (legs behind a carried box or a desk). `odds` (h, w) are its log odds.
+    They are connected to the head, or lie around and below it (legs behind a carried box or a desk), and are nearly as
+    probable as the head. `odds` (h, w) are the log-odds of the classifier.
     """
     aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
     head_top = 0.3  # m from a head's centre to above its hair
     radius = 0.4  # m, horizontally, around a head: likely pixels below it are the person's
     below = (view.depth > 0) & (aside < radius) & (view.points[..., 1] < place[1] + head_top)
-    rejected = -2.5  # log odds of a pixel connected to a person's head, below which it is furniture
-    return np.asarray((connected & (odds > rejected)) | (below & (odds > 0)))
+    relative = 0.25  # least log-odds of a person's pixel relative to the head's: a chair has about 0.2
+    head = near_head(view, place) & (view.depth > 0)
+    least = relative * max(float(odds[head].mean(dtype=np.float64)), 0.0) if head.any() else 0.0
+    return np.asarray((connected | below) & (odds > least))
 
 
 def camera_moved(frames: Sequence[np.ndarray], coarse: CoarseCamera) -> bool:
@@ -188,15 +178,15 @@ def _seen(
     depth = stack[frame]
     on = on_planes(depth, coarse.rays, tolerances(depth, coarse), planes)
     view = coarse.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
-    people, others, labels = people_and_furniture(view, coarse, classifier=None)
-    found = []
+    least = -2.0  # log-odds of a head: improbable candidates keep the surfaces of furniture apart from people
+    heads = [head for head in find_heads(view, coarse, classifier, least) if possible_height(head.place, floor)]
+    labels = connected_surfaces(view, coarse, [head.place for head in heads])
     yield
     odds = classifier.log_odds(depth, coarse.camera)
-    for k, place in enumerate([*people, *others], start=1):
-        head = near_head(view, place) & view.foreground
-        judged, low = head_log_odds(view, coarse, place, classifier), lowness(place, floor)
-        sample = EvidenceSample(k <= len(people), share_of(moved[frame], head), judged, low)
-        found.append(HeadTrack(frame, place, person_pixels(view, labels == k, place, odds), sample))
+    found = []
+    for k, head in enumerate(heads, start=1):
+        sample = EvidenceSample(head.score, share_of(moved[frame], near_head(view, head.place) & view.foreground))
+        found.append(HeadTrack(frame, head.place, person_pixels(view, labels == k, head.place, odds), sample))
     return found
 
 

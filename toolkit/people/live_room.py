@@ -88,7 +88,7 @@ class RoomLearningFinder(WrappedFinder):
         self._samples: list[np.ndarray] = []
         self._due = -np.inf
         self._learning: Parts[Surroundings] | None = None
-        self._frames, self._anyone = 0, False
+        self._frames = 0
 
     @property
     def evidence(self) -> Mapping[int, Evidence]:
@@ -108,12 +108,8 @@ class RoomLearningFinder(WrappedFinder):
             self._sample(depth_mm, timestamp)
         if self._learning is not None and self._frames % LEARNING_PERIOD == LEARNING_PERIOD // 2:
             self._learn(self._learning)
-        search_period = 8  # frames, of which one has heads and limbs searched (20 to 40 ms)
-        searches = not self._anyone or self._frames % search_period == 0
         self._frames += 1
-        found = self._finder.find(depth_mm, timestamp, predicted, only=only, searches=searches)
-        self._anyone = bool(found)
-        return found
+        return self._finder.find(depth_mm, timestamp, predicted, only=only)
 
     def _sample(self, depth_mm: np.ndarray, timestamp: float) -> None:
         """Store a sample, and start learning when it is due and the room of fewer samples is known."""

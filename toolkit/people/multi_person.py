@@ -12,36 +12,30 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
-from toolkit.people.candidates import above_trunks, apart, in_a_mirror, shaped_alone
+from toolkit.people.candidates import apart, in_a_mirror
 from toolkit.people.connection import HELD
 from toolkit.people.detection import (
-    BRIDGE_CUT,
-    BRIDGE_ROOM,
     HEAD_DISTANCE,
+    LEAST_PEAK,
     SURFACE_GAP,
+    Head,
     find_heads,
+    head_score,
     head_seeds,
+    large_enough,
     near_head,
     share_out,
 )
 from toolkit.people.evidence import Evidence
-from toolkit.people.hypothesis import (
-    EvidenceSample,
-    PersonClassifier,
-    head_log_odds,
-    log_odds,
-    lowness,
-    possible_height,
-)
+from toolkit.people.hypothesis import EvidenceSample, PersonClassifier, log_odds, possible_height
 from toolkit.people.known_people import KnownPeople, match_heads
 from toolkit.people.learning import share_of
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.people.stills import a_person, large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import KnownPerson
-from toolkit.people.unassigned import attach_islands, attach_limbs
+from toolkit.people.unassigned import attach_islands
 from toolkit.people.view import CoarseCamera, View
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
@@ -92,7 +86,6 @@ class MultiPersonFinder:
         self._depth = np.zeros(self.coarse.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
         self._fine = np.zeros(camera.shape, dtype=np.int32)
-        self._furniture: list[np.ndarray] = []
 
     def find(
         self,
@@ -101,15 +94,12 @@ class MultiPersonFinder:
         predicted: Mapping[int, PredictedBody],
         *,
         only: int | None = None,
-        searches: bool = True,
     ) -> tuple[Sighting, ...]:
         """Find the people in the next frame, see `PeopleFinder.find`.
 
         Parameters
         ----------
         only : number of the person whose sighting is returned; None for all
-        searches : False leaves out heads and separate limbs in a room that is not known, which takes two thirds of
-            the time; known people keep their surfaces by their predicted bodies and by what did not move
 
         Raises
         ------
@@ -117,7 +107,7 @@ class MultiPersonFinder:
             The frame has another size or type.
         """
         flat = self._polisher.checked(depth_mm)
-        surroundings = self._follow(flat, timestamp, predicted, searches=searches)
+        surroundings = self._follow(flat, timestamp, predicted)
         return self._sightings(flat, surroundings, only)
 
     def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
@@ -130,13 +120,15 @@ class MultiPersonFinder:
         height, width = self._labels.shape
         return min(round(v / self.coarse.step), height - 1), min(round(u / self.coarse.step), width - 1)
 
-    def _follow(
-        self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody], *, searches: bool = True
-    ) -> Surroundings:
+    def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
         """Label the people of an undistorted frame at coarse resolution."""
         view, surroundings = self._look(flat, timestamp)
         present = self._known.present(timestamp, predicted)
-        heads, children, furniture = self._heads(view, surroundings, searches=searches)
+        alone = surroundings.cut_out and not self.people  # what is measured is people, even without a probable head
+        any_peak = -3.0  # log-odds of a head, of a person who lies
+        found = find_heads(view, self.coarse, self.classifier, any_peak if alone else LEAST_PEAK)
+        found = [head for head in found if possible_height(head.place, surroundings.floor)]
+        heads = [head.place for head in found]
         matched = match_heads(present, heads, timestamp)
         for k, i in matched.items():
             present[k] = present[k].faced(heads[i], HEAD_DISTANCE)
@@ -145,10 +137,13 @@ class MultiPersonFinder:
         seeds = self._seeds(view, present, places, set(matched))
         view = self._shared_by_bodies(view, surroundings, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
-        labels = self._shared(view, surroundings, seeds, places, furniture, limbs=searches)
-        others, small = [heads[i] for i in left], [children[i] for i in left]
-        candidates, touching = self._candidates(view, surroundings, seeds, places, others, small)
-        sure = [self._sure(view, place, surroundings) for place in candidates]
+        labels = self._shared(view, surroundings, seeds, places)
+        others = [found[i] for i in left if surroundings.known or found[i].score > 0]
+        new, touching = self._candidates(view, surroundings, seeds, places, others)
+        candidates = [head.place for head in new]
+        sure = [self._sure(view, head, surroundings) for head in new]
+        if alone:
+            sure[:1] = [True] * len(sure[:1])
         touching = [touches and bool(self.people) for touches in touching]
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
         walls, everywhere = surroundings.planes, [*places, *candidates]
@@ -157,7 +152,7 @@ class MultiPersonFinder:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[near_head(view, candidates[i]) & view.foreground] = k
             places += [candidates[i] for i in fresh]
-            labels = self._shared(view, surroundings, seeds, places, furniture)
+            labels = self._shared(view, surroundings, seeds, places)
         ids = self._updated(view, labels, present, places, set(matched), timestamp, surroundings.cut_out)
         self._labels, self._depth = ids[labels], view.depth
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
@@ -217,25 +212,9 @@ class MultiPersonFinder:
         if depth.any():
             self._surroundings = surroundings
         foreground = surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse))
+        if not surroundings.known:
+            foreground &= self.classifier.log_odds(depth, coarse.camera) > 0
         return coarse.view(depth, foreground, surroundings.unclaimed), surroundings
-
-    def _heads(
-        self, view: View, surroundings: Surroundings, *, searches: bool
-    ) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
-        """Return head places, a flag for heads of a small child's size, and places of furniture; see `find`."""
-        if surroundings.known:
-            heads = find_heads(view, self.coarse, cut_out=surroundings.cut_out)
-            heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
-            if surroundings.cut_out:
-                heads = above_trunks(view, self.coarse, heads)
-            heads.sort(key=lambda head: head.small)
-            return [h.place for h in heads], [h.small for h in heads], []
-        if not searches:
-            return [], [], self._furniture
-        floor = surroundings.floor
-        people, furniture, _ = people_and_furniture(view, self.coarse, classifier=self.classifier, floor=floor)
-        self._furniture = furniture
-        return people, [False] * len(people), furniture
 
     def _seeds(
         self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], matched: set[int]
@@ -293,26 +272,10 @@ class MultiPersonFinder:
         return np.asarray(np.abs(view.depth - self._depth) < same_surface)
 
     def _shared(
-        self,
-        view: View,
-        surroundings: Surroundings,
-        seeds: np.ndarray,
-        places: Sequence[np.ndarray],
-        furniture: Sequence[np.ndarray],
-        *,
-        limbs: bool = True,
+        self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]
     ) -> np.ndarray:
-        """Return labels of the people at `places` (1, 2, ...): int32 (h, w); `limbs` also attaches separate limbs."""
-        bridge = BRIDGE_CUT if surroundings.known else BRIDGE_ROOM
-        everything = seeds.copy()
-        for k, place in enumerate(furniture, start=len(places) + 1):
-            everything[near_head(view, place) & view.foreground & (everything == 0)] = k
-        labels = share_out(view, self.coarse, everything, [*places, *furniture], bridge=bridge)
-        if not surroundings.known and limbs:
-            labels = attach_limbs(view, self.coarse, labels, len(places), self.classifier)
-        labels[labels > len(places)] = 0
-        if not surroundings.known:
-            return labels
+        """Return labels of the people at `places` (1, 2, ...): int32 (h, w)."""
+        labels = share_out(view, self.coarse, seeds, places)
         return attach_islands(view, self.coarse, labels, places, cut_out=surroundings.cut_out)
 
     def _candidates(
@@ -321,43 +284,38 @@ class MultiPersonFinder:
         surroundings: Surroundings,
         seeds: np.ndarray,
         places: Sequence[np.ndarray],
-        heads: Sequence[np.ndarray],
-        children: Sequence[bool],
-    ) -> tuple[list[np.ndarray], list[bool]]:
+        heads: Sequence[Head],
+    ) -> tuple[list[Head], list[bool]]:
         """Return head candidates of new people, and a flag for those on the surface of a person."""
         people, found, touching, seeds = list(places), [], [], seeds.copy()
-        for head, child in zip(heads, children, strict=True):  # adults first, then the highest
-            labels = self._shared(view, surroundings, seeds, people, [])
-            here = near_head(view, head) & view.foreground
+        for head in heads:  # the most probable first
+            labels = self._shared(view, surroundings, seeds, people)
+            here = near_head(view, head.place) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
-            if all(apart(head, people[k - 1]) and not child for k in owners):
-                people.append(head)
+            if all(apart(head.place, people[k - 1]) for k in owners):
+                people.append(head.place)
                 found.append(head)
                 seeds[here] = len(people)
-                touching.append(len(owners) > 0 and not self._parted(view, surroundings, seeds, people))
+                touching.append(len(owners) > 0 and not self._parted(view, surroundings, seeds, people, head))
         return found, touching
 
-    def _parted(self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray]) -> bool:
-        """Return True if the last of `places` has a person's shape on new surface alone, unlike a bent elbow."""
-        share = self._shared(view, surroundings, seeds, places, []) == len(places)
+    def _parted(
+        self, view: View, surroundings: Surroundings, seeds: np.ndarray, places: Sequence[np.ndarray], head: Head
+    ) -> bool:
+        """Return True if the last of `places` is a person by new surface alone, unlike a bent elbow."""
+        share = self._shared(view, surroundings, seeds, places) == len(places)
         min_mask_overlap = 0.5  # minimum fraction of a surface that was a person's in the previous frame to keep it
         fresh = share_of((self._labels > 0) & self._lasting(view), share) < min_mask_overlap
-        return fresh and a_person(view, self.coarse, share, places[-1])
+        return fresh and head.score > 0 and large_enough(view, self.coarse, share)
 
-    def _sure(self, view: View, place: np.ndarray, surroundings: Surroundings) -> bool:
-        """Return True if the surface below a head candidate is certainly a person's, who then counts at once.
+    def _sure(self, view: View, head: Head, surroundings: Surroundings) -> bool:
+        """Return True if a head candidate is certainly a person's, who then counts at once.
 
-        In front of a known background carried objects move too: shape or classifier decide. In a segmented
-        recording all of the first frame is people. In an unknown room candidates were chosen by the same evidence.
+        In front of a known background motion is evidence too.
         """
-        if surroundings.cut_out:
-            return not self.people
-        if not surroundings.known or shaped_alone(view, self.coarse, place):
-            return True
-        here = near_head(view, place) & view.foreground
-        moved = share_of(surroundings.background > 0, here)
-        judged, low = head_log_odds(view, self.coarse, place, self.classifier), lowness(place, surroundings.floor)
-        return log_odds([EvidenceSample(False, moved, judged=judged, low=low)]) > 0
+        here = near_head(view, head.place) & view.foreground
+        moved = share_of(surroundings.background > 0, here) if surroundings.known else 0.0
+        return log_odds([EvidenceSample(head.score, moved)]) > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Add evidence to the tracks whose heads are visible, by id, a few times a second."""
@@ -368,9 +326,8 @@ class MultiPersonFinder:
         for person in self.people:
             if person.id in heads and timestamp - person.looked >= look_again:
                 head = heads[person.id]
-                judged = head_log_odds(view, self.coarse, head, self.classifier) or 0.0
-                shaped, rests = shaped_alone(view, self.coarse, head), _rests(view, head, surroundings)
-                self._known.keep(person.with_sample(shaped, judged, rests, timestamp))
+                score = head_score(view, self.coarse, head, self.classifier) or 0.0
+                self._known.keep(person.with_sample(score, _rests(view, head, surroundings), timestamp))
 
     def _updated(
         self,

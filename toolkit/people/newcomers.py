@@ -30,13 +30,13 @@ class Newcomers:
         self._before = 0.0
 
     def promoted(
-        self, candidates: Sequence[np.ndarray], touching: Sequence[bool], shaped: Sequence[bool], timestamp: float
+        self, candidates: Sequence[np.ndarray], touching: Sequence[bool], sure: Sequence[bool], timestamp: float
     ) -> list[int]:
         """Return the indices of the candidates, places (3,), that count as people.
 
-        A candidate counts at once where it has a person's shape (`shaped`) and touches no other person (`touching`).
+        A candidate counts at once where it is `sure` and touches no other person (`touching`).
         """
-        counted = [i for i in range(len(candidates)) if shaped[i] and not touching[i]]
+        counted = [i for i in range(len(candidates)) if sure[i] and not touching[i]]
         left, kept = [i for i in range(len(candidates)) if i not in counted], []
         gate, walk = 0.3, 2.0  # m, and m/s, of a head's motion between frames
         least_frames = 2.5

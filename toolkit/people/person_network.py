@@ -1,4 +1,4 @@
-"""Person classifier: log-odds of a person in each pixel of a coarse depth image, by a small network.
+"""Person classifier: log-odds of a person and of a head in each pixel of a coarse depth image, by a small network.
 
 A U-Net of depthwise separable convolutions; `docs/models.md` describes its training and its errors, `training/` holds
 the scripts. Its sums are exact (`toolkit.sensing.exact_network`), so that the log-odds are the same to the bit
@@ -37,16 +37,23 @@ class PersonNetwork:
 
     def __init__(self, path: Path = ASSET) -> None:
         self._net = ExactNetwork(path, SHAPE, ("log_odds",))
-        self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
         """See `PersonClassifier.log_odds`; the result of the last image is kept."""
+        return self._of(depth, camera)[1]
+
+    def heads(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
+        """See `PersonClassifier.heads`; the result of the last image is kept."""
+        return self._of(depth, camera)[2]
+
+    def _of(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         last = self._last
         if last is None or last[0] is not depth:
-            last = self._last = depth, self._computed(depth, camera)
-        return last[1]
+            last = self._last = depth, *self._computed(depth, camera)
+        return last
 
-    def _computed(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
+    def _computed(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         height, width = depth.shape
         multiple = 16  # divides height and width of the input
         rows, columns = (-(-size // multiple) * multiple for size in depth.shape)
@@ -57,10 +64,10 @@ class PersonNetwork:
         scaled = np.rint(depth * (1000.0 * training_focal / camera.fx))
         whole[inner] = np.where(depth > 0, np.clip(scaled, 1, FARTHEST), 0)
         (found,) = self._net.run(features(whole)[None])
-        full = np.repeat(np.repeat(found[0, 0], 2, axis=0), 2, axis=1)[inner]
         largest = 6.9  # log-odds: a probability of 0.999
-        odds = np.clip(full, -largest, largest)
-        return np.where(depth > 0, np.rint(odds / STEP) * STEP, 0.0).astype(np.float32)
+        odds = (np.rint(np.clip(found[0], -largest, largest) / STEP) * STEP).astype(np.float32)
+        people, heads = (np.repeat(np.repeat(image, 2, axis=0), 2, axis=1)[inner] for image in odds)
+        return np.where(depth > 0, people, np.float32(0.0)), heads
 
 
 def features(millimetres: np.ndarray) -> np.ndarray:

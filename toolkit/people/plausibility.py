@@ -2,9 +2,9 @@
 
 A wrong unit, the intrinsics of another image size or a camera upside down raise no error by themselves: the tracker
 fits a body to whatever surface there is. The checks compare the recording with what is known of people and cameras.
-The person network scores heads. The thresholds were chosen with an earlier classifier: in 18 real recordings of people
-who are cut out it scored 2.6 to 3.5 log odds in upright images at true scale, at most 2.6 at half the scale and at most
-2.4 upside down.
+The person network scores heads. In 12 real recordings of people who are cut out the best head has 1.7 to 4.9 log-odds
+in upright images at true scale, 1.2 to 3.8 at half the scale, at most 1.1 at twice the scale and at most 0.3 in turned
+images; in 9 real rooms 0.6 to 4.7, at half the scale at most 2.2, and at most 0.5 in turned images.
 """
 
 from __future__ import annotations
@@ -17,11 +17,9 @@ import numpy as np
 
 from toolkit.io.errors import PlausibilityWarning
 from toolkit.people.connection import FASTEST, HELD, connected
-from toolkit.people.detection import find_heads
-from toolkit.people.hypothesis import head_log_odds
+from toolkit.people.detection import LEAST_CUT_OUT, find_heads
 from toolkit.people.learning import share_of
 from toolkit.people.person_network import person_network
-from toolkit.people.stills import LEAST_CUT_OUT
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import CoarseCamera, View
@@ -38,9 +36,8 @@ Kind = Literal["intrinsics", "unit", "size", "orientation", "times"]
 
 SAMPLED_SECONDS = 10.0
 """First seconds of a recording that are sampled."""
-SURE, SURE_IN_ROOM = 2.8, 1.5
-"""Minimum log-odds of a head at which no other unit or orientation is tried: segmented people; people in a room, where
-12 real recordings have 1.7 to 3.1."""
+SURE, SURE_IN_ROOM = 1.5, 0.5
+"""Minimum log-odds of a head at which no other unit or orientation is tried: segmented people; people in a room."""
 STATURE = (0.95, 2.7)
 """Metres from head to foot of a person who is cut out: a child of two years to an adult with raised arms."""
 
@@ -72,7 +69,7 @@ class PersonEvidence:
     score : mean over the frames of the best log odds of a head, at least 0
     stature : metres, median height of what is cut out and whole; None where nothing is
     cut_out : True where most frames hold nothing but people
-    doubtful : True where the height of the camera above the floor speaks against unit and orientation
+    doubtful : True where the height of the camera above the floor contradicts unit and orientation
     """
 
     score: float
@@ -86,9 +83,18 @@ class PersonEvidence:
 
     def worse_than(self, other: PersonEvidence) -> bool:
         """Return True where another unit or orientation is clearly better."""
-        person = 2.3  # log odds that a head needs in another unit or orientation
+        person = SURE  # log-odds that a head needs in another unit or orientation
         margin = 0.5 if self.cut_out or self.doubtful else 1.5  # required improvement of the score there
-        return other.score >= max(person, self.score + margin)
+        return other.score >= (person if not self.fits() else max(person, self.score + margin))
+
+    def plausible(self) -> float:
+        """Return the score less the cost of the stature, to compare units."""
+        adult, spread = 1.68, 0.2  # metres: adults (ANSUR II), and children beside them
+        return self.score - (0.0 if self.stature is None else 0.5 * ((self.stature - adult) / spread) ** 2)
+
+    def fits(self) -> bool:
+        """Return True where the stature is that of a person, or is not known."""
+        return self.stature is None or STATURE[0] <= self.stature <= STATURE[1]
 
 
 def plausibility(recording: Recording) -> tuple[Concern, ...]:
@@ -188,10 +194,8 @@ def _places(depth: np.ndarray, coarse: CoarseCamera) -> tuple[list[np.ndarray], 
         large = [k for k in range(1, count + 1) if areas[k] >= LEAST_CUT_OUT]
         places = [np.median(view.points[labels == k], axis=0) for k in large]
         return places, places
-    heads = [head.place for head in find_heads(view, coarse, cut_out=False)]
-    scores = [head_log_odds(view, coarse, head, person_network()) for head in heads]
-    likely = (score is not None and score >= SURE_IN_ROOM for score in scores)
-    return heads, [head for head, sure in zip(heads, likely, strict=True) if sure]
+    heads = find_heads(view, coarse, person_network())
+    return [head.place for head in heads], [head.place for head in heads if head.score >= SURE_IN_ROOM]
 
 
 def _seen(depth: np.ndarray, coarse: CoarseCamera) -> tuple[View, Surroundings]:
@@ -225,9 +229,7 @@ def person_evidence(
         cut_out += surroundings.cut_out
         if (stature := _stature(depth, view.points)) is not None:
             statures.append(stature)
-        heads = find_heads(view, coarse, cut_out=surroundings.cut_out)
-        judged = [head_log_odds(view, coarse, head.place, person_network()) for head in heads]
-        scores.append(max([0.0, *(log_odds for log_odds in judged if log_odds is not None)]))
+        scores.append(max([0.0, *(head.score for head in find_heads(view, coarse, person_network()))]))
     return PersonEvidence(
         float(np.mean(scores)) if scores else 0.0,
         float(np.median(statures)) if statures else None,
@@ -266,9 +268,8 @@ def _people_concerns(recording: Recording, frames: Sequence[np.ndarray], *, know
     if not frames or known:
         return []
     own = person_evidence(frames, recording.camera, recording.up_camera)
-    fits = own.stature is None or STATURE[0] <= own.stature <= STATURE[1]
     floor = None if own.cut_out else _floor_fits(recording)
-    if fits and floor is not False and (floor or own.sure()):
+    if own.fits() and floor is not False and (floor or own.sure()):
         return []
     own = replace(own, doubtful=floor is False)
     unit = _fitting_unit(recording, frames, own)
@@ -280,7 +281,7 @@ def _people_concerns(recording: Recording, frames: Sequence[np.ndarray], *, know
     turns = better_turns(frames, recording.camera)
     if turns:
         return [Concern("orientation", f"people stand upright in turned images; give --rotate {90 * turns}")]
-    if own.stature is not None and not fits:
+    if own.stature is not None and not own.fits():
         size_text = f"the person measures {own.stature:.2f} m from head to foot"
         return [Concern("size", f"{size_text}; check --depth-unit and the focal length in --intrinsics")]
     unlike_person = 0.7  # log odds of a head below which what is cut out is not a person
@@ -312,7 +313,7 @@ def _fitting_unit(recording: Recording, frames: Sequence[np.ndarray], own: Perso
         if abs(scale - 1.0) < 0.01 or (own.stature is not None and not small <= own.stature * scale <= large):
             continue
         there = person_evidence(frames[:2], recording.camera, recording.up_camera, scale=scale)
-        if own.worse_than(there) and there.score > best[1].score:
+        if own.worse_than(there) and (not best[0] or there.plausible() > best[1].plausible()):
             best = (name, there)
     return best[0]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,10 @@ import numpy as np
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
+from toolkit.people.person_network import person_network
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import CoarseCamera
-
-NO_FIGURES = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +29,6 @@ class Surroundings:
     margin : float32 (h, w), metres by which a person must stand before the background
     planes : walls and floor
     floor : its y, level frame, metres; None where no floor is known
-    figures : float64 (F, 3), level frame, metres: heads of person-shaped surfaces that never moved while the background
-        was learnt; they count as furniture
     still : bool (h, w), pixels without motion while the background was learnt; False where it was not learnt
     owned : bool (h, w), those of `still` that certainly belong to a person; None = none
     """
@@ -42,7 +39,6 @@ class Surroundings:
     margin: np.ndarray
     still: np.ndarray
     planes: tuple[Plane, ...] = ()
-    figures: np.ndarray = field(default_factory=NO_FIGURES.copy)
     floor: float | None = None
     owned: np.ndarray | None = None
 
@@ -66,7 +62,6 @@ class Surroundings:
             "margin": self.margin,
             "still": self.still,
             "owned": self.resting & ~self.unclaimed,
-            "figures": self.figures,
             "floor": np.array(np.nan if self.floor is None else self.floor),
             "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),
         }
@@ -78,7 +73,6 @@ class Surroundings:
             "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
             "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape),
             "owned": Column("b", shape),
-            "figures": Column("f", ("figures", 3), -1e3, 1e3),
             "floor": Column("f", (), -1e3, 1e3, gaps=True),
             "planes": Column("f", ("planes", 5), -1e6, 1e6),
         }  # fmt: skip
@@ -87,7 +81,7 @@ class Surroundings:
         arrays = (state["background"], state["margin"], state["still"])
         floor = float(state["floor"]) if np.isfinite(state["floor"]) else None
         known = bool(state["cut_out"]), bool(state["known"])
-        return cls(*known, *arrays, planes, state["figures"], floor, state["owned"])
+        return cls(*known, *arrays, planes, floor, state["owned"])
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """Return the pixels of a coarse frame float32 (h, w) that are measured and not background: bool (h, w)."""
@@ -125,7 +119,7 @@ def is_cut_out(depth: np.ndarray, coarse: CoarseCamera) -> bool:
     labels, count, areas = surfaces(view, coarse, np.zeros(depth.shape, dtype=np.int32))
     headless = np.ones(count + 1, dtype=np.bool_)
     headless[0] = False
-    for head in find_heads(view, coarse, cut_out=True):
+    for head in find_heads(view, coarse, person_network()):
         headless[labels[near_head(view, head.place)]] = False
     largest_headless = 1.5  # m^2 of surfaces without a head where only people are measured: a lying, wide adult
     if areas[headless].sum() > largest_headless:

@@ -8,9 +8,7 @@ import numpy as np
 
 from toolkit.kernels.cloud.nearest import smallest_gap
 from toolkit.kernels.image import components
-from toolkit.people.detection import REACH_STILL, SURFACE_GAP
-from toolkit.people.hypothesis import PersonClassifier
-from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
+from toolkit.people.detection import LEAST_CUT_OUT, LEAST_HEIGHT, REACH_STILL, SURFACE_GAP
 from toolkit.people.view import CoarseCamera, View
 
 LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
@@ -51,39 +49,6 @@ def attach_islands(
                 attached[mask] = 1 + int(np.argmin(asides))
         elif areas[piece] <= LARGEST_ISLAND:
             attached[mask] = _owner(own_points, points)
-    return attached
-
-
-def attach_limbs(
-    view: View, coarse: CoarseCamera, labels: np.ndarray, people: int, classifier: PersonClassifier
-) -> np.ndarray:
-    """Assign components that the classifier scores as limbs to nearby people, in an unknown room.
-
-    An arm before or behind the chest is connected to no surface of the person.
-
-    Parameters
-    ----------
-    labels : int32 (h, w), 1.. the people and, above their number, furniture; 0 = neither
-    people : number of people
-    classifier : person classifier
-
-    Returns
-    -------
-    labels : the same with limbs attached, a new array
-    """
-    pieces, count, areas = surfaces(view, coarse, labels)
-    own_points = _people(view, np.where(labels <= people, labels, 0))
-    attached = labels.copy()
-    limb = 3.2  # mean log odds of a limb in an unknown room
-    order = np.argsort(pieces, axis=None, kind="stable")  # the pixels of each piece, in the order of the image
-    ends = np.cumsum(np.bincount(pieces.ravel(), minlength=count + 1))
-    points = view.points.reshape(-1, 3)
-    for piece in range(1, count + 1):
-        if LEAST_ISLAND <= areas[piece] <= LARGEST_ISLAND:
-            own = order[ends[piece - 1] : ends[piece]]
-            owner = _owner(own_points, points[own])
-            if owner and classifier.log_odds(view.depth, coarse.camera).ravel()[own].mean(dtype=np.float64) > limb:
-                attached.ravel()[own] = owner
     return attached
 
 

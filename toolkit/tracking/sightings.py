@@ -215,12 +215,6 @@ class PersonSightings:
         except (ValueError, zlib.error) as error:
             raise TrackError(f"frame {frame} in {self._path} is damaged ({error}); {HINT}") from error
 
-    def detected_fraction(self) -> float:
-        """Return the fraction of these frames with image joints of the person."""
-        sightings = map(self.__getitem__, self.frames)
-        detected = sum(sighting is not None and sighting.joints is not None for sighting in sightings)
-        return detected / max(len(self.frames), 1)
-
 
 def _unwritable(folder: Path, error: OSError) -> OutputError:
     return OutputError(f"cannot write {folder}: {error.strerror or error}; free some space and continue with --resume")

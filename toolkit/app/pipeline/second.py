@@ -25,7 +25,7 @@ from toolkit.people.evidence import Evidence, export_evidence, furniture, restor
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.planning import Plan
-from toolkit.tracking.sightings import PersonSightings, SightingFile, StoredSighting
+from toolkit.tracking.sightings import SightingFile, StoredSighting
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.tracker_protocol import TwoPassTracker
 from toolkit.tracking.trajectory_choice import TrajectoryStore
@@ -179,27 +179,14 @@ class SecondPass:
                 raise
 
     def _put_in_place(self, task: PersonTask, plan: Plan | None) -> None:
-        """Replace the rows, the body and the evidence of a person who is done."""
+        """Replace the rows and the body of a person who is done."""
         person = task.person
         if plan is not None:  # otherwise too little was seen: the rows of the first pass stay
             with closing(task.trajectory(self._tracker)) as trajectory:
                 self._sink.replace(person, self._rows(person, trajectory))
             self.bodies[person] = plan.body
-            if person in self.evidence:
-                with ExitStack() as stack:
-                    self.evidence[person] = self._own_evidence(person, task.sightings(stack))
         self._finished.add(person)
         self._keep()
-
-    def _own_evidence(self, person: int, seen: PersonSightings) -> Evidence:
-        """Return the evidence of a person with the likelihood of the second pass's poses."""
-        # Minimum fraction of frames with detected joints for a motionless track to count as a person (coats: 0.14).
-        min_detected_fraction = 0.5
-        poses = self._sink.past(person)["pose"][seen.frames]
-        energies = [sum(term.energy(pose) for term in self._tracker.priors) for pose in poses]
-        own = replace(self.evidence[person], unlikely=float(np.median(energies)))
-        is_person = own.lifeless and seen.detected_fraction() >= min_detected_fraction
-        return replace(own, unlikely=0.0) if is_person else own
 
     def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
         """Return all rows of a person; frames out of view repeat the last pose, earlier ones the first."""

@@ -208,3 +208,12 @@ def take_label(depth: np.ndarray, labels: np.ndarray, label: int, padded: np.nda
                 u_low, u_high = min(u_low, u), max(u_high, u)
     box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
     return total
+
+
+@njit(cache=True)
+def mark_near(points: np.ndarray, place: np.ndarray, radius: float, near: np.ndarray) -> None:
+    """Mark in `near` (H, W) the pixels whose `points` (H, W, 3) are nearer than `radius` to `place` (3,), metres."""
+    for v in range(near.shape[0]):
+        for u in range(near.shape[1]):
+            dx, dy, dz = points[v, u, 0] - place[0], points[v, u, 1] - place[1], points[v, u, 2] - place[2]
+            near[v, u] = dx * dx + dy * dy + dz * dz < radius * radius

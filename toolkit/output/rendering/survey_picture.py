@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.output.rendering.film import save_png
-from toolkit.output.rendering.style import ALARM, FAINT, INK, PAPER, person_color
+from toolkit.output.rendering.style import FAINT, INK, PAPER, person_color
 from toolkit.people.description import FirstLook, largest_surface
 
 
@@ -36,10 +36,6 @@ def picture(look: FirstLook) -> np.ndarray:
         step = image.shape[0] / sighting.depth.shape[0]
         at = (int(u[k] * step), int(max(v[k] * step, 24 * scale)))
         cv2.putText(painted, str(sighting.id), at, cv2.FONT_HERSHEY_SIMPLEX, scale, INK, max(1, round(2 * scale)))
-    for u, v in np.rint(look.furniture).astype(int).tolist():
-        cv2.circle(painted, (u, v), round(14 * scale), ALARM, max(1, round(2 * scale)), cv2.LINE_AA)
-        at = (u + round(18 * scale), v)
-        cv2.putText(painted, "furniture", at, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, ALARM, max(1, round(scale)))
     return painted
 
 

@@ -10,6 +10,7 @@ from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.scene import Scene
 from toolkit.landmarks.graph import Workspace
 from toolkit.people.detection import find_heads
+from toolkit.people.person_network import person_network
 from toolkit.people.sighting import Sighting
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import Camera
@@ -115,9 +116,9 @@ class UpperViewer:
         return beyond
 
     def _crown(self, depth: np.ndarray) -> float | None:
-        """Return the height of the highest head in a depth image (h, w), metres, level frame."""
+        """Return the height of the most probable head in a depth image (h, w), metres, level frame."""
         seen = depth > 0
         view = self._coarse.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
-        heads = find_heads(view, self._coarse, cut_out=True)
+        heads = find_heads(view, self._coarse, person_network())
         top = 0.12  # distance from the middle of a head to its crown, metres
         return float(heads[0].place[1]) + top if heads else None
