@@ -1,6 +1,6 @@
 """People seen from the waist up: `depthmocap bench upper PART`, which is one of
 
-- `track [--split report] [--rows hybrid,lopez2011,particles]`: the takes of `tests/support/upper.py` (truncated by the
+- `track [--split report] [--rows hybrid,lopez2011]`: the takes of `tests/support/upper.py` (truncated by the
   image, behind a desk, on a chair, near the camera, wide, turned). Trackers get no other input. Errors are of head,
   shoulders, elbows and hands, seen or not, in pixels of a 640x480 image (at most 120) and in millimetres (at most 1 m);
   frames before the person is found count. First are the first tracked frames. `--recovery` hangs both arms down, or
@@ -87,8 +87,8 @@ def upper_figures(scores: Sequence[UpperScore]) -> dict[str, Any]:
     }
 
 
-ROWS = "hybrid,lopez2011,particles"
-"""Names of settings; `particles` adds local optimisation to `lopez2011`."""
+ROWS = "hybrid,lopez2011"
+"""Names of settings."""
 DEPTH = data_folder() / "depth"
 ANNOTATIONS = Path(__file__).parent / "annotations"
 STILL_CAMERA = (575.0, 575.0, 320.0, 240.0)
@@ -239,8 +239,7 @@ def speed(options: argparse.Namespace) -> tuple[str, Any]:
     recording = open_recording(DEPTH / "skeltrack" / f"depth-data-{name}", intrinsics=STILL_CAMERA)
     figures: dict[str, float] = {}
     for tile, particles in product((64, 128, 256), (64, 256, 1024)):
-        columns = {f"particles.{kind}_columns": tile * 5 // 2 for kind in ("trunk", "arm")}
-        settings = {"particles.count": particles, "sensing.subject": "nearest", **columns}
+        settings = {"particles.count": particles, "particles.columns": tile * 5 // 2, "sensing.subject": "nearest"}
         solo, seconds = Solo(TrackerRecipe("lopez2011", settings).build(), recording), []
         for i in range(options.frames + 1):
             begun = time.process_time()

@@ -217,7 +217,7 @@ def track(
     people : 1 tracks one person; a number or "all" several, returned as a list in order of appearance
     timestamps, background : of an array or of Open3D's types: seconds (T,), and the depth of the empty scene (H, W)
     database : file of a pose database; default: the packaged one
-    config : name or file of settings: hybrid, baak2013, swarm, qammaz, particles, lopez2011
+    config : name or file of settings: hybrid, baak2013, swarm, qammaz, lopez2011
     settings : single settings by dotted names, such as {"sensing.segment": "person"}
     progress : called with the frames done and all frames, in each pass over the recording
     options : reader options of `depthmocap track`: depth_unit, up_camera, mirrored, ...

@@ -13,7 +13,6 @@ import yaml
 from toolkit.io.files import save_text
 from toolkit.io.typed_values import is_constant
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
-from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.qammaz.tracker import SwarmTrackerSettings
 
 FOLDER = Path(__file__).parents[1] / "configs"
@@ -27,11 +26,6 @@ HEADS: dict[type, str] = {
 # swarm searches for the pose, and the local optimisation of the hybrid tracker refines it. The result competes with the
 # refined previous pose. Copy this file to change values; settings that keep their value can be left out.
 # configs/qammaz.yaml is the paper's own variant.
-""",
-    ParticleTrackerSettings: """
-# The particle filter of Lopez-Mendez 2011 for people from the waist up, without motion capture, with competing
-# local optimisation. Copy this file to change values; settings that keep their value can be left out.
-# configs/lopez2011.yaml is the paper's own variant.
 """,
 }
 """Header of the file of each class."""

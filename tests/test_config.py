@@ -150,6 +150,10 @@ def test_a_tracker_has_at_most_25_settings(kind: type) -> None:
 VARIANTS = [(HybridSettings, "baak2013"), (SwarmTrackerSettings, "qammaz"), (ParticleTrackerSettings, "lopez2011")]
 
 
+def test_lopez2011_names_the_defaults_of_its_settings() -> None:
+    assert load_settings(ParticleTrackerSettings, "lopez2011") == ParticleTrackerSettings()
+
+
 @pytest.mark.parametrize(("kind", "variant"), VARIANTS)
 def test_what_is_written_beside_a_run_makes_the_same_settings_again(kind: type, variant: str, tmp_path: Path) -> None:
     """Constants that a variant changes are in the file; those equal to the parent's default keep it."""

@@ -11,7 +11,13 @@ from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.kernels.fit import particles as kernel
-from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, costs_near_arm, costs_of_trunks
+from toolkit.trackers.lopez2011.costs import (
+    ParticleFrame,
+    ParticleImage,
+    costs_of_arm,
+    costs_of_trunks,
+    trunk_pictures,
+)
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
 from toolkit.trackers.lopez2011.filter import UpperFilter, resampled
 from toolkit.trackers.lopez2011.initial import initial_pose, place_hands
@@ -31,8 +37,7 @@ def upper() -> UpperBody:
 def frame_of(upper: UpperBody, pose: np.ndarray, candidates: np.ndarray) -> ParticleFrame:
     depth = np.empty(CAMERA.shape)
     kernel.draw(pose, upper.whole, np.array(CAMERA.intrinsics), depth)
-    image = ParticleImage.of(depth.astype(np.float32), None, CAMERA, PARTICLES.arm_columns, "particles.arm_columns")
-    return ParticleFrame(image, image, candidates)
+    return ParticleFrame(ParticleImage.of(depth.astype(np.float32), None, CAMERA, PARTICLES.columns), candidates)
 
 
 def test_all_particles_but_one_diffuse_by_one_gaussian() -> None:
@@ -77,18 +82,17 @@ def test_equation_7_scores_a_first_pose_of_inverse_kinematics(upper: UpperBody) 
     truth = pose_of(left_shoulder_rz=0.4, right_shoulder_rz=-0.2, left_elbow_ry=-0.9, right_elbow_ry=1.2)
     head = skeleton.END_EFFECTORS.index("head")
     wanted = np.stack([upper.body.end_effector_positions(truth)[head], *place_hands(upper, truth)])
-    effectors = Effectors(wanted, wanted.mean(axis=0), wanted[0], tuple(wanted[:, None]))
-    filtering, frame = UpperFilter(PARTICLES), frame_of(upper, truth, wanted)
-    first = initial_pose(upper, filtering, effectors, Fork(0, 1, 2), frame, SETTINGS.initial, np.random.default_rng(0))
-    assert first is not None
-    assert (first.particles == first.pose).all()  # nothing was filtered
+    effectors = Effectors(wanted, wanted.mean(axis=0), tuple(wanted[:, None]))
+    frame = frame_of(upper, truth, wanted)
+    first = initial_pose(upper, effectors, Fork(0, 1, 2), frame)
     reached = np.stack([upper.body.end_effector_positions(first.pose)[head], *place_hands(upper, first.pose)])
     gaps = np.linalg.norm(reached - wanted, axis=1) / SPREAD
     # "We average the costs of all the three partitions", each around its own joints alone.
     around = frame._replace(candidates=np.empty((0, 3)))
     layers = [costs_of_trunks(upper, first.pose[None], first.pose, around)[0]]
-    layers += [costs_near_arm(upper, first.pose[None], side, first.pose, around)[0] for side in range(2)]
+    trunk, own = trunk_pictures(upper, first.pose[None], frame), np.zeros(1, dtype=np.int64)
+    for side in range(2):
+        layers += [costs_of_arm(upper, first.pose[None], side, first.pose, around, own, trunk)[0]]
     assert min(layers) > 0.0
     assert first.score == pytest.approx(-0.5 * (gaps**2).mean() - np.mean(layers), abs=1e-9)
     assert np.linalg.norm(reached - wanted, axis=1).max() < 0.05
-    assert initial_pose(upper, filtering, effectors, None, frame, SETTINGS.initial, np.random.default_rng(0)) is None

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from tests.poses import pose_at
-from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.kernels.fit import aiming
 from toolkit.kernels.fit import particles as kernel
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.trackers.lopez2011.initial import InitialSettings
-from toolkit.trackers.lopez2011.tracker import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
+from toolkit.trackers.lopez2011.tracker import ParticleFollower, ParticleTracker, ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.tracking.clock import StageClock
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
@@ -23,8 +21,9 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 UPPER = UpperBodies(LEVEL).of(load_body())
 HANDS = [skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right")]
-SETTINGS = ParticleTrackerSettings(measured_seconds=0.0, initial=InitialSettings(rounds=4))
-"""Settings with a known body and fewer filter rounds in first frames, which take most of the time."""
+LEGS = [i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in skeleton.LEGS]
+SETTINGS = ParticleTrackerSettings(measured_seconds=0.0)
+"""Settings with a known body."""
 
 
 def pose_of(turn: float = 0.0, **angles: float) -> np.ndarray:
@@ -65,14 +64,13 @@ def hands_off(result: FrameResult, pose: np.ndarray) -> float:
 WAVING = [pose_of(0.5 * np.sin(0.2 * i)) for i in range(12)]
 
 
-@pytest.mark.parametrize("refined", [False, True])
-def test_a_person_is_found_and_tracked_and_unseen_legs_stay(refined: bool) -> None:
-    results = followed(follower(replace(SETTINGS, refined=refined)), WAVING)
+def test_a_person_is_found_and_tracked_and_unseen_legs_stay() -> None:
+    results = followed(follower(), WAVING)
     assert [ParticleTracker.source_names[r.source] for r in results[:2]] == ["detected", "particles"]
     assert all(r.state == TRACKED for r in results)
     assert max(hands_off(r, pose) for r, pose in zip(results, WAVING, strict=True)) < 0.15
     for result in results:
-        assert np.isfinite(result.joints).all() and (result.pose[LEG_ENTRIES] == 0.0).all()
+        assert np.isfinite(result.joints).all() and (result.pose[LEGS] == 0.0).all()
         assert (result.confidence[UNSEEN] == 0.0).all() and result.confidence[0] > 0.0
 
 
@@ -94,8 +92,7 @@ CLASPED = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1
 
 
 def test_with_the_fork_alone_people_are_found_after_its_first_appearance() -> None:
-    waits = {"measured_seconds": 0.0, "initial.unlabelled": False}
-    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", waits))
+    person = follower()
     waiting = followed(person, [CLASPED] * 2)
     assert all(r.state == LOST and np.isfinite(r.joints).all() for r in waiting)
     assert followed(person, [pose_of()] * 3, start=1.0)[-1].state == TRACKED
@@ -195,7 +192,7 @@ def test_a_person_who_returns_elsewhere_is_detected_again() -> None:
     elsewhere = [replace_place(pose, 0.25) for pose in WAVING[:3]]
     results = followed(person, elsewhere, start=1.0)
     assert ParticleTracker.source_names[results[0].source] == "detected"
-    assert hands_off(results[-1], elsewhere[-1]) < 0.15
+    assert hands_off(results[-1], elsewhere[-1]) < 0.2
 
 
 def test_the_size_is_measured_from_the_first_frames() -> None:

@@ -30,18 +30,16 @@ class ParticleImage(NamedTuple):
     intrinsics: np.ndarray
 
     @classmethod
-    def of(
-        cls, depth: np.ndarray, unobserved: np.ndarray | None, camera: Camera, columns: int, setting: str
-    ) -> ParticleImage:
+    def of(cls, depth: np.ndarray, unobserved: np.ndarray | None, camera: Camera, columns: int) -> ParticleImage:
         """Return every n-th pixel of a depth image (H, W), metres, with at least about `columns` columns.
 
         Raises
         ------
         SettingsError
-            The image has fewer columns than `columns`, which is a setting of this name.
+            The image has fewer columns than `columns`, the setting `particles.columns`.
         """
         if columns > camera.width:
-            raise SettingsError(f"{setting} is {columns}, finer than the image, which has {camera.width} columns")
+            raise SettingsError(f"particles.columns is {columns}, finer than the image with {camera.width} columns")
         step = max(1, camera.width // columns)
         seen = (depth if unobserved is None else marked(depth, unobserved, np.nan))[::step, ::step]
         return cls(
@@ -83,12 +81,11 @@ class ParticleFrame(NamedTuple):
 
     Attributes
     ----------
-    coarse, fine : the images that trunks and arms are weighed in
+    image : image that poses are weighed in
     candidates : float64 (M, 3), metres, level frame, where hands may be
     """
 
-    coarse: ParticleImage
-    fine: ParticleImage
+    image: ParticleImage
     candidates: np.ndarray
 
 
@@ -98,21 +95,16 @@ def likelihood(costs: np.ndarray) -> np.ndarray:
     return weights / weights.sum()
 
 
-def costs_of_whole(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-    """Return the costs (N,) of `poses` (N, P) over the whole image, for poses that are far apart."""
-    return _drawn(upper, poses, frame.coarse.whole())
-
-
 def costs_of_both_arms(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
     """Return the costs (N,) of `poses` (N, P) with one trunk over the whole image."""
-    return _over_one_trunk(upper, poses, frame.fine.whole())
+    return _over_one_trunk(upper, poses, frame.image.whole())
 
 
 def mean_cost(upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float:
     """Return the mean cost of a pose (P,) over the three layers (last term of Eq. 7)."""
     trunk = costs_of_trunks(upper, pose[None], pose, frame)
     arms = [
-        _over_one_trunk(upper, pose[None], frame.fine.tile(_arm_joints(upper, side, pose), ARM_MARGIN))
+        _over_one_trunk(upper, pose[None], frame.image.tile(_arm_joints(upper, side, pose), ARM_MARGIN))
         for side in range(2)
     ]
     return float(trunk[0] + arms[0][0] + arms[1][0]) / 3.0
@@ -121,19 +113,15 @@ def mean_cost(upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float
 def costs_of_trunks(upper: UpperBody, poses: np.ndarray, before: np.ndarray, frame: ParticleFrame) -> np.ndarray:
     """Return the trunk costs (N,) of `poses` (N, P) around the trunk of the pose `before` (P,)."""
     trunk_margin = 0.22  # margin around the trunk's joints for the trunk cost, metres at their depth: half a shoulder
-    return _drawn(upper, poses, frame.coarse.tile(_joints(upper, before, TRUNK_JOINTS), trunk_margin))
+    costs = np.empty(len(poses))
+    tile = frame.image.tile(_joints(upper, before, TRUNK_JOINTS), trunk_margin)
+    kernel.trunk_costs(poses, upper.whole, tile, costs)
+    return costs
 
 
 def trunk_pictures(upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-    """Draw the trunks of `poses` (K, P) into the fine image, (K, h, w), metres."""
-    return _trunk_pictures(upper, poses, frame.fine.whole())
-
-
-def costs_near_arm(
-    upper: UpperBody, poses: np.ndarray, side: int, pose: np.ndarray, frame: ParticleFrame
-) -> np.ndarray:
-    """Return the costs (N,) of `poses` (N, P) with one trunk around one arm of a `pose` (P,)."""
-    return _over_one_trunk(upper, poses, _around(upper, side, pose, frame))
+    """Draw the trunks of `poses` (K, P) into the image, (K, h, w), metres."""
+    return _trunk_pictures(upper, poses, frame.image.whole())
 
 
 def costs_of_arm(
@@ -145,19 +133,12 @@ def costs_of_arm(
 
 
 def _around(upper: UpperBody, side: int, pose: np.ndarray, frame: ParticleFrame) -> kernel.Tile:
-    """Return the part of the fine image around one arm and the candidates within its reach."""
+    """Return the part of the image around one arm and the candidates within its reach."""
     joints, arm = _arm_joints(upper, side, pose), upper.arms[side]
     candidates = linear.rotated(frame.candidates, upper.whole.from_level.T)
     lengths = linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand]))
     near = linear.lengths(candidates - joints[0]) < lengths.sum() + ARM_MARGIN
-    return frame.fine.tile(np.concatenate([joints, candidates[near]]), ARM_MARGIN)
-
-
-def _drawn(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
-    """Return the costs (N,) of `poses` (N, P) drawn as meshes with arms."""
-    costs = np.empty(len(poses))
-    kernel.trunk_costs(poses, upper.whole, tile, costs)
-    return costs
+    return frame.image.tile(np.concatenate([joints, candidates[near]]), ARM_MARGIN)
 
 
 def _trunk_pictures(upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:

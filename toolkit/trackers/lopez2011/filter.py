@@ -67,10 +67,6 @@ class UpperFilter:
         self.settings = settings
         self.proposals = UpperProposals(settings)
 
-    def first_arm(self, turn: int) -> int:
-        """Return the first arm in frame number `turn`: 0 left, 1 right."""
-        return turn % 2 if self.settings.alternate else 1
-
     def trunk(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
         rng: np.random.Generator,
@@ -86,16 +82,16 @@ class UpperFilter:
 
     def arms(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
-        first: int, rng: np.random.Generator,
+        rng: np.random.Generator,
     ) -> Filtered:  # fmt: skip
-        """Process the second and third layer of `particles` (N, P): arm `first` (0 left, 1 right), then the other."""
+        """Process the second and third layer of `particles` (N, P): the right arm, then the left one (Fig. 4)."""
         poses = particles.copy()
         bases, base_of = self._bases(poses)
         poses = bases[base_of]
         pictures = trunk_pictures(upper, bases, frame)
         estimate, both = poses[0], np.zeros(len(poses))
-        for side in (first, 1 - first):
-            self.proposals.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
+        for side in (1, 0):
+            self.proposals.move_arm(upper, poses, side, frame, dt, rng)
             costs = costs_of_arm(upper, poses, side, before, frame, base_of, pictures)
             both = both + costs
             estimate = poses[int(both.argmin())]

@@ -7,9 +7,9 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.kernels.fit import aiming
-from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_near_arm, likelihood
+from toolkit.trackers.lopez2011.costs import ParticleFrame
 from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
-from toolkit.trackers.lopez2011.upper import TRUNK, UpperBody, aimed_all_round
+from toolkit.trackers.lopez2011.upper import TRUNK, UpperBody
 
 SPREAD = 0.03
 """Spread of a hand about a candidate (`Sigma_e`), metres; candidates lie on the surface, at fingertip or knuckles."""
@@ -17,7 +17,7 @@ AIM = aiming.Aim(SPREAD, 0.1, -8.0)
 """Spread of arm angles (`lambda` of Eq. 4), and log-probability of Eq. 4 below which an arm diffuses instead: four
 spreads from the candidate."""
 NEAR_SCALE = 0.25
-"""Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR_SCALE)^power)."""
+"""Scale of the distance in `f` of Eq. 5, metres: a candidate has the weight exp(-(distance / NEAR_SCALE)^2)."""
 DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
     f"{side}_{name}": spread
     for side in skeleton.SIDES
@@ -67,16 +67,13 @@ class UpperProposals:
 
     def move_arm(
         self, upper: UpperBody, poses: np.ndarray, side: int, frame: ParticleFrame, dt: float,
-        rng: np.random.Generator, *, look: bool = True,
+        rng: np.random.Generator,
     ) -> np.ndarray:  # fmt: skip
-        """Sample one arm of `poses` (N, P) by Eq. 6, in place; return bool (N,), True for inverse kinematics.
-
-        With `look`, half of the aimed arms are drawn by cost. This doubles the time of a frame, so the arms alternate.
-        """
-        s, arm, entries, candidates = self.settings, upper.arms[side], skeleton.ARM_ENTRIES[side], frame.candidates
+        """Sample one arm of `poses` (N, P) by Eq. 6, in place; return bool (N,), True for inverse kinematics."""
+        arm, entries, candidates = upper.arms[side], skeleton.ARM_ENTRIES[side], frame.candidates
         start = poses.copy()
         self._diffuse(poses, entries, dt, rng)
-        wanted = by_inverse_kinematics(len(poses), s.alpha if len(candidates) else 1.0)
+        wanted = by_inverse_kinematics(len(poses), self.settings.alpha if len(candidates) else 1.0)
         if not wanted.any():
             return wanted
         aimed = poses.copy()
@@ -84,15 +81,7 @@ class UpperProposals:
         swing = np.array([arm.shoulder_entry, arm.shoulder_entry + 1, arm.shoulder_entry + 2, arm.elbow_entry])
         aimed[:, swing] = start[:, swing]
         weights = self.candidate_weights(upper, start, side, candidates)
-        target = candidates[_drawn(weights, rng)]
-        if look and s.looks > 0:
-            informed = np.flatnonzero(wanted)[::2]
-            arms, reached, costs = self._at_candidates(upper, start[0], side, frame)
-            if len(arms):
-                cells = _drawn(np.tile(likelihood(costs) * weights[0, reached], (len(informed), 1)), rng)
-                aimed[np.ix_(informed, swing)] = arms[np.ix_(cells, swing)]
-                target[informed] = candidates[reached[cells]]
-        target = target + SPREAD * rng.standard_normal((len(poses), 3))
+        target = candidates[_drawn(weights, rng)] + SPREAD * rng.standard_normal((len(poses), 3))
         swivel = 0.5  # spread about the swivel nearest to the previous arm, radians
         swivels = swivel * rng.standard_normal(len(poses))
         scores = np.empty(len(poses))
@@ -101,44 +90,23 @@ class UpperProposals:
         poses[taken] = aimed[taken]
         return taken
 
-    def _at_candidates(
-        self, upper: UpperBody, pose: np.ndarray, side: int, frame: ParticleFrame
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place one arm of a pose (P,) at each candidate, with all swivels that the joint limits allow.
-
-        Returns poses (n, P), the candidate of each (n,), and their costs (n,).
-        """
-        anything = AIM._replace(smoothness=0.0)
-        poses, reached = aimed_all_round(pose, upper.arms[side], frame.candidates, self.settings.looks, anything)
-        if len(poses) == 0:
-            return poses, reached, np.empty(0)
-        return poses, reached, costs_near_arm(upper, poses, side, pose, frame)
-
     def candidate_weights(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
         """Return weights (N, M), with sum 1, of `candidates` (M, 3) for one arm of `poses` (N, P) (Eq. 5)."""
-        s = self.settings
-        own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
-        holding = 0.15  # distance at which the other hand occupies a candidate, metres
-        weights = np.maximum(np.exp(-((own / NEAR_SCALE) ** s.power)), s.floor) * np.where(other < holding, s.held, 1.0)
-        return weights / weights.sum(axis=1, keepdims=True)
-
-    def _far(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
-        """Return the distances (N, M) of the candidates from the hand of each pose."""
         hands = np.empty((len(poses), 3))
         aiming.place_hands(poses, upper.arms[side], hands)
-        return np.sqrt(((hands[:, None] - candidates[None]) ** 2).sum(axis=2))
+        far = np.sqrt(((hands[:, None] - candidates[None]) ** 2).sum(axis=2))
+        weights = np.exp(-((far / NEAR_SCALE) ** 2))
+        return weights / weights.sum(axis=1, keepdims=True)
 
     def _diffuse(self, poses: np.ndarray, entries: np.ndarray, dt: float, rng: np.random.Generator) -> None:
         """Add Gaussian noise to some entries of `poses` (N, P), in place, within the joint limits.
 
-        Half of the poses diffuse less, and the first one not at all, because few particles in many dimensions need
-        several widths.
+        The first pose does not diffuse, because people mostly move slowly.
         """
         rate = 30.0  # frame rate for which the diffusion is given, Hz
         longest = 0.5  # maximum time between frames in the diffusion, seconds
         scale = float(np.sqrt(rate * min(max(dt, 0.0), longest)))
         noise = rng.standard_normal((len(poses), len(entries)))
-        noise[np.arange(len(noise)) // 2 % 2 == 1] *= self.settings.fine
         noise[0] = 0.0
         poses[:, entries] += scale * self._spread[entries] * noise
         poses[:, entries] = np.clip(poses[:, entries], *skeleton.POSE_LIMITS[entries].T)

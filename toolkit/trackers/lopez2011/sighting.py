@@ -34,25 +34,22 @@ class UpperSighting:
     Attributes
     ----------
     cloud : level frame
-    coarse, fine : the images that trunks and arms are weighed in
+    image : image that poses are weighed in
     unobserved : bool (h, w), pixels of the cloud without information about the upper body, or None
     points : measured pixels of the person in the whole sighting
     """
 
     def __init__(self, cloud: Cloud, unobserved: np.ndarray | None, points: int, settings: ParticleSettings) -> None:
         self.cloud, self.unobserved, self.points = cloud, unobserved, points
-        self.coarse, self.fine = (
-            ParticleImage.of(cloud.depth, unobserved, cloud.camera, columns, f"particles.{name}")
-            for name, columns in (("trunk_columns", settings.trunk_columns), ("arm_columns", settings.arm_columns))
-        )
+        self.image = ParticleImage.of(cloud.depth, unobserved, cloud.camera, settings.columns)
 
     def effectors(self, settings: EffectorSettings, workspace: Workspace) -> Effectors:
         """Return the candidates for head and hands."""
-        return find_effectors(self.cloud, settings, self.unobserved, workspace)
+        return find_effectors(self.cloud, settings, workspace)
 
     def frame(self, effectors: Effectors) -> ParticleFrame:
         """Return the frame of the filter."""
-        return ParticleFrame(self.coarse, self.fine, effectors.points)
+        return ParticleFrame(self.image, effectors.points)
 
     def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
         """Return the scene of the local optimisation."""
@@ -66,13 +63,13 @@ class UpperViewer:
     ----------
     camera : camera of the sightings
     level_rotation : R_level_camera, float64 (3, 3)
-    settings : resolutions
+    settings : width of the images
     limits : bounds of the used points
     """
 
     def __init__(self, camera: Camera, level_rotation: np.ndarray, settings: ParticleSettings, limits: Limits) -> None:
         self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
-        self._step = max(1, camera.width // settings.arm_columns)
+        self._step = max(1, camera.width // settings.columns)
         self._camera = camera.subsampled(self._step)
         self._coarse = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 

@@ -134,16 +134,9 @@ def arm_of(side: str, body: Body) -> ArmRig:
     )
 
 
-def aimed_all_round(
-    pose: np.ndarray, arm: ArmRig, targets: np.ndarray, swivels: int, aim: Aim
-) -> tuple[np.ndarray, np.ndarray]:
-    """Place one arm of a pose (P,) at each of `targets` (n, 3) with evenly spaced swivels within the joint limits.
-
-    Returns float64 (N, P) and int64 (N,): the poses, and the target index of each.
-    """
-    rows = np.repeat(np.arange(len(targets)), swivels)
-    around = np.tile(np.linspace(-np.pi, np.pi, swivels, endpoint=False), len(targets))
-    poses, scores = np.repeat(pose[None], len(rows), axis=0), np.empty(len(rows))
-    aim_arms(poses, arm, np.ones(len(rows), dtype=np.bool_), targets[rows], around, aim, scores)
-    reached = np.isfinite(scores)
-    return poses[reached], rows[reached]
+def aimed_all_round(pose: np.ndarray, arm: ArmRig, target: np.ndarray, swivels: int, aim: Aim) -> np.ndarray:
+    """Return poses (n, P) with one arm of a pose (P,) at a target (1, 3), at even swivels within the joint limits."""
+    around = np.linspace(-np.pi, np.pi, swivels, endpoint=False)
+    poses, scores = np.repeat(pose[None], swivels, axis=0), np.empty(swivels)
+    aim_arms(poses, arm, np.ones(swivels, dtype=np.bool_), np.repeat(target, swivels, axis=0), around, aim, scores)
+    return poses[np.isfinite(scores)]
