@@ -2,7 +2,6 @@
 
 import csv
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -119,21 +118,6 @@ def test_what_was_measured_needs_the_recording(two: tuple[Path, Simulation], tmp
         export_run(run, tmp_path / "index", format="body-index", recording=tmp_path / "none.npz")
     with pytest.raises(UsageError, match="a folder"):
         export_run(run, tmp_path / "index.png", format="body-index")
-
-
-def test_a_rerun_file_is_written_and_its_package_named_where_it_is_missing(
-    two: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("rerun")
-    export_run(two[0], tmp_path / "run.rrd")
-    written = (tmp_path / "run.rrd").read_bytes()
-    assert written[:4] in (b"RRF2", b"RRIO")
-    body = ShapeSpace.load().body([0.0])
-    mesh = 12 * (len(body.vertices) + len(body.faces))  # bytes of the positions and of the triangles
-    assert len(written) < 2 * FRAMES * mesh, "the triangles are written once, depth as PNG"
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(UsageError, match="rerun"):
-        export_run(two[0], tmp_path / "other.rrd")
 
 
 def standing(tmp_path: Path, *, floor: float | None = None, absent: int = 0) -> Path:

@@ -13,7 +13,6 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.io.errors import OutputError, optional_package
-from toolkit.output.export.rerun import log_camera, point_step
 from toolkit.output.pose_stream import LiveUpdate
 from toolkit.output.rendering.style import FAINT, person_color
 from toolkit.sensing.depth_filter import DepthFilter
@@ -58,11 +57,16 @@ class RerunView:
         rr = optional_package("rerun", "rerun", "--view")
         self._rr, self._stream = rr, rr.RecordingStream("depthmocap live")
         (connect or spawn_viewer)(self._stream)
-        self._polisher, self._step = DepthFilter(first.camera, SensingSettings()), point_step(first.depth(0))
+        streamed_points = 6000  # measured pixels of a frame that are shown, about
+        self._polisher = DepthFilter(first.camera, SensingSettings())
+        self._step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(first.depth(0)) / streamed_points))))
         self._shown: set[int] = set()
         self._begun: float | None = None
         self._stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Y_DOWN, static=True)
-        log_camera(rr, self._stream, self._polisher.flat_camera.subsampled(self._step), rr.Transform3D())
+        camera = self._polisher.flat_camera.subsampled(self._step)
+        size = [camera.width, camera.height]
+        lens = rr.Pinhole(image_from_camera=camera.matrix, resolution=size, camera_xyz=rr.ViewCoordinates.RDF)
+        self._stream.log("world/camera", rr.Transform3D(), lens, static=True)
 
     def send(self, update: LiveUpdate) -> None:
         """See `LiveOutput.send`; a thread of rerun transmits the frame."""

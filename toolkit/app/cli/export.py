@@ -50,8 +50,7 @@ def export(
     """Write a track in a format of another program, chosen by the suffix of OUTPUT.
 
     .glb skinned and animated (Blender, Unity, browsers), .bvh (animation tools), .c3d (motion laboratories), .trc
-    (OpenSim), .mot (OpenSim, with markers), .csv, .json and .rrd (the viewer rerun). A format for one person gets one
-    file per person.
+    (OpenSim), .mot (OpenSim, with markers), .csv and .json. A format for one person gets one file per person.
     """
     from toolkit.output.export.run import export_run
 

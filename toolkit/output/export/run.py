@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.errors import UsageError
 from toolkit.io.files import check_output, save_json
 from toolkit.io.spans import spans
 from toolkit.motion.motion_summary import as_plain, summary_of
@@ -25,15 +24,12 @@ from toolkit.output.export.k4abt import export_k4abt
 from toolkit.output.export.opensim import export_opensim
 from toolkit.output.export.origin import CAMERA, FLOOR, Origin, origin_of
 from toolkit.output.export.pixels import LabelledFrame, labelled_frames, write_body_index, write_clouds
-from toolkit.output.export.rerun import export_rerun
 from toolkit.output.export.tables import export_csv, export_trc
 from toolkit.output.export.tree import OWN
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import LOST, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import PEOPLE_FILE, Person, load_persons, person_runs
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,23 +55,21 @@ class ExportJob:
     model: str | Path | None = None
     unit: str = "cm"
 
-    def open_recording(self) -> tuple[Recording, RunInfo]:
-        """Return the recording of the run and its `run.json`; raises UsageError without a run."""
-        info = RunInfo.load(person_runs(self._folder)[0])
-        return info.open_recording(self.recording), info
-
     def frames(self) -> tuple[Recording, Iterator[LabelledFrame]]:
-        """Return the recording and its frames with pixel labels; requires people in the camera frame."""
-        recording, info = self.open_recording()
-        several, sensing = (self._folder / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
-        people = [person.moved(-self.origin.offset) for person in self.people]
-        return recording, labelled_frames(people, recording, sensing, several=several)
+        """Return the recording of the run and its frames with pixel labels; requires people in the camera frame.
 
-    @property
-    def _folder(self) -> Path:
+        Raises
+        ------
+        UsageError
+            There is no run.
+        """
         if self.run is None:
             raise UsageError("this format holds measured depth; track into a run folder and export that")
-        return self.run
+        info = RunInfo.load(person_runs(self.run)[0])
+        recording = info.open_recording(self.recording)
+        several, sensing = (self.run / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
+        people = [person.moved(-self.origin.offset) for person in self.people]
+        return recording, labelled_frames(people, recording, sensing, several=several)
 
     @property
     def person(self) -> Person:
@@ -137,17 +131,6 @@ def _bvh(path: Path, job: ExportJob) -> None:
     save_json(path.with_name(f"{path.name}.notes.json"), notes_of(job.origin, job.people))
 
 
-def _rerun(path: Path, job: ExportJob) -> None:
-    try:
-        recording = None if job.run is None else job.open_recording()[0]
-    except RecordingError as error:
-        if job.recording is not None:
-            raise
-        logger.warning("%s; the file has no points", error)
-        recording = None
-    export_rerun(path, job.people, job.origin, recording)
-
-
 def _body_index(path: Path, job: ExportJob) -> None:
     write_body_index(path, job.frames()[1])
 
@@ -181,7 +164,6 @@ FORMATS: dict[str, Format] = {
     "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
     "mot": Format(".mot", lambda path, job: export_mot(path, job.person), blank=False),
     "gait": Format(".json", _gait, together=True, origins=(FLOOR,)),
-    "rerun": Format(".rrd", _rerun, together=True),
     "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
     "ply": Format("", _clouds, together=True, origin=CAMERA),
     "opensim": Format("", lambda path, job: export_opensim(path, job.person, job.model), blank=False),
@@ -204,7 +186,7 @@ def export_run(
 ) -> tuple[Path, ...]:
     """Write all people of a run folder to `path` in the format of its suffix, or in `format` (one of `FORMATS`).
 
-    GLB, C3D, RRD, body-index, ply and the JSON formats hold several people. Each other format gets one file per person,
+    GLB, C3D, body-index, ply and the JSON formats hold several people. Each other format gets one file per person,
     `<stem>_<person><suffix>`.
 
     Parameters
