@@ -12,11 +12,10 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tests.run_helpers import run, write_run
+from tests.run_helpers import write_run
 from toolkit.app.cli import report as report_verb
 from toolkit.app.cli.groups import spread
 from toolkit.body import skeleton
-from toolkit.output.rendering import film
 from toolkit.output.report import page
 
 
@@ -84,12 +83,6 @@ def handed(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[dict[str, Any]
         return calls
 
     return watch
-
-
-def test_a_calibration_is_nothing_without_sensors(handed: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    calls = handed(film, "render_run", Path("film.mp4"))
-    assert run("render", "take", "-o", "film.mp4", "--calibration", "c.json") == 2
-    assert not calls and "name them with --inertial" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("age", "written"), [(None, True), (-10.0, True), (10.0, False)])

@@ -4,23 +4,20 @@ guide.
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from tests.inertial_scenes import RATE, poses_of
 from tests.run_helpers import KNOWN_SIZE
-from tests.run_helpers import run as run_command
 from tests.support.worn_sensors import simulate_sensors
 from tests.test_inertial_clock import typed
 from toolkit.body import skeleton
 from toolkit.evaluation.joint_errors import joint_errors
 from toolkit.evaluation.orientations import check_runs
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.workflow import checked_take, take_of
+from toolkit.inertial.workflow import take_of
 from toolkit.io.errors import InertialError
 from toolkit.mocap.clip import PoseClip
-from toolkit.output.rendering.axes import limb_axes
 from toolkit.recordings.opening import open_recording
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import CaptureSettings, prepare, simulate_scene
@@ -70,20 +67,3 @@ def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(workdir: Path, b
     assert better < plain + 0.005
     with pytest.raises(InertialError, match="with these sensors"):
         take_of(guided, sensors)
-
-
-def test_axes_of_track_and_sensors_are_drawn_side_by_side(workdir: Path, capsys) -> None:
-    sensors = workdir / "take_sensors.npz"
-    typed("render", workdir / "run", "--inertial", sensors, "-o", workdir / "axes.png", "--to", 3)
-    typed("render", workdir / "run", "-o", workdir / "plain.png", "--to", 3)
-    with_axes, plain = (cv2.imread(str(workdir / name)) for name in ("axes.png", "plain.png"))
-    assert (with_axes != plain).any()
-    found, take = checked_take(workdir / "run", sensors)
-    axes = limb_axes(found, take, RunInfo.load(workdir / "run").R_level_camera)
-    known = np.isfinite(axes.measured).all(axis=(2, 3))
-    cosines = (axes.tracked * axes.measured).sum(axis=2)[known]
-    assert axes.limbs == LIMBS and np.median(cosines) > 0.9
-    assert (
-        run_command("render", workdir / "run", "--calibration", "x.json", "-o", workdir / "y.png") == 2
-        and "--calibration needs sensors" in capsys.readouterr().err
-    )

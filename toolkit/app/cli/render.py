@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from toolkit.app.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
 from toolkit.app.cli.terminal import print_lines
-from toolkit.io.errors import UsageError
-
-if TYPE_CHECKING:
-    from toolkit.output.rendering.axes import LimbAxes
 
 
 def render(
@@ -40,20 +36,11 @@ def render(
     engine: Annotated[
         str, typer.Option(help="toolkit, or open3d: bodies on white paper with soft shadows, for publications.")
     ] = "toolkit",
-    inertial: Annotated[
-        Path | None,
-        typer.Option(help="Canonical file of inertial sensors; draws their axes beside the axes of the limbs."),
-    ] = None,
-    calibration: Annotated[
-        Path | None, typer.Option(help="Calibration of the sensors.", show_default="estimated on this run")
-    ] = None,
 ) -> None:
     """Draw a track beside its depth: mesh, skeleton and extrema in camera, side and plan views."""
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.output.rendering.film import render_run, settings_for
 
-    if calibration is not None and inertial is None:
-        raise UsageError("--calibration needs sensors; name them with --inertial")
     settings = replace(settings_for(output), engine=engine)
     if panels is not None:
         settings = replace(settings, panels=tuple(panels.split(",")))
@@ -63,22 +50,9 @@ def render(
             run,
             output,
             recording=recording,
-            axes=None if inertial is None else _axes(run, inertial, calibration),
             settings=settings,
             frames=frames,
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),
         )
     print_lines(written)
-
-
-def _axes(run: Path, sensors: Path, calibration: Path | None) -> LimbAxes:
-    """Return the axes of the limbs of a run and of the sensors on them."""
-    from toolkit.inertial.calibration import Calibration
-    from toolkit.inertial.workflow import checked_take
-    from toolkit.output.rendering.axes import limb_axes
-    from toolkit.tracks import RunInfo
-
-    known = None if calibration is None else Calibration.load(calibration)
-    found, take = checked_take(run, sensors, known)
-    return limb_axes(found, take, RunInfo.load(run).R_level_camera)

@@ -14,9 +14,7 @@ from toolkit.io.errors import OutputError, UsageError
 from toolkit.io.files import atomic_path, check_output, save_bytes
 from toolkit.io.progress import Count, silent
 from toolkit.output.rendering import style
-from toolkit.output.rendering.axes import LimbAxes
 from toolkit.output.rendering.encoders import FILM_SUFFIXES, open_encoder
-from toolkit.output.rendering.overlay import color_depth
 from toolkit.output.rendering.painter import FramePainter, RenderSettings
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -27,46 +25,6 @@ from toolkit.tracks.runs import Person, load_persons, person_runs
 def settings_for(output: str | Path) -> RenderSettings:
     """Return the default paint settings by suffix: the pictures of a contact sheet are small."""
     return RenderSettings(height=300, aspect=0.9) if Path(output).suffix == ".png" else RenderSettings()
-
-
-class DepthPainter:
-    """Painter of frames without people.
-
-    Parameters
-    ----------
-    recording : recording of the frames, which are painted in order
-    settings : height of the picture; panels of people are left out
-    """
-
-    def __init__(self, recording: Recording, settings: RenderSettings) -> None:
-        self._height = settings.height
-        self._name, self._times = recording.name, recording.timestamps
-        self._range: tuple[float, float] | None = None
-
-    def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
-        """Return the picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8."""
-        import cv2
-
-        near, far = self._near_and_far(depth_mm)
-        colored = color_depth(depth_mm, np.ones(depth_mm.shape, dtype=bool), near, far)
-        width = 2 * round(self._height * depth_mm.shape[1] / depth_mm.shape[0] / 2)  # even, for film codecs
-        image = cv2.resize(colored, (width, self._height), interpolation=cv2.INTER_NEAREST)
-        size = max(9, self._height // 30)
-        bar = np.full((2 * size, width, 3), style.BAR, dtype=np.uint8)
-        x = style.write(bar, f"{self._name}   frame {i + 1}/{len(self._times)}", 10, size // 3, size)
-        x = style.write(bar, f"{self._times[i]:.2f} s", x + size, size // 3, size, style.FAINT)
-        style.write(bar, "no person", x + size, size // 3, size, style.ALARM)
-        return np.vstack([bar, image])
-
-    def _near_and_far(self, depth_mm: np.ndarray) -> tuple[float, float]:
-        """Return the range of the colour scale in metres, the same for all frames."""
-        measured = depth_mm[depth_mm > 0]
-        # Percentiles of the depth of the first measured frame at the ends of the colour scale.
-        nearest_share, farthest_share = 2.0, 98.0
-        if self._range is None and len(measured):
-            near, far = np.percentile(measured, [nearest_share, farthest_share]) / 1000.0
-            self._range = float(near), float(far)
-        return self._range or (0.0, 1.0)
 
 
 class FilmWriter:
@@ -127,7 +85,6 @@ def render_people(
     *,
     sensing: SensingSettings | None = None,
     settings: RenderSettings | None = None,
-    axes: LimbAxes | None = None,
     frames: range | None = None,
     rate: float | None = None,
     progress: Count = silent,
@@ -136,7 +93,7 @@ def render_people(
 
     Parameters
     ----------
-    people, recording, sensing, settings, axes : see `FramePainter`
+    people, recording, sensing, settings : see `FramePainter`
     output : the file; a name without suffix is a folder
     frames : indices of the frames; default: all
     rate : frame rate of the film; default: that of the recording
@@ -151,13 +108,6 @@ def render_people(
     OutputError
         The output cannot be written.
     """
-    target = _target(output, recording, rate)
-    painter = FramePainter(people, recording, sensing=sensing, settings=settings or settings_for(target), axes=axes)
-    return _draw(painter, recording, target, frames, rate, progress)
-
-
-def _target(output: str | Path, recording: Recording, rate: float | None) -> Path:
-    """Return the kind of output; raises as `render_people`."""
     target = check_output(output, [recording.path], sealed=[recording.path])
     largest_rate = 240.0  # maximum frame rate of players and codecs, Hz
     if rate is not None and not 0 < rate <= largest_rate:
@@ -165,18 +115,7 @@ def _target(output: str | Path, recording: Recording, rate: float | None) -> Pat
     if target.suffix and target.suffix not in (".png", *FILM_SUFFIXES):
         films = ", ".join(f"*{suffix}" for suffix in FILM_SUFFIXES)
         raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
-    return target
-
-
-def _draw(
-    painter: FramePainter | DepthPainter,
-    recording: Recording,
-    target: Path,
-    frames: range | None,
-    rate: float | None,
-    progress: Count,
-) -> Path:
-    """Render as `render_people`, with a painter."""
+    painter = FramePainter(people, recording, sensing=sensing, settings=settings or settings_for(target))
     chosen = range(len(recording)) if frames is None else frames
     if not len(chosen) or chosen.start < 0 or max(chosen) >= len(recording):
         raise UsageError(f"frames {chosen} are not some of the {len(recording)} frames of the track")
@@ -199,7 +138,6 @@ def render_run(
     *,
     recording: str | Path | None = None,
     settings: RenderSettings | None = None,
-    axes: LimbAxes | None = None,
     frames: range | slice | None = None,
     rate: float | None = None,
     progress: Count = silent,
@@ -207,24 +145,25 @@ def render_run(
     """Draw all people of a run folder; recording, bodies and sensing settings come from `run.json`.
 
     `recording` is the new location of a moved recording, `frames` may be a slice. The other arguments are those of
-    `render_people`; a run without people shows only the depth.
+    `render_people`.
+
+    Raises
+    ------
+    UsageError
+        No person was found in the run; other errors as `render_people`.
     """
-    folders = person_runs(run)
+    people, folders = load_persons(run), person_runs(run)
     check_output(output, [folder / name for folder in (*folders, Path(run)) for name in (TRACK_FILE, RUN_FILE)])
-    info = RunInfo.load(folders[0] if folders else run)
+    info = RunInfo.load(folders[0])
     opened = info.open_recording(recording)
     if isinstance(frames, slice):
         frames = range(frames.start or 0, len(opened) if frames.stop is None else frames.stop)
-    if not folders:
-        target = _target(output, opened, rate)
-        return _draw(DepthPainter(opened, settings or settings_for(target)), opened, target, frames, rate, progress)
     return render_people(
-        load_persons(run),
+        people,
         opened,
         output,
         sensing=SensingSettings(**info.sensing),
         settings=settings,
-        axes=axes,
         frames=frames,
         rate=rate,
         progress=progress,
@@ -255,7 +194,7 @@ def save_png(path: str | Path, picture: np.ndarray) -> None:
 
 
 def _pictures(
-    painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count
+    painter: FramePainter, recording: Recording, wanted: range | list[int], progress: Count
 ) -> Iterator[np.ndarray]:
     """Yield the pictures of the selected frames in order."""
     chosen, last, done = set(wanted), max(wanted), 0

@@ -11,7 +11,6 @@ import numpy as np
 from toolkit.io.errors import SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.output.rendering import style
-from toolkit.output.rendering.axes import LimbAxes
 from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.mesh import draw_mesh, mesh_colors
 from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter
@@ -81,7 +80,6 @@ class FramePainter:
     recording : with as many frames as their tracks
     sensing : with which the depth was cleaned
     settings : drawn elements
-    axes : axes of limbs with sensors, drawn over the depth of the first person; None for none
 
     Raises
     ------
@@ -96,7 +94,6 @@ class FramePainter:
         *,
         sensing: SensingSettings | None = None,
         settings: RenderSettings | None = None,
-        axes: LimbAxes | None = None,
     ) -> None:
         for person in people:
             if len(person.track) != len(recording):
@@ -104,7 +101,7 @@ class FramePainter:
                     f"the track has {len(person.track)} frames and the recording {recording.name} has "
                     f"{len(recording)}; name the recording of this track"
                 )
-        self.settings, self._axes = settings or RenderSettings(), axes
+        self.settings = settings or RenderSettings()
         self._people, self._name = tuple(people), recording.name
         self._rotation = people[0].R_level_camera
         self._filter = DepthFilter(recording.camera, sensing or SensingSettings())
@@ -137,8 +134,6 @@ class FramePainter:
             draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
             self._ground.draw_soles(image, project, i, [k for k, _ in self._there(i)])
             title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
-            if panel == "depth" and self._axes is not None:
-                title = "axes of the limbs: track thin, sensors bold"
             style.write(image, title, 10, 8, self._text, style.PAPER if panel in self._pictures else style.INK)
             panels.append(image)
         return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
@@ -197,12 +192,10 @@ class FramePainter:
         if self._extrema and len(cloud):
             extrema = geodesic_extrema(cloud, self._extrema)
             draw_extrema(image, self._window.camera.project(extrema.points @ self._rotation))
-        if self._axes is not None:
-            self._axes.draw(image, self._window.camera, i)
 
     @property
     def _extrema(self) -> int:
-        return 0 if self._several or self._axes is not None else self.settings.extrema
+        return 0 if self._several else self.settings.extrema
 
     def _draw_body(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
         depth = None
