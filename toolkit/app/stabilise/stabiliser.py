@@ -49,7 +49,6 @@ class FilledGap:
     limb, start, stop : limb and frames of the widened gap; `stop` is exclusive
     hidden : bool (D,), frames in which the limb is occluded
     names : names of the C candidates
-    angles : float64 (C, D, A), radians, of each candidate
     path : int64 (D,), selected candidate of each frame
     changed : metres, mean displacement of the limb's outer joints over the gap
     before, after : metres, mean distance of the whole body from its frames
@@ -60,7 +59,6 @@ class FilledGap:
     stop: int
     hidden: np.ndarray
     names: tuple[str, ...]
-    angles: np.ndarray
     path: np.ndarray
     changed: float
     before: float
@@ -144,9 +142,7 @@ def stabilise(
     paths = [select(*of_gap) for of_gap in zip(candidates, again.distances, again.angles, strict=True)]
     changed = _exchanged(source, candidates, again, paths)
     moved = linear.lengths((changed.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
-    filled = tuple(
-        _filled(*of_gap, moved) for of_gap in zip(candidates, paths, again.angles, again.distances, strict=True)
-    )
+    filled = tuple(_filled(*of_gap, moved) for of_gap in zip(candidates, paths, again.distances, strict=True))
     before, after = _mean_distances(track, again, filled)
     return Stabilised(annotation, labelled, filled, changed, float(moved.mean()), len(contacts), before, after)
 
@@ -232,9 +228,7 @@ def _exchanged(
     return replace(changed, contact=foot_contacts(source.body, changed, height)) if touched.any() else changed
 
 
-def _filled(
-    candidates: GapCandidates, path: np.ndarray, angles: np.ndarray, distances: np.ndarray, moved: np.ndarray
-) -> FilledGap:
+def _filled(candidates: GapCandidates, path: np.ndarray, distances: np.ndarray, moved: np.ndarray) -> FilledGap:
     """Return the record of one gap; `moved` are the displacements (T, 20) of all joints, metres."""
     gap, here = candidates.gap, np.arange(len(path))
     measured = np.isfinite(distances[0])
@@ -242,6 +236,4 @@ def _filled(
         float(d[measured].mean()) if measured.any() else 0.0 for d in (distances[0], distances[path, here])
     )
     changed = float(moved[gap.start : gap.stop, skeleton.OUTER[gap.limb]].mean())
-    return FilledGap(
-        gap.limb, gap.start, gap.stop, candidates.hidden, candidates.names, angles, path, changed, before, after
-    )
+    return FilledGap(gap.limb, gap.start, gap.stop, candidates.hidden, candidates.names, path, changed, before, after)
