@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from toolkit.app.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of
+from toolkit.app.cli.reading import Joints, Reading, people_of
 from toolkit.inertial.readers.table import UNITS, factors_of
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io import typed_values as typed
@@ -96,8 +96,9 @@ def test_typed_options_reach_the_reader() -> None:
 
 
 def test_intrinsics_are_numbers_or_a_file() -> None:
-    assert intrinsics_of(None) is None and intrinsics_of("camera.json") == "camera.json"
-    assert intrinsics_of("1,2,3,4") == (1.0, 2.0, 3.0, 4.0)
+    assert Reading().options() == {}
+    for text, told in (("camera.json", "camera.json"), ("1,2,3,4", (1.0, 2.0, 3.0, 4.0))):
+        assert Reading(intrinsics=text).options() == {"intrinsics": told}
 
 
 def test_people_are_a_number_or_all() -> None:
@@ -108,7 +109,6 @@ def test_people_are_a_number_or_all() -> None:
 
 
 def test_a_size_is_a_width_and_a_height() -> None:
-    assert size_of("640,480", "--size") == (640, 480)
     choice = Joints(joints="folder", joints_size="1920,1080").choice()
     assert (choice.source, choice.size) == ("folder", (1920, 1080))
     with pytest.raises(UsageError, match="--joints-size belongs to a folder of joints"):

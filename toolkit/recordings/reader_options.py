@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +85,8 @@ class ReaderOptions:
                 f"--frame-rate {made.frame_rate} is not positive or above {largest_rate:g}; give frames a second"
             )
         if made.depth_unit is not None:
-            unit_in_metres(made.depth_unit)
+            unit = unit_in_metres(made.depth_unit)
+            made = made if made.depth_unit in ("mm", "m") else replace(made, depth_unit=unit)
         if made.axes not in ("camera", "graphics"):
             raise UsageError(f"--axes is {made.axes!r}; give camera or graphics")
         if made.rotate not in (0, 90, 180, 270):

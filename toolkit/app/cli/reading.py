@@ -63,18 +63,13 @@ class Reading:
         Raises
         ------
         UsageError
-            A value cannot be parsed.
+            A value is invalid.
         """
-        return given(
-            **vars(self)
-            | {
-                "intrinsics": intrinsics_of(self.intrinsics),
-                "depth_unit": unit_of(self.depth_unit),
-                "size": None if self.size is None else size_of(self.size, "--size"),
-                "up": None,
-                "up_camera": None if self.up is None else numbers(self.up, 3, "--up"),
-            }
-        )
+        from toolkit.recordings.reader_options import ReaderOptions
+
+        options = vars(self) | {"up_camera": self.up}
+        del options["up"]
+        return ReaderOptions.from_mapping(given(**options)).given()
 
 
 @dataclass(frozen=True)
@@ -103,7 +98,10 @@ class Joints:
         """
         from toolkit.app.pipeline.joint_choice import JointChoice
 
-        size = None if self.joints_size is None else size_of(self.joints_size, "--joints-size")
+        size = None
+        if self.joints_size is not None:
+            width, height = numbers(self.joints_size, 2, "--joints-size")
+            size = int(width), int(height)
         choice = JointChoice(**given(source=self.joints, size=size))
         choice.check(recordings)
         return choice
@@ -116,22 +114,3 @@ def people_of(text: str) -> int | None:
     if not text.isdigit() or int(text) < 1:
         raise UsageError(f"--people is {text!r}; give a number of people, or all")
     return int(text)
-
-
-def size_of(text: str, option: str) -> tuple[int, int]:
-    """Parse a width and height in pixels."""
-    width, height = numbers(text, 2, option)
-    return int(width), int(height)
-
-
-def intrinsics_of(text: str | None) -> str | tuple[float, ...] | None:
-    """Parse `--intrinsics`: four numbers, or the path of a file."""
-    return numbers(text, 4, "--intrinsics") if text and "," in text else text
-
-
-def unit_of(text: str | None) -> str | float | None:
-    """Parse `--depth-unit`: a name, or a number of metres."""
-    try:
-        return text if text is None else float(text)
-    except ValueError:
-        return text
