@@ -49,8 +49,6 @@ from tests.sample_files import (
 )
 from tests.sensing_scenes import TOF
 from toolkit.app.config import load_settings
-from toolkit.app.pipeline.events import EventStream
-from toolkit.body import skeleton
 from toolkit.body.personal import load_body_file
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.k4abt import read_k4abt
@@ -61,7 +59,6 @@ from toolkit.inertial.readers import read_file
 from toolkit.io.checkpoint import load_checkpoint
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
-from toolkit.output.export.tree import read_bones
 from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotation_report import read_segments
@@ -71,7 +68,6 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query_file import load_queries
 from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.sensing.recording import Recording
-from toolkit.simulation.furniture import read_boxes
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.tracking.state import PersonState
 from toolkit.tracks import RunInfo, Track
@@ -151,22 +147,12 @@ def _person_state(path: Path) -> Any:
     return state.export(), moved, state.rng().random()
 
 
-def _events(path: Path) -> Any:
-    EventStream((), (), path).begin(30.0, None, np.ones(1, [("timestamps", "f8")]))
-    return path.read_bytes()
-
-
 QUERIES = json.dumps(
     {"version": 1, "queries": [{"label": "a", "keyframes": [{"F1": 1}, {"F20": 0}], "distances": [[0, 30]], "lead": 3}]}
 )
 RIG = "joints:\n  root: Hips\n  thorax: [Spine2, Chest]\n  head: Head\n"
 
 STO = "DataRate=100.0\nDataType=Quaternion\nversion=3\nendheader\ntime\tpelvis_imu\n0.00\t1,0,0,0\n0.01\t0.8,0.6,0,0\n"
-BOXES = "boxes:\n- {low: [0, 0, 0], high: [1, 0.7, 0.5]}\n- low: [-1, 0, 0]\n  high: [0, 1, 1]\n"
-BONES = "export:\n" + "".join(
-    f"  {name}: [{'null' if parent < 0 else skeleton.JOINT_NAMES[parent]}, {name}]\n"
-    for name, parent in zip(skeleton.JOINT_NAMES, skeleton.PARENTS, strict=True)
-)
 
 
 def _sensors(name: str, text: str) -> Format:
@@ -216,8 +202,6 @@ FORMATS: dict[str, Format] = {
     "recording raw": Format(raw_file, _raw_recording),
     "joints json": Format(joints_file, lambda path: read_joints(path.parent, 2, TOF)),
     "body npz": Format(body_file, load_body_file, checked=True),
-    "furniture yaml": Format(text_file("boxes.yaml", BOXES), read_boxes),
-    "export rig yaml": Format(text_file("rig.yaml", BONES), read_bones),
     "sensors npz": Format(partial(sensors_file, ".npz"), read_file, checked=True),
     "sensors csv": Format(partial(sensors_file, ".csv"), read_file),
     "sensors sto": _sensors("take.sto", STO),
@@ -228,5 +212,4 @@ FORMATS: dict[str, Format] = {
     "motion model": Format(model_file, MotionModel.load, checked=True),
     "skeletons json": Format(skeletons_file, lambda path: read_k4abt(path).at(np.array([0.0, 0.0333]))),
     "recording db3 metadata": Format(metadata_file, _recording),
-    "events jsonl": Format(text_file("e.jsonl", '{"time": 0.5}\n{"time": 1.5}\n'), _events),
 }

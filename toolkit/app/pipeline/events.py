@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.io.errors import OutputError, UsageError, os_errors_as
+from toolkit.io.errors import OutputError, os_errors_as
 from toolkit.io.files import save_text
 from toolkit.io.safe_open import open_file
-from toolkit.io.typed_values import TypedReader
-from toolkit.io.yaml_reader import parse_json, read_text
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.keyframes.query import KeyframeQuery
@@ -23,22 +20,15 @@ from toolkit.tracks import EMPTY, FrameResult
 STANDARD_OUTPUT = "-"
 
 
-@dataclass(frozen=True)
-class _EventKey:
-    """Key of an event line that is read again on resume: end time in seconds since the first frame."""
-
-    time: float
-
-
 class EventStream:
     """Writer of live motion events.
 
-    A resumed run processes the earlier rows again without output, so that no event is repeated.
+    A resumed run writes the events of the earlier rows again, into an empty file.
 
     Parameters
     ----------
     classes, queries : see `OnlineAnnotator`
-    output : file to which lines are appended, `-` for the standard output
+    output : file of the lines, `-` for the standard output
     """
 
     def __init__(
@@ -55,10 +45,10 @@ class EventStream:
     def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
         """Start a run, or resume one after the given rows (records with pose, state and timestamps)."""
         self._frame_rate, self._annotator = frame_rate, None
-        for row in past if body is not None else ():
-            self._push(row["pose"], int(row["state"]), float(row["timestamps"]), body)
         if self._output != STANDARD_OUTPUT:
-            self._keep_until(float(past["timestamps"][-1]) if len(past) else -np.inf)
+            save_text(self._output, "")
+        for row in past if body is not None else ():
+            self._append(self._push(row["pose"], int(row["state"]), float(row["timestamps"]), body))
 
     def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
         """Process one row and write the motions that have ended."""
@@ -75,15 +65,6 @@ class EventStream:
         if self._annotator is None:
             self._annotator = OnlineAnnotator(self._classes, body, self._frame_rate, self._queries)
         return self._annotator.push(pose, timestamp)
-
-    def _keep_until(self, time: float) -> None:
-        """Remove the events of rows that will be tracked again."""
-        path = Path(self._output)
-        hint = "choose another file for the events"
-        lines = read_text(path, UsageError, hint).splitlines() if np.isfinite(time) and path.exists() else []
-        reader = TypedReader(UsageError, hint, loose=True, source=str(path))
-        times = [reader.read(parse_json(line, str(path), UsageError, hint), _EventKey, "").time for line in lines]
-        save_text(path, "".join(f"{line}\n" for line, when in zip(lines, times, strict=True) if when <= time))
 
     def _append(self, events: Sequence[Event]) -> None:
         if self._output == STANDARD_OUTPUT:
