@@ -160,7 +160,7 @@ class Track:
         Parameters
         ----------
         path : the file; its suffix is the format
-        rig : joint names of GLB and BVH: mixamo, cmu, classic, or a YAML file
+        rig : joint names of GLB and BVH: mixamo, cmu or classic
         origin : "floor" or "camera"; default: that of the format
 
         Raises

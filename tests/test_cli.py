@@ -70,7 +70,6 @@ def test_help_names_every_verb_and_loads_nothing_that_takes_long() -> None:
         ["simulate", "a.bvh", "--output", "o.npz", "--frame-rate", "1e9"],
         ["simulate", "a.bvh", "--output", "o.npz", "--height", "high"],
         ["simulate", "a.bvh", "--output", "o.npz", "--cut", "0.45", "--tilt", "5"],
-        ["demo", "--seed", "-1"],
         ["bench", "no_such_benchmark"],
         ["evaluate"],
         ["export", "run"],

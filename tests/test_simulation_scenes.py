@@ -14,7 +14,7 @@ from toolkit.output.export.bvh import export_bvh
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
-from toolkit.simulation.furniture import SEATS, Box, read_boxes
+from toolkit.simulation.furniture import SEATS, Box
 from toolkit.simulation.person import CHEST, SimulatedPerson, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
@@ -153,38 +153,17 @@ def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(ga
     assert 1.03 * shown[0] < shown[1] < 2.0 * shown[0]
 
 
-def test_boxes_are_read_from_a_file(tmp_path: Path) -> None:
-    file = tmp_path / "room.yaml"
-    file.write_text("boxes:\n  - {low: [-1, 0, 0.2], high: [1, 0.8, 0.6]}\n")
-    assert read_boxes(file) == (Box((-1.0, 0.0, 0.2), (1.0, 0.8, 0.6)),)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("boxes:\n  - {low: [0, 1, 0], high: [1, 0.5, 1]}", "crossed corners: its low y 1 is not below its high y 0.5"),
-        ("boxes:\n  - {low: [0, 1], high: [1, 0.5]}", "three numbers"),
-        ("boxes:\n  - {low: [0, a, 0], high: [1, 1, 1]}", "three numbers"),
-        ("boxes:\n  - {low: [0, 0, 0]}", "no list of boxes"),
-        ("desk", "no list of boxes"),
-        ("a: [", "is no YAML"),
-    ],
-)
-def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: str, words: str) -> None:
-    file = tmp_path / "room.yaml"
-    file.write_text(text)
-    with pytest.raises(UsageError, match=words):
-        read_boxes(file)
-
-
-def test_the_command_records_an_empty_room_with_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file, output = tmp_path / "room.yaml", tmp_path / "room.npz"
-    file.write_text("boxes:\n  - {low: [-0.4, 0, 0], high: [0.4, 1.6, 0.3]}\n")
-    assert run_command("simulate", "--output", output, "--seconds", "0.1", "--furniture", file, "--no-background") == 0
-    recording = open_recording(output)
+def test_the_command_records_an_empty_room(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / "room.npz"
+    assert run_command("simulate", "--output", output, "--seconds", "0.1", "--no-background") == 0
     assert "3 frames of 176x144" in capsys.readouterr().out
-    assert recording.background is None
-    assert np.median(recording.depth(0)[65:80, 80:95]) == pytest.approx(2700, abs=40)
+    assert open_recording(output).background is None
+
+
+def test_a_room_has_the_boxes_of_its_settings() -> None:
+    boxes = (Box((-0.4, 0.0, 0.0), (0.4, 1.6, 0.3)),)
+    (frame,) = prepare([], CaptureSettings(boxes=boxes, seconds=0.03)).frames()
+    assert np.median(frame.depth[65:80, 80:95]) == pytest.approx(2700, abs=40)
 
 
 def test_the_command_records_two_people_as_they_are_described(tmp_path: Path) -> None:

@@ -1,15 +1,11 @@
-"""Furniture of upright boxes: beside a person, or from a file."""
+"""Furniture of upright boxes beside a person."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from toolkit.io.errors import UsageError
-from toolkit.io.yaml_reader import read_yaml
 from toolkit.simulation.mesh import Mesh, box, joined, moved
 
 SEAT_HEIGHT = 0.26
@@ -90,45 +86,8 @@ def check_kinds(kinds: Sequence[str]) -> tuple[str, ...]:
     known = (*SEATS, *OBSTACLES)
     for kind in kinds:
         if kind not in known:
-            raise UsageError(f"no furniture is called {kind!r}; use {', '.join(known)} or a YAML file of boxes")
+            raise UsageError(f"no furniture is called {kind!r}; use {', '.join(known)}")
     return tuple(kinds)
-
-
-def read_boxes(path: str | Path) -> tuple[Box, ...]:
-    """Read boxes of a YAML file: `boxes:`, a list of `low: [x, y, z]` and `high: [x, y, z]`.
-
-    Metres on the floor plan of the recording: x to the right in the image, y up from the floor, z towards the camera,
-    the origin at the camera's distance.
-
-    Raises
-    ------
-    UsageError
-        The file is missing or invalid, or a box has exchanged corners.
-    """
-    hint = "write `boxes:` and entries such as {low: [0, 0, 0], high: [1, 0.7, 0.5]}"
-    content = read_yaml(path, f"the furniture {path}", UsageError, hint)
-    try:
-        entries = [(entry["low"], entry["high"]) for entry in content["boxes"]]
-    except (TypeError, KeyError) as error:
-        raise UsageError(f"{path} is no list of boxes; {hint}") from error
-    return tuple(_checked_box(low, high, i + 1, path) for i, (low, high) in enumerate(entries))
-
-
-def _checked_box(low: object, high: object, number: int, path: str | Path) -> Box:
-    try:
-        corners = np.array([low, high], dtype=np.float64)
-    except (TypeError, ValueError):
-        corners = np.empty(0)
-    if corners.shape != (2, 3) or not np.isfinite(corners).all():
-        raise UsageError(f"box {number} of {path} has corners {low} and {high}; give three numbers each, metres")
-    for axis, lowest, highest in zip("xyz", *corners, strict=True):
-        if lowest >= highest:
-            raise UsageError(
-                f"box {number} of {path} has crossed corners: its low {axis} {lowest:g} is not below its high {axis} "
-                f"{highest:g}; swap them"
-            )
-    first, second = corners.tolist()
-    return Box(tuple(first), tuple(second))
 
 
 def boxes_mesh(boxes: Sequence[Box], yaw: float = 0.0, at: tuple[float, float] = (0.0, 0.0)) -> Mesh:

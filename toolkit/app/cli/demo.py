@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from toolkit.app.cli.terminal import next_commands, print_lines
-from toolkit.io.errors import DataError, UsageError
+from toolkit.io.errors import DataError
 from toolkit.io.progress import Progress, silent
 
 if TYPE_CHECKING:
@@ -37,8 +37,6 @@ def run_demo(
     output: str | Path,
     *,
     real: bool = False,
-    data: str | Path | None = None,
-    seed: int = 0,
     seconds: float = 5.0,
     show: Progress = silent,
 ) -> DemoResult:
@@ -48,8 +46,6 @@ def run_demo(
     ----------
     output : folder of all files; replaces an earlier demo
     real : download 20 real depth frames of two men; else simulate motions outside the database
-    data : data folder of the real frames; `toolkit.datasets.folder.data_folder()` if None
-    seed : seed of the simulated motions, the sensor noise and the subject's shape
     seconds : duration of each simulated motion
     show : called with each step
 
@@ -71,7 +67,7 @@ def run_demo(
 
     folder, prefix = Path(output), "real_" if real else ""
     run = folder / f"{prefix}run"
-    recording = _real_recording(folder, data, show) if real else _simulated_recording(folder, seed, seconds, show)
+    recording = _real_recording(folder, show) if real else _simulated_recording(folder, seconds, show)
     for unfinished in run.rglob(PARTIAL_FILE):
         unfinished.unlink()
     summary = track_recording(
@@ -91,7 +87,7 @@ def run_demo(
     return DemoResult(summary, table, run, [*files, page])
 
 
-def _simulated_recording(folder: Path, seed: int, seconds: float, show: Progress) -> Recording:
+def _simulated_recording(folder: Path, seconds: float, show: Progress) -> Recording:
     """Simulate a recording of three motions, none of which the database contains."""
     from toolkit.body.shape import subject_body
     from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
@@ -99,17 +95,17 @@ def _simulated_recording(folder: Path, seed: int, seconds: float, show: Progress
     from toolkit.simulation.simulate import simulate_recording
 
     subject = subject_body("slim_male", seed=7)
-    clips = procedural_clips(SUBJECT_MOTIONS[:3], body=subject, variations=1, seed=seed)
+    clips = procedural_clips(SUBJECT_MOTIONS[:3], body=subject, variations=1, seed=0)
     frames = int(seconds * clips[0].frame_rate)
     poses, _ = joined([clip.poses[:frames] for clip in clips])
     motion = replace(clips[0], name="+".join(clip.name for clip in clips), poses=poses)
     return simulate_recording(
-        motion, folder / "take.npz", body=subject, sensor="tof", yaw=10.0, seed=seed,
+        motion, folder / "take.npz", body=subject, sensor="tof", yaw=10.0,
         progress=partial(show, "simulating a recording"),
     )  # fmt: skip
 
 
-def _real_recording(folder: Path, data: str | Path | None, show: Progress) -> Recording:
+def _real_recording(folder: Path, show: Progress) -> Recording:
     """Fetch the real frames and open a copy of them."""
     from toolkit.datasets.fetch import fetch_data_set
     from toolkit.datasets.registry import data_set_of
@@ -117,7 +113,7 @@ def _real_recording(folder: Path, data: str | Path | None, show: Progress) -> Re
     from toolkit.recordings.opening import open_upright
 
     data_set = data_set_of(REAL)
-    fetched = fetch_data_set(data_set, data, progress=show)
+    fetched = fetch_data_set(data_set, progress=show)
     for file in data_set.files:  # copied, so that the run refers to files in the same folder
         inside = Path(file.path).relative_to(data_set.folder)
         with atomic_path(folder / REAL / inside, lasting=False) as temporary:
@@ -127,26 +123,18 @@ def _real_recording(folder: Path, data: str | Path | None, show: Progress) -> Re
 
 def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Output folder.")] = Path("demo"),
-    seed: Annotated[int | None, typer.Option(help="Random seed.", min=0, show_default="0")] = None,
     real: Annotated[
         bool, typer.Option("--real", help="Download and track 20 real frames of two people (3 MB) instead.")
     ] = False,
-    data: Annotated[
-        Path | None, typer.Option(help="With --real: data folder.", show_default="that of `data where`")
-    ] = None,
 ) -> None:
     """Run the whole pipeline on bundled motions: simulated recording, track, table, film and a page."""
     from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.app.cli.track import print_done
 
-    if real and seed is not None:
-        raise UsageError("--seed belongs to the simulated demo; leave it out with --real")
-    if data is not None and not real:
-        raise UsageError("--data belongs to --real; add it or leave --data out")
     start = time.monotonic()
     try:
         with progress_bars() as bars:
-            result = run_demo(output, real=real, data=data, seed=seed or 0, show=bars)
+            result = run_demo(output, real=real, show=bars)
     except DataError as error:
         raise DataError(f"{error}. Without a network, `depthmocap demo` tracks a simulated recording") from error
     if result.table is not None:

@@ -15,9 +15,7 @@ def export(
     output: Output,
     rig: Annotated[
         str | None,
-        typer.Option(
-            help="Joint names of .glb and .bvh: mixamo, cmu, classic or a YAML file.", show_default="the body's own"
-        ),
+        typer.Option(help="Joint names of .glb and .bvh: mixamo, cmu or classic.", show_default="the body's own"),
     ] = None,
     format: Annotated[
         str | None,

@@ -15,13 +15,11 @@ from toolkit.app.cli.terminal import print_lines
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.simulation.furniture import Box
     from toolkit.simulation.person import SimulatedPerson
     from toolkit.simulation.simulate import CaptureSettings
 
 PEOPLE = "People (an option given once holds for all people, otherwise once for each CLIP)"
 ROOM = "Room"
-BOXES = (".yaml", ".yml")
 
 T = TypeVar("T")
 
@@ -58,10 +56,7 @@ class SubjectOptions:
     ] = None
     furniture: Annotated[
         list[str] | None,
-        typer.Option(
-            help="chair, stool, desk, table, crate or none, separated by commas; or a YAML file of boxes.",
-            rich_help_panel=PEOPLE,
-        ),
+        typer.Option(help="chair, stool, desk, table, crate or none, separated by commas.", rich_help_panel=PEOPLE),
     ] = None
     seated: Annotated[
         bool, typer.Option("--seated", help="Convert the clips to seated motions.", rich_help_panel=PEOPLE)
@@ -79,13 +74,12 @@ class SubjectOptions:
 
         count = len(clips)
         row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
-        kinds = [text for text in self.furniture or [] if not text.endswith(BOXES)]
         columns: dict[str, Sequence[Any]] = {
             "body": each(self.body, count, "--body", "neutral"),
             "at": row if self.at is None else each([_place(text) for text in self.at], count, "--at", (0.0, 0.0)),
             "yaw": each(self.yaw, count, "--yaw", 0.0),
             "seated": [self.seated] * count,
-            "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
+            "furniture": [_words(text) for text in each(self.furniture, count, "--furniture", "")],
             "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],
             "enters": each(self.enters, count, "--enters", 0.0),
         }
@@ -93,13 +87,6 @@ class SubjectOptions:
             SimulatedPerson(clip, **{name: values[i] for name, values in columns.items()})
             for i, clip in enumerate(clips)
         ]
-
-    def boxes(self) -> tuple[Box, ...]:
-        """Return the furniture of files, which belongs to no person."""
-        from toolkit.simulation.furniture import read_boxes
-
-        files = [Path(text) for text in self.furniture or [] if text.endswith(BOXES)]
-        return tuple(box for file in files for box in read_boxes(file))
 
 
 @dataclass(frozen=True)
@@ -140,12 +127,11 @@ class Viewpoint:
         float, typer.Option(help="Duration of a recording without people, seconds.", rich_help_panel=ROOM)
     ] = 3.0
 
-    def shot(self, boxes: tuple[Box, ...]) -> CaptureSettings:
-        """Return the capture settings with this furniture; raises UsageError if an option cannot be parsed."""
+    def shot(self) -> CaptureSettings:
+        """Return the capture settings; raises UsageError if an option cannot be parsed."""
         from toolkit.simulation.simulate import CaptureSettings
 
-        typed = {"height": _height(self.height), "boxes": boxes}
-        return CaptureSettings(**{**vars(self), **typed})
+        return CaptureSettings(**{**vars(self), "height": _height(self.height)})
 
 
 @spread
@@ -162,7 +148,7 @@ def simulate(
     from toolkit.app.cli.terminal import progress_bars
     from toolkit.simulation.simulate import simulate_scene
 
-    people, shot = cast.people(clips or []), view.shot(cast.boxes())
+    people, shot = cast.people(clips or []), view.shot()
     with progress_bars() as bars:
         recording = simulate_scene(people, output, shot, progress=lambda done, total: bars("simulating", done, total))
     size = f"{recording.camera.width}x{recording.camera.height}"

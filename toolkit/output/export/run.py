@@ -193,7 +193,7 @@ def export_run(
     ----------
     run : run folder, of one person or of several, or people whose tracks are in memory
     path : the file to write
-    rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; default: those of the body
+    rig : joint names of GLB and BVH, one of `tree.export_rigs()`; default: those of the body
     format : a key of `FORMATS`
     origin : "floor" (y up, ground at 0, below the first position of the person) or "camera"; default: that of the
         format

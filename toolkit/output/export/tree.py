@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -57,12 +56,12 @@ def tree_of(body: Body, rig: str = OWN) -> JointTree:
     Parameters
     ----------
     body : gives the bone lengths
-    rig : one of `export_rigs()`, or a YAML file with an `export:` section like those in `configs/rigs`
+    rig : one of `export_rigs()`
 
     Raises
     ------
     RigError
-        The rig is unknown, or its file is invalid.
+        The rig is unknown.
     """
     return _own_tree(body) if rig == OWN else _rig_tree(body, rig)
 
@@ -98,10 +97,9 @@ def _own_tree(body: Body) -> JointTree:
 
 def _rig_tree(body: Body, rig: str) -> JointTree:
     known = _shipped_rigs()
-    is_file = rig.endswith((".yaml", ".yml"))
-    if not is_file and rig not in known:
-        raise RigError(f"there is no rig {rig!r} to export; there are {', '.join(export_rigs())}, or give a YAML file")
-    bones = read_bones(Path(rig) if is_file else known[rig])
+    if rig not in known:
+        raise RigError(f"there is no rig {rig!r} to export; there are {', '.join(export_rigs())}")
+    bones: dict[str, tuple[str | None, Any]] = read_yaml(known[rig], f"the rig {rig}", RigError, "")["export"]
     names = tuple(bones)
     places = [place for _, place in bones.values()]
     joints = [skeleton.JOINT_NAMES.index(p) if p in skeleton.JOINT_NAMES else -1 for p in places]
@@ -127,44 +125,3 @@ def tips_of(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.
     tips = {int(joint): ends[name] for joint, name in zip(skeleton.SITE_PARENTS, SITE_NAMES, strict=True)}
     leaves = sorted(set(range(len(parents))) - set(parents.tolist()))
     return {i: tips[int(carried[i])] for i in leaves if int(carried[i]) in tips}
-
-
-def read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
-    """Return name -> parent and position of each joint in the `export:` section of a file.
-
-    Raises
-    ------
-    RigError
-        The file is invalid, or its joints do not form a tree over those of the body.
-    """
-    hint = "write `export:` with `name: [parent, place]` per joint"
-    content = read_yaml(path, f"the rig {path.name}", RigError, hint)
-    try:
-        rows: Mapping[str, Any] = content["export"]
-        bones = {str(name): (parent, place) for name, (parent, place) in rows.items()}
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise RigError(f"the rig {path.name} is not understood; {hint}") from error
-    names, known = list(bones), {*skeleton.JOINT_NAMES, *SITE_NAMES}
-    turning = [place for _, place in bones.values() if isinstance(place, str) and place in skeleton.JOINT_NAMES]
-    for i, (name, (parent, place)) in enumerate(bones.items()):
-        if (parent is None) != (i == 0) or (parent is not None and parent not in names[:i]):
-            raise RigError(f"{path.name} names {parent!r} as parent of {name!r}; parents stand before their children")
-        parts = [place] if isinstance(place, str) else place
-        if not isinstance(parts, list) or not parts or not all(isinstance(p, str) and p in known for p in parts):
-            raise RigError(f"{path.name} puts {name!r} at {place!r}; use one or two of {', '.join(sorted(known))}")
-    if missing := [name for name in skeleton.JOINT_NAMES if turning.count(name) != 1]:
-        raise RigError(f"{path.name} must name a joint for {missing[0]!r} exactly once; its motion would be lost")
-    _check_order(path, bones)
-    return bones
-
-
-def _check_order(path: Path, bones: dict[str, tuple[str | None, Any]]) -> None:
-    """Raise if the parent of a rotating joint differs from that of its body joint."""
-    turning: dict[str, str | None] = {}
-    for name, (parent, place) in bones.items():
-        above = turning.get(parent) if parent else None
-        turns = isinstance(place, str) and place in skeleton.JOINT_NAMES
-        expected = skeleton.JOINTS[skeleton.JOINT_NAMES.index(place)].parent if turns else above
-        if above != expected:
-            raise RigError(f"{path.name} hangs {name!r} below {above!r}; the body has it below {expected!r}")
-        turning[name] = place if turns else above
