@@ -137,7 +137,7 @@ def track_each(
         shutil.rmtree(run, ignore_errors=True)
         try:
             recording = open_upright(path, **options)
-            if track_recording(recording, tracker, run, people=people, joints=joints, warm_up=i == 0).interrupted:
+            if track_recording(recording, tracker, run, people=people, joints=joints).interrupted:
                 raise SystemExit(f"stopped in {path.name}")
         except DepthMocapError as error:
             failed[run] = str(error)

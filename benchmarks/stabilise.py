@@ -65,7 +65,7 @@ def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespac
     path, performed = record_sequence(sequence, options.split, options.work)
     run = options.work / "sequences" / "runs" / path.stem
     if not (run / TRACK_FILE).exists():
-        track_recording(open_recording(path), TrackerRecipe(database=database).build(), run, warm_up=False)
+        track_recording(open_recording(path), TrackerRecipe(database=database).build(), run)
     return run, performed
 
 

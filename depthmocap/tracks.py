@@ -242,7 +242,7 @@ def track(
     count = None if people == "all" else people
     with TemporaryDirectory(prefix="depthmocap-") as run:
         summary = track_recording(
-            recording, tracker, run, people=count, warm_up=False,
+            recording, tracker, run, people=count,
             progress=lambda name, doing, done, total: progress(done, total),
         )  # fmt: skip
         if summary.interrupted:

@@ -167,9 +167,7 @@ def test_a_model_of_another_checksum_is_refused(no_model: Path) -> None:
 
 def test_joints_for_a_tracker_without_use_for_them_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="uses no joints"):
-        track_recording(
-            take(tmp_path / "take.npz"), FakeTracker(), tmp_path / "run", joints=JointChoice("depth"), warm_up=False
-        )
+        track_recording(take(tmp_path / "take.npz"), FakeTracker(), tmp_path / "run", joints=JointChoice("depth"))
 
 
 @pytest.mark.parametrize(
@@ -189,8 +187,8 @@ class JointTracker(FakeTracker):
 
 def test_a_run_stores_the_source_of_its_joints(tmp_path: Path) -> None:
     recording = take(tmp_path / "take.npz", joints=True)
-    track_recording(recording, JointTracker(), tmp_path / "given", warm_up=False)
-    track_recording(recording, JointTracker(), tmp_path / "none", warm_up=False, joints=JointChoice("none"))
+    track_recording(recording, JointTracker(), tmp_path / "given")
+    track_recording(recording, JointTracker(), tmp_path / "none", joints=JointChoice("none"))
     assert RunInfo.load(tmp_path / "given").joints_2d.startswith("given ")
     assert RunInfo.load(tmp_path / "none").joints_2d == "none"
 

@@ -10,7 +10,6 @@ import pytest
 
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit.app.pipeline import track_recording
-from toolkit.app.pipeline.run import WARM_UP_FRAMES
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.io.files import sha256_of
@@ -53,7 +52,7 @@ def test_a_run_folder_holds_one_row_per_frame_and_what_made_it(tmp_path: Path) -
     assert info.recording == str(recording) and info.recording_sha256 == sha256_of(recording)
     assert info.shape == [0.5] and info.scale == 13.0  # as fitted at the end
     assert "weight: 0.5" in (run / "config.yaml").read_text() and "12 of 12 frames" in (run / "log.txt").read_text()
-    assert seen[0] == ("compiling", 0, 3) and seen[-1] == ("tracking", 12, 12)
+    assert seen[-1] == ("tracking", 12, 12)
 
 
 def test_a_killed_run_is_resumed_to_the_same_track(tmp_path: Path) -> None:
@@ -88,7 +87,7 @@ def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path:
     assert 10 <= rows < 40
     tracker = FakeTracker()
     assert track_recording(open_recording(recording), tracker, run, resume=True).frames == 40
-    assert tracker.steps == WARM_UP_FRAMES + 40 - rows  # what was found is not found again
+    assert tracker.steps == 40 - rows  # what was found is not found again
     np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
 
 

@@ -190,7 +190,7 @@ def tracker(bundled_database: Path) -> HybridTracker:
 def whole(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the run without interruption."""
     run = tmp_path_factory.mktemp("whole") / "run"
-    track_recording(open_recording(take), tracker, run, warm_up=False)
+    track_recording(open_recording(take), tracker, run)
     return run
 
 
@@ -407,7 +407,7 @@ def test_more_poses_are_refined_of_a_still_than_of_a_frame_among_others(
         path = tmp_path / f"{frames}.npz"
         depth = [whole.depth(frame) for frame in range(frames)]
         save_recording(path, depth=depth, camera=whole.camera, timestamps=np.arange(frames) / RATE)
-        track_recording(open_recording(path), tracker, tmp_path / f"run_{frames}", warm_up=False)
+        track_recording(open_recording(path), tracker, tmp_path / f"run_{frames}")
         assert (STILL_RESTARTS in wanted) == (frames == 1) and tracker.settings.restarts in wanted
     thorough = copy(tracker)
     thorough.settings = replace(tracker.settings, restarts=20)
@@ -430,10 +430,10 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     dies.left = killed_after  # type: ignore[attr-defined]
     monkeypatch.setattr(FrameDetector, "follow", dies)
     with pytest.raises(KeyboardInterrupt):
-        track_recording(open_recording(take), tracker, run, warm_up=False)
+        track_recording(open_recording(take), tracker, run)
     (run / ".lock").unlink(missing_ok=True)
     monkeypatch.setattr(FrameDetector, "follow", follow)
-    summary = track_recording(open_recording(take), tracker, run, resume=True, warm_up=False)
+    summary = track_recording(open_recording(take), tracker, run, resume=True)
     resumed, expected = Track.load(run), Track.load(whole)
     assert not summary.interrupted and not (run / second.FOLDER).exists()
     for name in ("pose", "joints", "confidence", "state", "source", "observed"):
@@ -464,7 +464,7 @@ def test_two_processes_track_as_one_does(
     monkeypatch.setattr(second.SecondPass, "_follow_together", together)
     for workers in (1, 2):
         track_recording(
-            open_recording(room.path), recipe.build(), tmp_path / str(workers), people=None, warm_up=False,
+            open_recording(room.path), recipe.build(), tmp_path / str(workers), people=None,
             made_of=recipe, workers=workers,
         )  # fmt: skip
     assert shared == [2]
@@ -481,7 +481,7 @@ def test_a_track_that_scores_as_furniture_is_left_out_of_a_run(
 ) -> None:
     own = Evidence(4, score, 4)
     monkeypatch.setattr(MultiPersonFinder, "evidence", {1: own})
-    summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None, warm_up=False)
+    summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None)
     found = load_people(tmp_path / "run")
     assert not summary.interrupted and (len(found.people), len(found.furniture)) == (kept, not kept)
     assert (found.people[0].evidence if kept else found.furniture[0]) == own
@@ -514,8 +514,8 @@ def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(
     ticks = count()  # a clock that each detection advances by a second: the test is independent of the machine's load
     monkeypatch.setattr(clock, "perf_counter", lambda: float(next(ticks)))
     once = HybridTracker(PoseDatabase.load(bundled_database), replace(tracker.settings, passes=1))
-    track_recording(open_recording(take), once, tmp_path / "once", warm_up=False)
-    track_recording(open_recording(take), tracker, tmp_path / "twice", warm_up=False)
+    track_recording(open_recording(take), once, tmp_path / "once")
+    track_recording(open_recording(take), tracker, tmp_path / "twice")
     spent = [float(np.median(Track.load(tmp_path / run).stage_ms.sum(axis=1))) for run in ("once", "twice")]
     assert spent[1] >= 1.8 * spent[0] > 0.0
     assert not (tmp_path / "once" / second.FOLDER).exists()
@@ -527,7 +527,7 @@ def test_a_person_out_of_view_has_empty_rows(take: Path, tracker: HybridTracker,
     depth = np.concatenate([np.zeros_like(depth[:3]), depth, np.zeros((40, *depth.shape[1:]), np.uint16), depth[:9]])
     path = tmp_path / "gone.npz"
     save_recording(path, depth=depth, camera=recording.camera, timestamps=np.arange(len(depth)) / RATE)
-    track_recording(open_recording(path), tracker, tmp_path / "run", warm_up=False)
+    track_recording(open_recording(path), tracker, tmp_path / "run")
     track = Track.load(tmp_path / "run")
     seen = len(recording) + 3
     gone = np.r_[0:3, seen : seen + 40]

@@ -9,7 +9,7 @@ Progress = Callable[[str, int, int], None]
 Count = Callable[[int, int], None]
 """Callback with the number of steps done and their total."""
 RecordingProgress = Callable[[str, str, int, int], None]
-"""Callback with a recording's name, the operation ("compiling", "learning", "tracking"), frames done and all frames."""
+"""Callback with a recording's name, the operation ("learning", "tracking", "second pass"), frames done and all."""
 
 
 def silent(*amounts: object) -> None:

@@ -111,16 +111,14 @@ class _Job:
     joints: JointChoice | None
     resume: bool
 
-    def done(
-        self, tracker: Tracker, warm_up: bool, progress: RecordingProgress = silent, workers: int = 1
-    ) -> ManifestRow:
+    def done(self, tracker: Tracker, progress: RecordingProgress = silent, workers: int = 1) -> ManifestRow:
         """Track the recording and return its row, also after a failure."""
         start = time.perf_counter()
         try:
             with _recorded() as doubts:
                 summary = track_recording(
                     open_upright(self.recording, **self.options), tracker, self.run,
-                    people=self.people, resume=self.resume, warm_up=warm_up, progress=progress, joints=self.joints,
+                    people=self.people, resume=self.resume, progress=progress, joints=self.joints,
                     made_of=self.recipe, workers=workers,
                 )  # fmt: skip
         except Exception as error:  # a job that raised would end the whole batch
@@ -138,8 +136,8 @@ def _one_by_one(
     jobs: Sequence[_Job], tracker: Tracker, progress: RecordingProgress, workers: int
 ) -> Iterator[ManifestRow]:
     """Yield the rows of jobs in this process; Ctrl-C ends the remaining jobs."""
-    for i, job in enumerate(jobs):
-        row = job.done(tracker, warm_up=i == 0, progress=progress, workers=workers)
+    for job in jobs:
+        row = job.done(tracker, progress=progress, workers=workers)
         yield row
         if row.status == INTERRUPTED:
             raise KeyboardInterrupt
@@ -193,11 +191,10 @@ def _threads(workers: int | None) -> Any:
 
 def _in_worker(job: _Job) -> ManifestRow:
     """Run a job in a worker process and return its row."""
-    tracker, first = worker_tracker(job.recipe)
     with warnings.catch_warnings():  # the calling process shows them
         warnings.simplefilter("always", PlausibilityWarning)
         warnings.showwarning = lambda *arguments, **named: None
-        return job.done(tracker, warm_up=first)
+        return job.done(worker_tracker(job.recipe))
 
 
 def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any]) -> dict[Path, str]:

@@ -104,7 +104,7 @@ class PersonTask:
 
 def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Plan | None, bool]:
     """Follow a person in a worker process; return the plan, and whether the person is done."""
-    tracker, plan = worker_tracker(recipe)[0], None
+    tracker, plan = worker_tracker(recipe), None
     assert isinstance(tracker, TwoPassTracker), "only trackers with two passes have tasks"
     with stop_request() as stop:
         for step in task.run(tracker):

@@ -9,7 +9,6 @@ import time
 import warnings
 from dataclasses import replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -37,16 +36,12 @@ from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording, frame_rate_of
 from toolkit.sensing.sensing_settings import SensingSettings
-from toolkit.tracking.clock import StageClock
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
 from toolkit.tracking.tracker_protocol import Tracker, TwoPassTracker
 from toolkit.tracks import RunInfo
 
 if TYPE_CHECKING:
     from toolkit.app.pipeline.events import EventStream
-
-WARM_UP_FRAMES = 3
-"""Frames of the warm-up, which compiles the kernels before timing begins."""
 
 logger = logging.getLogger(__name__)
 
@@ -60,12 +55,22 @@ class Job(NamedTuple):
     tracker : makes a follower for each person
     people : maximum number of tracked people; None = all
     joints : source of image joints
+    folder : the run folder
+    report : called as the run advances
+    watcher : called with each row of a single tracked person; then there is one pass
+    workers : number of processes that share the people in the second pass
+    shared : recipe of the tracker in each of them; None = this process only
     """
 
     recording: Recording
     tracker: Tracker
     people: int | None
     joints: JointSource
+    folder: Path
+    report: RecordingProgress
+    watcher: EventStream | None
+    workers: int
+    shared: TrackerRecipe | None
 
     def finder(self) -> PeopleFinder:
         """Return the finder of the people."""
@@ -91,7 +96,6 @@ def track_recording(
     *,
     people: int | None = 1,
     resume: bool = False,
-    warm_up: bool = True,
     progress: RecordingProgress = silent,
     watcher: EventStream | None = None,
     joints: JointChoice | None = None,
@@ -110,7 +114,6 @@ def track_recording(
     people : maximum number of tracked people, each in its own folder within `run`; None = all. 1 tracks the person
         selected by the settings, in `run` itself
     resume : continue an unfinished run; a finished one is left unchanged
-    warm_up : track the first frames once more at the start, so that no compilation is timed
     progress : called as the run advances
     watcher : called with each row of a single tracked person
     joints : source of image joints
@@ -142,30 +145,17 @@ def track_recording(
     check_inputs(Path(run), recording, recipe)
     choice = joints or JointChoice()
     give_joints(recording, choice)
-    job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
+    source = joint_source(recording, choice, tracker.joints_wanted)
+    shared = made_of if workers > 1 and made_of is not None and made_of.sensors is None else None
+    job = Job(recording, tracker, people, source, Path(run), progress, watcher, workers, shared)
     with locked(run):
-        info = replace(
-            info_of(recording, tracker),
-            joints_2d=name_of(job.joints, recording),
-            **recipe.digests(),
-        )
-        shared = made_of if workers > 1 and made_of is not None and made_of.sensors is None else None
-        return _track(job, info, Path(run), resume, warm_up, progress, watcher, workers, shared)
+        info = replace(info_of(recording, tracker), joints_2d=name_of(source, recording), **recipe.digests())
+        return _track(job, info, resume)
 
 
-def _track(
-    job: Job,
-    info: RunInfo,
-    folder: Path,
-    resume: bool,
-    warm_up: bool,
-    report: RecordingProgress,
-    watcher: EventStream | None,
-    workers: int,
-    shared: TrackerRecipe | None,
-) -> RunSummary:
+def _track(job: Job, info: RunInfo, resume: bool) -> RunSummary:
     """Track as `track_recording`, in a folder that this process has locked."""
-    recording, tracker, several = job.recording, job.tracker, job.people != 1
+    recording, tracker, folder, several = job.recording, job.tracker, job.folder, job.people != 1
     check_run_file(folder)
     if resume:
         tracks = tracks_of_same_run(folder, info, tracker, several=several)
@@ -175,16 +165,16 @@ def _track(
     try:
         with log_file(folder), stop_request() as stop:
             _warn_of(recording)
-            second = _second_pass(job, folder, sink, workers, shared) if watcher is None else None
+            second = _second_pass(job, sink)
             frames = len(recording)
             if second is not None and resume and second.restore():
                 bodies = second.bodies
                 sink.remove_furniture(second.evidence)
             else:
-                bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
+                bodies, frames = _first_pass(job, sink, stop, second)
             complete = frames == len(recording)
             if second is not None and complete:
-                complete = second.follow(stop, partial(report, recording.name, "second pass"))
+                complete = second.follow(stop, partial(job.report, recording.name, "second pass"))
                 bodies = second.bodies
             tracks = sink.finish(bodies, complete=complete)
             if complete:
@@ -208,27 +198,18 @@ def _warn_of(recording: Recording) -> None:
 
 
 def _first_pass(
-    job: Job,
-    folder: Path,
-    sink: RunSink,
-    warm_up: bool,
-    report: RecordingProgress,
-    stop: threading.Event,
-    watcher: EventStream | None,
-    second: SecondPass | None,
+    job: Job, sink: RunSink, stop: threading.Event, second: SecondPass | None
 ) -> tuple[dict[int, Body], int]:
     """Run the first pass; return the bodies of the people and the number of frames."""
-    recording, tracker = job.recording, job.tracker
-    people_tracker = _restored(folder, sink, job)
+    recording, watcher = job.recording, job.watcher
+    people_tracker = _restored(job, sink)
     if second is not None:
         people_tracker.sightings = second.sightings(people_tracker.frames)
-    if warm_up and (people_tracker.frames or not tracker.learning_seconds):
-        _warm_up(job, report)  # otherwise body estimation comes first and is not timed
     logger.info("%s: tracking frames %d to %d", recording.name, people_tracker.frames, len(recording))
     if watcher is not None:
         watcher.begin(frame_rate_of(recording.timestamps), people_tracker.bodies.get(1), sink.past())
     try:
-        _follow(recording, people_tracker, sink, report, stop, watcher)
+        _follow(job, people_tracker, sink, stop)
     except RecordingError:
         if people_tracker.settled and sink.begun:
             sink.finish(people_tracker.bodies, complete=False)
@@ -246,16 +227,14 @@ def _first_pass(
     return bodies, people_tracker.frames
 
 
-def _second_pass(
-    job: Job, folder: Path, sink: RunSink, workers: int, shared: TrackerRecipe | None
-) -> SecondPass | None:
-    """Return the second pass, or None for a tracker with one pass."""
+def _second_pass(job: Job, sink: RunSink) -> SecondPass | None:
+    """Return the second pass, or None for a tracker with one pass or a watcher."""
     tracker, recording = job.tracker, job.recording
-    if not isinstance(tracker, TwoPassTracker) or tracker.passes < 2:
+    if job.watcher is not None or not isinstance(tracker, TwoPassTracker) or tracker.passes < 2:
         return None
     camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
     rotation, floor = level_rotation(recording.up_camera), floor_of(recording)
-    return SecondPass(folder, tracker, camera, rotation, recording.timestamps, floor, sink, workers, shared)
+    return SecondPass(job.folder, tracker, camera, rotation, recording.timestamps, floor, sink, job.workers, job.shared)
 
 
 def floor_of(recording: Recording) -> float | None:
@@ -264,29 +243,9 @@ def floor_of(recording: Recording) -> float | None:
     return None if height is None else -height
 
 
-def _warm_up(job: Job, report: RecordingProgress) -> None:
-    """Compile the kernels by tracking the first frames with a temporary follower."""
-    recording, tracker, joints = job.recording, job.tracker, job.joints
-    total = min(WARM_UP_FRAMES, len(recording))
-    report(recording.name, "compiling", 0, total)
-    finder, before = job.finder(), joints.export_state()
-    follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
-    for i, frame in enumerate(islice(recording.stream(color=joints.needs_color), total)):
-        for sighting in joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})[:1]):
-            follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names))
-        report(recording.name, "compiling", i + 1, total)
-    joints.restore_state(before)
-
-
-def _follow(
-    recording: Recording,
-    people_tracker: MultiPersonTracker,
-    sink: RunSink,
-    report: RecordingProgress,
-    stop: threading.Event,
-    watcher: EventStream | None,
-) -> None:
+def _follow(job: Job, people_tracker: MultiPersonTracker, sink: RunSink, stop: threading.Event) -> None:
     """Track from the next frame to the last one, or until a stop is requested."""
+    recording, report, watcher = job.recording, job.report, job.watcher
     total, remembered = len(recording), time.monotonic()
     report(recording.name, "tracking" if people_tracker.frames else "learning", people_tracker.frames, total)
     measured = people_tracker.frames > 0
@@ -330,12 +289,12 @@ def _remember(sink: RunSink, people_tracker: MultiPersonTracker) -> None:
     save_checkpoint(sink.run / STATE_FILE, people_tracker.tracker.settings.tracker, people_tracker.export_state())
 
 
-def _restored(folder: Path, sink: RunSink, job: Job) -> MultiPersonTracker:
+def _restored(job: Job, sink: RunSink) -> MultiPersonTracker:
     """Return the tracker restored from the last stored state; later rows are computed again.
 
     If rows before the state are missing, for example after a power failure, all rows are computed again.
     """
-    recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
+    recording, tracker, path = job.recording, job.tracker, job.folder / STATE_FILE
     people_tracker = job.people_tracker()
     if sink.begun and os.path.lexists(path):
         nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)

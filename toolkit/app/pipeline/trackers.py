@@ -89,13 +89,12 @@ _WORKER_TRACKERS: dict[str, Tracker] = {}
 """Trackers of this worker process by their recipe."""
 
 
-def worker_tracker(recipe: TrackerRecipe) -> tuple[Tracker, bool]:
-    """Return the tracker of this worker process, and whether it was built by this call."""
+def worker_tracker(recipe: TrackerRecipe) -> Tracker:
+    """Return the tracker of this worker process, built once."""
     key = repr(recipe)
-    first = key not in _WORKER_TRACKERS
-    if first:
+    if key not in _WORKER_TRACKERS:
         _WORKER_TRACKERS[key] = recipe.build()
-    return _WORKER_TRACKERS[key], first
+    return _WORKER_TRACKERS[key]
 
 
 def _with_body(tracker: Tracker, body: str | Path | None) -> Tracker:
