@@ -1,11 +1,14 @@
 """Simulated scenes: several people, seats and furniture, clothes, small children, rooms without people."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.run_helpers import run as run_command
+from tests.support.casting import grown_to
+from tests.support.clothes import GARMENTS, dressed
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.io.errors import UsageError
@@ -13,9 +16,8 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.output.export.bvh import export_bvh
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.simulation.clothes import GARMENTS, dressed
 from toolkit.simulation.furniture import SEATS, Box
-from toolkit.simulation.person import CHEST, SimulatedPerson, floor_of, grown_to
+from toolkit.simulation.person import CHEST, SimulatedPerson, floor_of
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
 from toolkit.simulation.simulate import CaptureSettings, SimulatedFrame, prepare, simulate_scene
@@ -149,7 +151,10 @@ def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(ga
     body = subject_body("average_female")
     worn = dressed(body, [garment])
     np.testing.assert_array_equal(worn.joint_positions(standing(1).poses), body.joint_positions(standing(1).poses))
-    shown = [(first_frame(SimulatedPerson(standing(), body, clothes=c)).person == 0).sum() for c in ((), (garment,))]
+    shown = [
+        (first_frame(SimulatedPerson(standing(), body, dress=dress)).person == 0).sum()
+        for dress in (None, partial(dressed, garments=[garment]))
+    ]
     assert 1.03 * shown[0] < shown[1] < 2.0 * shown[0]
 
 
@@ -169,7 +174,7 @@ def test_a_room_has_the_boxes_of_its_settings() -> None:
 def test_the_command_records_two_people_as_they_are_described(tmp_path: Path) -> None:
     clip, output = tmp_path / "still.bvh", tmp_path / "pair.npz"
     export_bvh(clip, subject_body("neutral"), standing(3).poses, 30.0)
-    arguments = ["--body", "neutral", "--body", "child", "--clothes", "none", "--clothes", "skirt", "--empty"]
+    arguments = ["--body", "neutral", "--body", "child", "--empty"]
     assert run_command("simulate", clip, clip, "--output", output, "--at", "-0.5,0", "--at", "0.6,0.2", *arguments) == 0
     recording = open_recording(output)
     assert recording.background is None

@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.support import acts, suite
-from tests.support.casting import Actor, Scene, listed
+from tests.support.casting import Actor, Scene, grown_to, listed
+from tests.support.clothes import dressed
 from tests.support.holding import held_mesh
 from tests.support.suite import RATE, SHORTEST, cut, digest_of, in_place, motion_of, spun
 from toolkit.body.body import Body
@@ -25,7 +26,7 @@ from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
 from toolkit.simulation.furniture import Box
-from toolkit.simulation.person import SimulatedPerson, facing_of, grown_to, prepare_person
+from toolkit.simulation.person import SimulatedPerson, facing_of, prepare_person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import AIM_HEIGHT, CaptureSettings, simulate_scene
@@ -120,7 +121,7 @@ def chosen_scenes(split: str, groups: tuple[str, ...] = (), count: int | None = 
 
 def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: bool = False) -> Path:
     """Return the scene as a recording in `work` of at most `frames` frames, made if missing; optionally in colour."""
-    made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of)
+    made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of, grown_to, dressed)
     folders = ["toolkit/simulation", "training/interiors", "toolkit/mocap", "toolkit/body"]
     frames = min(scene.frames, frames or scene.frames)
     path = work / "scenes" / f"{scene.name}_{digest_of(made_by, folders, astuple(scene), frames, color)}.npz"
@@ -190,8 +191,9 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
         middle = (late + 0.5 * (length - late)) / RATE
         halves = {-1.0: (0.0, middle), 1.0: (middle, np.inf)}
         made = {field.name: getattr(actor, field.name) for field in fields(SimulatedPerson)}
-        made |= {"clip": PoseClip(actor.clip, played, RATE, ""), "body": own, "stature": None}
+        made |= {"clip": PoseClip(actor.clip, played, RATE, ""), "body": own}
         made |= {"at": at, "yaw": yaw, "enters": late / RATE}
+        made["dress"] = partial(dressed, garments=actor.clothes) if actor.clothes else None
         made["holds"] = None if actor.carries is None else partial(held_mesh, actor.carries)
         if actor.path == "give":
             made["held"] = halves[actor.side]

@@ -1,4 +1,4 @@
-"""People of a simulation: motion, body, clothes and position on the floor."""
+"""People of a simulation: motion, body and position on the floor."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from toolkit.io.errors import UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.simulation.clothes import dressed
 from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Box, boxes_mesh, check_kinds
 from toolkit.simulation.mesh import Mesh, joined
 from toolkit.simulation.seating import seat_height, seated
@@ -36,10 +35,9 @@ class SimulatedPerson:
     body : name or shape coefficients (also as text with commas) of a full-resolution subject, or any body
     at : x and z of the mean position on the floor plan, metres: to the right in the image, and towards the camera
     yaw : degrees to the person's left in the first frame; 0 faces the camera
-    stature : metres to which the body is scaled; limbs are shorter below 1.25 m. None keeps the body's
     seated : perform the clip seated, on a chair unless `furniture` has another seat
     furniture : furniture beside or before the person, names of `furniture.SEATS` and `furniture.OBSTACLES`
-    clothes : names of `clothes.GARMENTS`
+    dress : adds clothes to the body, as vertices after its own; None leaves it as it is
     enters : seconds of the recording at which the person appears; the person leaves at the end of the clip
     holds : mesh of a held object for joints (20, 3), metres, y up
     held : seconds of the recording between which it is held
@@ -49,10 +47,9 @@ class SimulatedPerson:
     body: str | Sequence[float] | Body = "neutral"
     at: tuple[float, float] = (0.0, 0.0)
     yaw: float = 0.0
-    stature: float | None = None
     seated: bool = False
     furniture: tuple[str, ...] = ()
-    clothes: tuple[str, ...] = ()
+    dress: Callable[[Body], Body] | None = None
     enters: float = 0.0
     holds: Holding | None = None
     held: tuple[float, float] = (0.0, np.inf)
@@ -66,7 +63,6 @@ class SimulatedPerson:
 
 RANGES: dict[str, tuple[float, float, str]] = {
     "yaw": (-1e4, 1e4, "degrees"),
-    "stature": (0.3, 3.0, "metres"),
     "enters": (0.0, 86_400.0, "seconds, a day at most"),
 }
 """Inclusive ranges of the numbers of `SimulatedPerson`, with their unit."""
@@ -129,31 +125,9 @@ def subject_of(body: str | Sequence[float] | Body) -> Body:
     return subject_body(body)
 
 
-def grown_to(body: Body, stature: float) -> Body:
-    """Return the body scaled to a stature in metres, with a small child's proportions below 1.25 m.
-
-    Raises
-    ------
-    UsageError
-        The stature is out of range.
-    """
-    if not 0.5 <= stature <= 2.3:
-        raise UsageError(f"no person is {stature} m tall; give a stature from 0.5 to 2.3 m")
-    tall, small = 1.25, 0.75  # metres of stature of the shape space's proportions and of the shortest limbs
-    young = float(np.clip((tall - stature) / (tall - small), 0.0, 1.0))
-    if young > 0:
-        # A toddler's legs have 0.8 and the arms 0.9 of an older child's length at the same stature; the sitting height
-        # falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807).
-        legs, arms = 1.0 - 0.2 * young, 1.0 - 0.1 * young
-        body = body.stretched({"hip": legs, "knee": legs, "shoulder": arms, "elbow": arms})
-    return body.scaled(stature / body.height)
-
-
 def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Generator) -> PosedSubject:
     """Return body and poses of a person on the floor plan; `rng` draws the sitting posture."""
     naked = subject_of(person.body)
-    if person.stature is not None:
-        naked = grown_to(naked, person.stature)
     if isinstance(person.clip, PoseClip):
         poses = person.clip.every(frame_rate).poses
     else:
@@ -163,7 +137,7 @@ def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Ge
     else:
         poses = poses - np.eye(skeleton.POSE_SIZE)[1] * floor_of(naked, poses)
     placed = _placed(poses, person.at, float(np.deg2rad(person.yaw)))
-    body = dressed(naked, person.clothes)
+    body = naked if person.dress is None else person.dress(naked)
     hanging = len(body.vertices) - len(naked.vertices)
     held = (person.held[0] * frame_rate, person.held[1] * frame_rate)
     return PosedSubject(body, placed, round(person.enters * frame_rate), hanging, person.holds, held)

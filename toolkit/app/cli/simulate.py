@@ -48,12 +48,6 @@ class SubjectOptions:
     enters: Annotated[
         list[float] | None, typer.Option(help="Time of the person's first frame, seconds.", rich_help_panel=PEOPLE)
     ] = None
-    clothes: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="skirt, dress, coat, wide_trousers or none; several separated by commas.", rich_help_panel=PEOPLE
-        ),
-    ] = None
     furniture: Annotated[
         list[str] | None,
         typer.Option(help="chair, stool, desk, table, crate or none, separated by commas.", rich_help_panel=PEOPLE),
@@ -80,7 +74,6 @@ class SubjectOptions:
             "yaw": each(self.yaw, count, "--yaw", 0.0),
             "seated": [self.seated] * count,
             "furniture": [_words(text) for text in each(self.furniture, count, "--furniture", "")],
-            "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],
             "enters": each(self.enters, count, "--enters", 0.0),
         }
         return [
