@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import neutral, small_database
+from tests.support.proportions import stretched
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.io.errors import DatabaseError
@@ -41,7 +42,7 @@ def test_a_database_read_back_equals_the_one_written(saved: Path) -> None:
 
 def test_a_database_of_a_body_that_is_no_named_one_is_not_stored(tmp_path: Path) -> None:
     with pytest.raises(DatabaseError, match="cannot be stored"):
-        small_database().for_body(neutral().stretched({"shoulder": 1.2})).save(tmp_path / "poses.npz")
+        small_database().for_body(stretched(neutral(), {"shoulder": 1.2})).save(tmp_path / "poses.npz")
 
 
 def test_a_database_file_needs_no_pickle(saved: Path) -> None:

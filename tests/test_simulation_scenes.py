@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.run_helpers import run as run_command
-from tests.support.casting import grown_to
 from tests.support.clothes import GARMENTS, dressed
+from tests.support.proportions import grown_to
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.io.errors import UsageError

@@ -6,9 +6,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from toolkit.body.body import Body
 from toolkit.io.errors import UsageError
 from toolkit.io.yaml_reader import read_yaml
 from toolkit.simulation.furniture import Box
@@ -119,23 +116,3 @@ def _scene(group: str, entry: Mapping[str, Any]) -> Scene:
 def _fixed(value: Any) -> Any:
     """Return lists as tuples."""
     return tuple(map(_fixed, value)) if isinstance(value, list) else value
-
-
-def grown_to(body: Body, stature: float) -> Body:
-    """Return the body scaled to a stature in metres, with a small child's proportions below 1.25 m.
-
-    Raises
-    ------
-    UsageError
-        The stature is out of range.
-    """
-    if not 0.5 <= stature <= 2.3:
-        raise UsageError(f"no person is {stature} m tall; give a stature from 0.5 to 2.3 m")
-    tall, small = 1.25, 0.75  # metres of stature of the shape space's proportions and of the shortest limbs
-    young = float(np.clip((tall - stature) / (tall - small), 0.0, 1.0))
-    if young > 0:
-        # A toddler's legs have 0.8 and the arms 0.9 of an older child's length at the same stature; the sitting height
-        # falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807).
-        legs, arms = 1.0 - 0.2 * young, 1.0 - 0.1 * young
-        body = body.stretched({"hip": legs, "knee": legs, "shoulder": arms, "elbow": arms})
-    return body.scaled(stature / body.height)

@@ -16,9 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.support import acts, suite
-from tests.support.casting import Actor, Scene, grown_to, listed
-from tests.support.clothes import dressed
+from tests.support import acts, clothes, proportions, suite
+from tests.support.casting import Actor, Scene, listed
 from tests.support.holding import held_mesh
 from tests.support.suite import RATE, SHORTEST, cut, digest_of, in_place, motion_of, spun
 from toolkit.body.body import Body
@@ -121,7 +120,7 @@ def chosen_scenes(split: str, groups: tuple[str, ...] = (), count: int | None = 
 
 def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: bool = False) -> Path:
     """Return the scene as a recording in `work` of at most `frames` frames, made if missing; optionally in colour."""
-    made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of, grown_to, dressed)
+    made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of, clothes, proportions)
     folders = ["toolkit/simulation", "training/interiors", "toolkit/mocap", "toolkit/body"]
     frames = min(scene.frames, frames or scene.frames)
     path = work / "scenes" / f"{scene.name}_{digest_of(made_by, folders, astuple(scene), frames, color)}.npz"
@@ -174,7 +173,7 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
     for k, actor in enumerate(scene.actors):
         own = body or subject_body(actor.body, seed=scene.seed + 1000 * k)
         if actor.stature is not None:
-            own = grown_to(own, actor.stature)
+            own = proportions.grown_to(own, actor.stature)
         late = min(round(actor.enters * RATE), frames // 2)
         poses = motion_of(actor.clip, own, seed=scene.seed, fast=scene.group == "fast").poses
         shortest = frames - late if actor.path in MOVED else SHORTEST
@@ -193,7 +192,7 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Simul
         made = {field.name: getattr(actor, field.name) for field in fields(SimulatedPerson)}
         made |= {"clip": PoseClip(actor.clip, played, RATE, ""), "body": own}
         made |= {"at": at, "yaw": yaw, "enters": late / RATE}
-        made["dress"] = partial(dressed, garments=actor.clothes) if actor.clothes else None
+        made["dress"] = partial(clothes.dressed, garments=actor.clothes) if actor.clothes else None
         made["holds"] = None if actor.carries is None else partial(held_mesh, actor.carries)
         if actor.path == "give":
             made["held"] = halves[actor.side]

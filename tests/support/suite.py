@@ -19,6 +19,7 @@ import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -155,11 +156,11 @@ def database_sources() -> list[Path] | None:
     return [*cmu, *sorted(MOCAP.glob("hdm05/HDM_bd_*.amc"))]
 
 
-def digest_of(functions: Iterable[Callable[..., Any]], folders: Iterable[str], *settings: object) -> str:
+def digest_of(sources: Iterable[Callable[..., Any] | ModuleType], folders: Iterable[str], *settings: object) -> str:
     """Return ten digits that depend on the settings and on each source or asset of the result."""
     digest = hashlib.sha256(repr((settings, has_mocap())).encode())
-    for function in functions:
-        digest.update(inspect.getsource(function).encode())
+    for source in sources:
+        digest.update(inspect.getsource(source).encode())
     files = [
         p for folder in folders for p in sorted((ROOT / folder).rglob("*")) if p.suffix in (".py", ".npz", ".yaml")
     ]

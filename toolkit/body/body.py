@@ -93,39 +93,6 @@ class Body:
             scale=self.scale * factor,
         )
 
-    def stretched(self, factors: dict[str, float]) -> Body:
-        """Return the body with other bone lengths, both sides alike.
-
-        `factors` (> 0) are keyed by the joint at the upper end without its side: `{"shoulder": 1.05}` lengthens both
-        upper arms by 5 % and moves the joints below. Each bone is stretched along its axis in the rest pose
-        (`BONE_AXIS`), vertices follow by their skinning weights, and all positions are linear in the factors.
-
-        Raises
-        ------
-        BodyError
-            A key is no joint of `BONE_AXIS`, or a factor is not positive.
-        """
-        for name, factor in factors.items():
-            if name not in BONE_AXIS or not factor > 0:
-                known = ", ".join(BONE_AXIS)
-                raise BodyError(f"cannot stretch {name!r} by {factor}; use a positive factor for one of {known}")
-        stretch = np.ones((len(skeleton.JOINTS), 3))
-        for j, name in enumerate(skeleton.JOINT_NAMES):
-            key = name.removeprefix("left_").removeprefix("right_")
-            if key in factors:
-                stretch[j, BONE_AXIS[key]] = factors[key]
-        joints = self.joints.copy()
-        for j, parent in enumerate(skeleton.PARENTS):
-            if parent >= 0:
-                joints[j] = joints[parent] + stretch[parent] * (self.joints[j] - self.joints[parent])
-        offset = joints - stretch * self.joints
-        weights = self.skin_weights[..., None]
-        vertices = self.vertices * (weights * stretch[self.skin_joints]).sum(axis=1)
-        sites = self.sites * stretch[skeleton.SITE_PARENTS] + offset[skeleton.SITE_PARENTS]
-        return replace(
-            self, vertices=vertices + (weights * offset[self.skin_joints]).sum(axis=1), joints=joints, sites=sites
-        )
-
     def place(self, pose: np.ndarray) -> PlacedJoints:
         """Compute the forward kinematics of one pose (P,)."""
         pose = np.array(skeleton.check_pose(pose))  # one memory layout, so that numba compiles one kernel
