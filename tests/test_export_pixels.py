@@ -99,19 +99,6 @@ def test_a_contour_is_regained_at_the_person_s_depth_only() -> None:
     assert np.array_equal(labels == 7, depth == 2000)
 
 
-def test_the_clouds_of_people_are_their_points_with_their_ids(two: tuple[Path, Simulation], tmp_path: Path) -> None:
-    import open3d
-
-    run, simulation = two
-    export_run(run, tmp_path / "clouds", format="ply", origin="floor")
-    file = tmp_path / "clouds" / "frame_000002.ply"
-    cloud = open3d.t.io.read_point_cloud(str(file))
-    points, person = cloud.point.positions.numpy(), cloud.point["person"].numpy().ravel()
-    assert set(person.tolist()) == {1, 2} and len(points) > 500
-    assert -0.1 < points[:, 1].min() < 0.1 and 1.4 < points[:, 1].max() < 1.9, "y up, ground at 0"
-    assert points[person == 1, 0].mean() < points[person == 2, 0].mean() - 0.5
-
-
 def test_what_was_measured_needs_the_recording(two: tuple[Path, Simulation], tmp_path: Path) -> None:
     run, _ = two
     with pytest.raises(RecordingError, match="gone"):

@@ -20,8 +20,8 @@ def export(
     format: Annotated[
         str | None,
         typer.Option(
-            help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json), body-index and ply "
-            "(folders: pixels of each person, and their clouds), opensim (folder: scaled model, markers, angles).",
+            help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json), body-index "
+            "(folder: the person in each pixel), opensim (folder: scaled model, markers, angles).",
             show_default="by the suffix",
         ),
     ] = None,

@@ -1,11 +1,10 @@
-"""Person index of each pixel: body index maps, and segmented point clouds."""
+"""Person index of each pixel: body index maps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,18 +23,10 @@ BACKGROUND = 255
 HEAD = skeleton.REPORTED.index("head")
 
 
-class LabelledFrame(NamedTuple):
-    """One frame: index, depth uint16 (H, W) in millimetres, and labels uint8 (H, W), ids of people or `BACKGROUND`."""
-
-    number: int
-    depth: np.ndarray
-    labels: np.ndarray
-
-
-def labelled_frames(
+def label_images(
     people: Sequence[Person], recording: Recording, sensing: SensingSettings, *, several: bool
-) -> Iterator[LabelledFrame]:
-    """Yield the frames of a recording with the person id (`people.json`) of each measured pixel.
+) -> Iterator[np.ndarray]:
+    """Yield uint8 (H, W) for each frame: the person id (`people.json`) of a measured pixel, or `BACKGROUND`.
 
     The segmentation is that of the tracker, but at full resolution and with the contour that cleaning removes; the
     pixels of people who touch are divided by the tracked bodies of the previous frame. A person has no pixels in frames
@@ -60,7 +51,7 @@ def labelled_frames(
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
         for _ in range(contour_width):
             regain_contour(labels, frame.depth_mm)
-        yield LabelledFrame(i, frame.depth_mm, labels)
+        yield labels
 
 
 def regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
@@ -122,7 +113,7 @@ def camera_points(depth: np.ndarray, camera: Camera) -> np.ndarray:
     return np.column_stack([camera.rays()[v, u] * z[:, None], z])
 
 
-def write_body_index(folder: Path, frames: Iterable[LabelledFrame]) -> None:
+def write_body_index(folder: Path, images: Iterable[np.ndarray]) -> None:
     """Write 8-bit PNG `frame_000000.png`, ... into a folder: ids of `people.json`, or `BACKGROUND`.
 
     Raises
@@ -132,35 +123,6 @@ def write_body_index(folder: Path, frames: Iterable[LabelledFrame]) -> None:
     """
     from PIL import Image
 
-    for frame in frames:
-        with atomic_path(folder / f"frame_{frame.number:06d}.png") as temporary, temporary.open("wb") as stream:
-            Image.fromarray(frame.labels).save(stream, format="PNG")
-
-
-def write_clouds(
-    folder: Path, frames: Iterable[LabelledFrame], camera: Camera, R_file_camera: np.ndarray, offset: np.ndarray
-) -> None:
-    """Write the people's points as PLY `frame_000000.ply`, ... (binary, metres): x, y, z and `person`, their id.
-
-    Parameters
-    ----------
-    R_file_camera, offset : float64 (3, 3) and (3,), transform from camera to file: R p - offset
-
-    Raises
-    ------
-    OutputError
-        A file cannot be written.
-    """
-    kind = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("person", "u1")])
-    millimetres = 1000.0
-    for frame in frames:
-        depth = np.where(frame.labels != BACKGROUND, frame.depth, 0) / millimetres
-        points = camera_points(depth, camera) @ R_file_camera.T - offset
-        rows = np.empty(len(points), dtype=kind)
-        for k, axis in enumerate("xyz"):
-            rows[axis] = points[:, k]
-        rows["person"] = frame.labels[np.nonzero(depth)]
-        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n"
-        head += "".join(f"property float {axis}\n" for axis in "xyz") + "property uchar person\nend_header\n"
-        with atomic_path(folder / f"frame_{frame.number:06d}.ply") as temporary:
-            temporary.write_bytes(head.encode() + rows.tobytes())
+    for i, labels in enumerate(images):
+        with atomic_path(folder / f"frame_{i:06d}.png") as temporary, temporary.open("wb") as stream:
+            Image.fromarray(labels).save(stream, format="PNG")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,10 +23,9 @@ from toolkit.output.export.glb import export_glb
 from toolkit.output.export.k4abt import export_k4abt
 from toolkit.output.export.opensim import export_opensim
 from toolkit.output.export.origin import CAMERA, FLOOR, Origin, origin_of
-from toolkit.output.export.pixels import LabelledFrame, labelled_frames, write_body_index, write_clouds
+from toolkit.output.export.pixels import label_images, write_body_index
 from toolkit.output.export.tables import export_csv, export_trc
 from toolkit.output.export.tree import OWN
-from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import LOST, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import PEOPLE_FILE, Person, load_persons, person_runs
@@ -54,22 +53,6 @@ class ExportJob:
     recording: str | Path | None = None
     model: str | Path | None = None
     unit: str = "cm"
-
-    def frames(self) -> tuple[Recording, Iterator[LabelledFrame]]:
-        """Return the recording of the run and its frames with pixel labels; requires people in the camera frame.
-
-        Raises
-        ------
-        UsageError
-            There is no run.
-        """
-        if self.run is None:
-            raise UsageError("this format holds measured depth; track into a run folder and export that")
-        info = RunInfo.load(person_runs(self.run)[0])
-        recording = info.open_recording(self.recording)
-        several, sensing = (self.run / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
-        people = [person.moved(-self.origin.offset) for person in self.people]
-        return recording, labelled_frames(people, recording, sensing, several=several)
 
     @property
     def person(self) -> Person:
@@ -132,13 +115,12 @@ def _bvh(path: Path, job: ExportJob) -> None:
 
 
 def _body_index(path: Path, job: ExportJob) -> None:
-    write_body_index(path, job.frames()[1])
-
-
-def _clouds(path: Path, job: ExportJob) -> None:
-    recording, frames = job.frames()
-    turn = np.eye(3) if job.origin.name == CAMERA else job.people[0].R_level_camera
-    write_clouds(path, frames, recording.camera, turn, job.origin.offset)
+    if job.run is None:
+        raise UsageError("this format holds measured depth; track into a run folder and export that")
+    info = RunInfo.load(person_runs(job.run)[0])
+    recording, sensing = info.open_recording(job.recording), SensingSettings(**info.sensing)
+    several = (job.run / PEOPLE_FILE).exists()
+    write_body_index(path, label_images(job.people, recording, sensing, several=several))
 
 
 def _gait(path: Path, job: ExportJob) -> None:
@@ -165,7 +147,6 @@ FORMATS: dict[str, Format] = {
     "mot": Format(".mot", lambda path, job: export_mot(path, job.person), blank=False),
     "gait": Format(".json", _gait, together=True, origins=(FLOOR,)),
     "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
-    "ply": Format("", _clouds, together=True, origin=CAMERA),
     "opensim": Format("", lambda path, job: export_opensim(path, job.person, job.model), blank=False),
     "amass": Format(".npz", lambda path, job: export_amass(path, job.person), blank=False),
 }
@@ -186,7 +167,7 @@ def export_run(
 ) -> tuple[Path, ...]:
     """Write all people of a run folder to `path` in the format of its suffix, or in `format` (one of `FORMATS`).
 
-    GLB, C3D, body-index, ply and the JSON formats hold several people. Each other format gets one file per person,
+    GLB, C3D, body-index and the JSON formats hold several people. Each other format gets one file per person,
     `<stem>_<person><suffix>`.
 
     Parameters
@@ -204,7 +185,7 @@ def export_run(
 
     Returns
     -------
-    The written files, or the folder of body-index and ply.
+    The written files, or the folder of body-index.
 
     Raises
     ------
