@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from tests.fitting_helpers import Fit
 from tests.poses import entry, pose_at
 from tests.support.plain_fitting import PlainPlacer
+from toolkit.app.config import READER
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
@@ -272,4 +273,4 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, point
 @pytest.mark.parametrize("values", [{"iterations": 0}, {"neighbours": 0}, {"neighbours": 10}])
 def test_settings_out_of_range_are_named(values: dict[str, object]) -> None:
     with pytest.raises(SettingsError, match=str(next(iter(values.values())))):
-        FittingSettings(**values)
+        READER.read(values, FittingSettings, "")

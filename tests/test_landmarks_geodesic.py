@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from tests.landmark_helpers import cloud_of, figure, paint
+from toolkit.app.config import READER
 from toolkit.io.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
@@ -236,7 +237,7 @@ def test_an_empty_cloud_and_wrong_arguments_are_refused_in_one_sentence() -> Non
         extrema_of_graph(grid_graph(cloud, SETTINGS), cloud.points, 5, len(cloud))
     for wrong in ({"neighbour_distance": 0.0}, {"bridge_distance": 20.0}):
         with pytest.raises(SettingsError, match=next(iter(wrong))):
-            LandmarkSettings(**wrong)
+            READER.read(wrong, LandmarkSettings, "")
 
 
 def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:

@@ -92,11 +92,13 @@ def test_frames_that_cannot_be_kept_up_with_are_dropped_and_counted_and_recorded
 def test_ctrl_c_ends_after_the_frame_and_the_recording_is_whole(take: Recording, tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "copy.npz", take.camera)
 
-    def press(summary: Any, poses: Any) -> None:
-        if summary.frames == 4:
-            signal.raise_signal(signal.SIGINT)
+    class Press(Updates):
+        def send(self, update: LiveUpdate) -> None:
+            super().send(update)
+            if len(self) == 4:
+                signal.raise_signal(signal.SIGINT)
 
-    summary = track_live(Burst(take, 0.01), FakeTracker(), writer=writer, show=press)
+    summary = track_live(Burst(take, 0.01), FakeTracker(), writer=writer, outputs=[Press()])
     writer.close()
     assert summary.frames == 4
     copy = open_recording(tmp_path / "copy.npz")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
-from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import AtLeastOne, Range
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class FittingSettings:
         no better
     """
 
-    iterations: int = 5
+    iterations: AtLeastOne = 5
     correspondences: Literal["grid", "open3d"] = "grid"
-    neighbours: int = 3
+    neighbours: Annotated[int, Range(1, 9)] = 3
     reach: float = 0.5
     unexplained: float = 0.2
     sigma: float = 0.12
@@ -48,11 +48,3 @@ class FittingSettings:
     cloud_samples: int = 400
     prior_weight: float = 0.001
     contact_weight: float = 1.0
-
-    def __post_init__(self) -> None:
-        if self.correspondences not in ("grid", "open3d"):
-            raise SettingsError(f"fitting.correspondences is {self.correspondences!r}; choose grid or open3d")
-        if self.iterations < 1 or not 1 <= self.neighbours <= 9:
-            raise SettingsError(
-                f"fitting needs at least 1 iteration and 1 to 9 neighbours, not {self.iterations} and {self.neighbours}"
-            )

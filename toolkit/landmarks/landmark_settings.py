@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Annotated
 
-from toolkit.io.errors import SettingsError
+from toolkit.io.typed_values import AtLeastOne, NotNegative, Range
 
 
 @dataclass(frozen=True)
@@ -25,20 +26,9 @@ class LandmarkSettings:
     turn_gain : ratio of the body's turn away from the camera to that of the chest plane (1 in the paper)
     """
 
-    neighbour_distance: float = 0.05
-    smallest_component: int = 20
-    bridge_distance: float = 0.5
-    source_drop: float = 0.3
-    chest_height: float = 0.28
-    turn_gain: float = 1.6
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (value > 0 or (value == 0 and field.name in ("chest_height", "source_drop"))):
-                raise SettingsError(f"landmarks.{field.name} is {value}; it must be above 0")
-        if self.neighbour_distance > 10 or self.bridge_distance > 10:
-            raise SettingsError(
-                f"landmarks.neighbour_distance and bridge_distance are {self.neighbour_distance} and "
-                f"{self.bridge_distance} m; lengths within a body are below 10 m"
-            )
+    neighbour_distance: Annotated[float, Range(1e-6, 10.0)] = 0.05
+    smallest_component: AtLeastOne = 20
+    bridge_distance: Annotated[float, Range(1e-6, 10.0)] = 0.5
+    source_drop: NotNegative = 0.3
+    chest_height: NotNegative = 0.28
+    turn_gain: Annotated[float, Range(1e-6)] = 1.6

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.io.errors import UsageError
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.furniture import Box, boxes_mesh
 from toolkit.simulation.mesh import Mesh, box, joined
@@ -56,19 +55,7 @@ def place_camera(*, distance: float, height: float, tilt: float) -> PlacedCamera
     distance : horizontally from the camera to the origin, metres (> 0)
     height : height of the camera above the floor, metres (> 0)
     tilt : downwards from the horizontal, radians
-
-    Raises
-    ------
-    UsageError
-        Distance or height is not positive, or a value is not finite.
     """
-    for name, value in {"distance": distance, "height": height, "tilt": tilt}.items():
-        if not np.isfinite(value):
-            raise UsageError(f"the camera's {name} {value} is not finite; give a number")
-    if distance <= 0:
-        raise UsageError(f"the camera's distance {distance} is not positive; give metres from camera to subject")
-    if height <= 0:
-        raise UsageError(f"the camera's height {height} is not above the floor; give metres")
     sine, cosine = np.sin(tilt), np.cos(tilt)
     return PlacedCamera(
         R_level_camera=np.array([[1.0, 0.0, 0.0], [0.0, -cosine, -sine], [0.0, sine, -cosine]]),

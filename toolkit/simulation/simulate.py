@@ -43,7 +43,7 @@ AIM_HEIGHT = 0.52
 RANGES: dict[str, tuple[float, float, str]] = {
     "frame_rate": (0.1, 1000.0, "frames a second of depth cameras"),
     "distance": (0.1, 60.0, "metres, as far as depth is stored"),
-    "height": (-20.0, 60.0, "metres above the floor"),
+    "height": (0.01, 60.0, "metres above the floor"),
     "tilt": (-90.0, 90.0, "degrees"),
     "cut": (-5.0, 5.0, "metres below the neck"),
     "seconds": (1e-3, 86_400.0, "seconds, a day at most"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.sensing.stream import Frame
-from toolkit.tracking.live_people import LivePeople, LivePose
+from toolkit.tracking.live_people import LivePeople
 from toolkit.tracking.tracker_protocol import Tracker
 
 
@@ -167,7 +167,6 @@ def track_live(
     people: int | None = 1,
     writer: RecordingWriter | None = None,
     outputs: Sequence[LiveOutput] = (),
-    show: Callable[[LiveSummary, Sequence[LivePose]], None] = lambda summary, poses: None,
 ) -> LiveSummary:
     """Track the people of a live source until it ends, or until Ctrl-C or a termination signal.
 
@@ -178,7 +177,6 @@ def track_live(
     people : maximum number of tracked people, None = all
     writer : takes each frame that comes, also the dropped ones; the caller closes it
     outputs : take the poses of each tracked frame
-    show : called after each tracked frame
 
     Raises
     ------
@@ -204,7 +202,6 @@ def track_live(
                 update = LiveUpdate(arrived.number, frame.timestamp, latency, newest.dropped, poses, frame.depth_mm)
                 for output in outputs:
                     output.send(update)
-                show(summary, poses)
         finally:
             stop.set()
             newest.join()

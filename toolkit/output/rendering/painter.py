@@ -39,7 +39,7 @@ class RenderSettings:
     Attributes
     ----------
     panels : some of "depth", "body", "side" and "plan", from left to right
-    height : height of a panel, pixels
+    height : height of a panel, pixels, a multiple of 4
     aspect : width of the panels "depth" and "body" relative to their height; the others have 3/4
     extrema : number of drawn geodesic extrema; 0 for none
     engine : "toolkit", or "open3d": bodies on white paper with soft shadows, some ten times slower
@@ -56,12 +56,6 @@ class RenderSettings:
             raise SettingsError(f"panels {self.panels} are not some of: {', '.join(PANELS)}")
         if self.engine not in ENGINES:
             raise SettingsError(f"engine {self.engine!r} is unknown; give {' or '.join(ENGINES)}")
-        if not 120 <= self.height <= 2160 or self.height % 4:
-            raise SettingsError(f"height {self.height} is no multiple of 4 between 120 and 2160")
-        if not 0.5 <= self.aspect <= 3:
-            raise SettingsError(f"aspect {self.aspect} is out of range; give 0.5 to 3")
-        if not 0 <= self.extrema <= 100:
-            raise SettingsError(f"extrema {self.extrema} is out of range; give 0 to 100")
 
     def size(self, panel: str) -> tuple[int, int]:
         """Return width and height of a panel in pixels."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.io.errors import SettingsError
-from toolkit.io.typed_values import constant
+from toolkit.io.typed_values import AtLeastOne, Range, Share, constant
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.trackers.qammaz.discrepancy import DiscrepancySettings
@@ -17,6 +17,8 @@ from toolkit.trackers.qammaz.swarm_search import SwarmSearchSettings
 from toolkit.tracking.search.arm_search import ArmSettings
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.tracking_settings import check_seed
+
+Hypothesis = Literal["local", "extrema", "joints", "arms", "swarm"]
 
 
 @dataclass(frozen=True)
@@ -61,14 +63,14 @@ class HybridSettings:
     tracker: Literal["hybrid", "baak2013"] = "hybrid"
     seed: int = 0
     passes: Literal[1, 2] = 2
-    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "swarm")
+    hypotheses: tuple[Hypothesis, ...] = ("local", "extrema", "joints", "arms", "swarm")
     body: Literal["auto", "whole", "upper"] = "auto"
-    extrema: int = 20
-    candidates: int = constant(2)
+    extrema: Annotated[int, Range(5)] = 20
+    candidates: AtLeastOne = constant(2)
     promising: float = constant(2.5)
-    lookup_period: int = 3
-    restarts: int = 3
-    momentum: float = constant(0.7)
+    lookup_period: AtLeastOne = 3
+    restarts: AtLeastOne = 3
+    momentum: Share = constant(0.7)
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
     smallest_person: int = 300
     lost_distance: float = 0.25
@@ -87,18 +89,8 @@ class HybridSettings:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        known, first = ("local", "extrema", "joints", "arms", "swarm"), ("extrema", "joints", "swarm")
-        if unknown := [name for name in self.hypotheses if name not in known]:
-            raise SettingsError(f"hypotheses {unknown} are unknown; remove them, or choose from {', '.join(known)}")
+        first = ("extrema", "joints", "swarm")
         if not {*self.hypotheses} & {*first}:
             raise SettingsError(f"hypotheses {[*self.hypotheses]} have no first pose; add one of {', '.join(first)}")
-        if self.passes not in (1, 2):
-            raise SettingsError(f"passes is {self.passes}; choose 1 or 2")
-        if self.body not in ("auto", "whole", "upper"):
-            raise SettingsError(f"body is {self.body!r}; choose auto, whole or upper")
-        if not 0.0 <= self.momentum <= 1.0:
-            raise SettingsError(f"momentum is {self.momentum}; it is a share and lies in [0, 1]")
-        if self.lookup_period < 1:
-            raise SettingsError(f"lookup_period is {self.lookup_period}; it is a number of frames, at least 1")
-        if self.extrema < 5 or self.candidates < 1 or self.restarts < 1 or not self.sizes:
-            raise SettingsError("extrema is at least 5; candidates, restarts and the number of sizes at least 1")
+        if not self.sizes:
+            raise SettingsError("sizes is empty; give at least one")
