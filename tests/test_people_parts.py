@@ -24,7 +24,7 @@ from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.sensing.stream import Frame
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo
-from toolkit.tracks.runs import load_people
+from toolkit.tracks.runs import PersonSummary, load_people, save_people
 
 UP = np.array([0.0, -1.0, 0.0])
 HEAD = np.array([0.0, 0.3, -2.5])
@@ -190,3 +190,13 @@ def test_a_seed_selects_the_person_at_its_pixel_and_an_empty_pixel_is_an_error(t
     assert finder.find(recording.depth(0), 0.0, {})[0].depth[v, u] > 0
     with pytest.raises(SegmentationError, match="no person is found at the pixel"):
         find_person(recording, SensingSettings(segment="seed:310,10"))
+
+
+def test_the_evidence_of_runs_of_earlier_versions_is_not_shown(tmp_path: Path) -> None:
+    save_people(tmp_path, [PersonSummary(1, "person_01", 0, 9, 1.7, 1.0, 0.0, 0.0, Evidence(3, 4.5, 1))], [Evidence(2)])
+    path = tmp_path / "people.json"
+    now = load_people(tmp_path)
+    assert "person score +2.8" in now.text() and len(now.furniture) == 1
+    path.write_text(path.read_text().replace('"score"', '"judged"'), encoding="utf-8")
+    earlier = load_people(tmp_path)
+    assert earlier.people[0].evidence is None and not earlier.furniture

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def load_people(run: str | Path) -> People:
     """
     path = Path(run) / PEOPLE_FILE
     reader = TypedReader(TrackError, AGAIN, loose=True, source=str(path))
-    whole = reader.read(read_json(path, TrackError, AGAIN, inside=True), People, "")
+    whole = reader.read(_without_old_evidence(read_json(path, TrackError, AGAIN, inside=True)), People, "")
     people = whole.people
     folders = [person.folder for person in people]
     if not all(_is_plain(folder) for folder in folders):
@@ -104,6 +104,19 @@ def load_people(run: str | Path) -> People:
     if linked := [folder for folder in folders if (Path(run) / folder).is_symlink()]:
         raise TrackError(f"{Path(run) / linked[0]} is a link; put the folder itself there")
     return whole
+
+
+def _without_old_evidence(content: Any) -> Any:
+    """Return the content of `people.json` without the evidence of earlier versions, which held no score."""
+    if not isinstance(content, dict):
+        return content
+    people, furniture = (content.get(key) for key in ("people", "furniture"))
+    for person in people if isinstance(people, list) else ():
+        if isinstance(person, dict) and isinstance(person.get("evidence"), dict) and "score" not in person["evidence"]:
+            person["evidence"] = None
+    if isinstance(furniture, list):
+        content["furniture"] = [own for own in furniture if not isinstance(own, dict) or "score" in own]
+    return content
 
 
 def _is_plain(name: str) -> bool:
