@@ -2,7 +2,8 @@
 
 Six sequences of a structured-light camera: a classroom, five people in a row, two views of people who cross a
 laboratory. Each is tracked with `--people all` and no other option, and scored against `annotations/rooms/`.
-`--joints colour` registers the colour to the depth by the calibration below.
+`--joints colour` registers the colour to the depth by the calibration below. `--single` finds the heads of each
+annotated frame alone, without tracking.
 
 All distances are in metres in the image plane at the measured depth of the annotated point (pixels * z / f). Counts:
 
@@ -41,6 +42,8 @@ from toolkit.app.pipeline.joint_choice import JointChoice
 from toolkit.body.skeleton import REPORTED
 from toolkit.datasets.folder import data_folder
 from toolkit.landmarks.joint_network import OPPOSITE
+from toolkit.people.multi_person import MultiPersonFinder
+from toolkit.people.person_network import person_network
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.recordings.writer import RecordingWriter
@@ -142,6 +145,19 @@ def load_run(run: Path) -> list[RoomTrack]:
         shown = np.flatnonzero((track.state == TRACKED) & (track.joints[:, :, 2] > 0.05).all(axis=1)).tolist()
         frames = {frame: track.joints[frame].astype(np.float64) for frame in shown}
         tracks.append(RoomTrack(person.folder, person.stature, frames))
+    return tracks
+
+
+def heads_alone(name: str, rooms: Path) -> list[RoomTrack]:
+    """Return the heads that are found in each annotated frame alone, as tracks of one frame whose joints are the head."""
+    truth, tracks = annotations_of(name), []
+    recording = open_recording(rooms / name, intrinsics=tuple(truth["intrinsics"]))
+    for frame in map(int, truth["frames"]):
+        finder = MultiPersonFinder(recording.camera, recording.up_camera, person_network())
+        finder.follow(recording.depth(frame), 0.0)
+        for person in finder.people:
+            joints = np.tile(finder.coarse.from_level(person.head[None]), (len(REPORTED), 1))
+            tracks.append(RoomTrack(f"{frame}_{person.id}", 0.0, {frame: joints}))
     return tracks
 
 
@@ -265,10 +281,13 @@ def _inside(point: Any, box: Any, margin: float) -> bool:
 
 @benchmark(
     DATABASE, rooms=ROOMS, names=",".join(path.stem for path in sorted(ANNOTATIONS.glob("*.json"))),
-    joints=("none", "colour"),
+    joints=("none", "colour"), single=False,
 )  # fmt: skip
 def measured(options: argparse.Namespace) -> tuple[str, Any]:
-    """Track and score the sequences."""
+    """Track and score the sequences, or find the heads of single frames."""
+    if options.single:
+        found = [RoomScorer(annotations_of(n)).score(heads_alone(n, options.rooms)) for n in options.names.split(",")]
+        return "rooms_single", {"all": {"counts": added(found)}}
     tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
     runs, failed = track_rooms(options.names.split(","), options.rooms, options.work, tracker, options.joints)
     figures: dict[str, Any] = {}
