@@ -10,9 +10,9 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes
-from toolkit.retrieval.annotation.online import CausalAlignments, Event, FrameFeatures, OnlineAnnotator
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
-from toolkit.retrieval.features.relational import quantities_of, relational_features
+from toolkit.retrieval.features.relational import quantities_in, quantities_of, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 MOTIONS = {"kick": "knee_to_elbow", "bow": "half_squat_reach", "draw": "archery"}
@@ -74,21 +74,20 @@ def test_features_one_by_one_are_those_of_the_whole(rate):
 def test_every_quantity_of_a_frame_is_that_of_the_whole_motion(rate, frames):
     rng = np.random.default_rng(frames)
     motion = Motion("any", rng.normal(size=(frames, len(NAMED_JOINTS), 3)), rate, rng.normal(size=(frames, 3)))
-    whole, single = quantities_of(motion), FrameFeatures(body(), rate)
+    whole = quantities_of(motion)
     for frame in range(frames):
-        found = single.quantities(motion.joints, motion.root_axis, frame)
+        found = quantities_in(motion.joints, motion.root_axis, frame, rate)
         np.testing.assert_allclose(found, whole[:, frame], rtol=1e-9, atol=1e-6)
 
 
-def test_costs_of_all_templates_column_by_column_are_those_of_the_whole():
+def test_an_alignment_that_ends_in_a_column_needs_twice_the_columns_of_its_template():
     words = relational_features(from_poses(document(), body(), RATE, "whole")).words
-    together, whole = CausalAlignments(classes()), [c.template.distance(words) for c in classes()]
-    for column, word in enumerate(words):
-        together.push(word)
-        costs, starts = together.whole()
-        assert costs.tolist() == [cost[column] for cost, _ in whole]
-        known = np.isfinite(costs)
-        np.testing.assert_array_equal(starts[known], np.array([start[column] for _, start in whole])[known])
+    for template in (motion_class.template for motion_class in classes()):
+        costs, starts = template.distance(words)
+        for column in range(len(words)):
+            first = max(0, column + 1 - 2 * len(template.packed[0]))
+            cost, start = (part[-1] for part in template.distance(words[first : column + 1]))
+            assert (cost, first + start) == (costs[column], starts[column]) or cost == costs[column] == np.inf
 
 
 def test_each_motion_is_reported_once_soon_after_its_end():

@@ -169,47 +169,6 @@ def _close(cost: np.ndarray, start: np.ndarray, closed: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def push_column(
-    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, word: np.uint64, column: int,
-    costs: np.ndarray, starts: np.ndarray,
-) -> None:  # fmt: skip
-    """Compute `distance_function` for one more column of a document from the two columns before.
-
-    Parameters
-    ----------
-    bits, mask, scale : as for `distance_function`
-    word : the column
-    column : its number, from 0
-    costs, starts : float64 and int64 (3, N), row `column % 3` is filled; infinite and -1 before the first column
-    """
-    n = bits.shape[0]
-    cost, one, two = costs[column % 3], costs[(column - 1) % 3], costs[(column - 2) % 3]
-    start, one_start, two_start = starts[column % 3], starts[(column - 1) % 3], starts[(column - 2) % 3]
-    cost[0] = scale[0] * ones((word ^ bits[0]) & mask[0])
-    start[0] = column
-    for i in range(1, n):
-        cell = scale[i] * ones((word ^ bits[i]) & mask[i])
-        best, origin = one[i - 1], one_start[i - 1]
-        if two[i - 1] < best:
-            best, origin = two[i - 1], two_start[i - 1]
-        if i > 1 and one[i - 2] + cell < best:
-            best, origin = one[i - 2] + cell, one_start[i - 2]
-        cost[i] = best + cell
-        start[i] = origin
-
-
-@njit(cache=True)
-def push_columns(
-    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, bounds: np.ndarray, word: np.uint64, column: int,
-    costs: np.ndarray, starts: np.ndarray,
-) -> None:  # fmt: skip
-    """Call `push_column` for M templates whose K columns are consecutive, split at `bounds` (M + 1,)."""
-    for t in range(bounds.shape[0] - 1):
-        a, b = bounds[t], bounds[t + 1]
-        push_column(bits[a:b], mask[a:b], scale[a:b], word, column, costs[:, a:b], starts[:, a:b])
-
-
-@njit(cache=True)
 def trace(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, unknown: np.ndarray
 ) -> tuple[float, np.ndarray]:

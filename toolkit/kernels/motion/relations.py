@@ -11,44 +11,10 @@ import math
 import numpy as np
 from numba import njit
 
-from toolkit.kernels.kinematics import forward_kinematics, skin
-
 PLANE, NPLANE, VPLANE, VNPLANE, SPEED, SLOWER, ANGLE, INCLINE, HEIGHT, TALL, WIDE, YAW = range(12)
 """Operations: d - e along the normal of the plane through a, b, c or along the direction from a to b, and the same of
 their velocities; the speed of a, or the lower one of a and b; the angle of a to b with c to d, or with the vertical;
 the height of a over the lowest point; extents upwards and in the ground plane; the yaw rate of the root."""
-BELOW, AT_MOST, ABOVE, AT_LEAST, WITHIN = range(5)
-"""Comparisons with a threshold; `WITHIN` is that distance from 90 degrees, inclusive."""
-
-
-@njit(cache=True)
-def named_joints(
-    pose: np.ndarray, parents: np.ndarray, rest: np.ndarray, dof_joint: np.ndarray, dof_axis: np.ndarray,
-    points: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray, gather: np.ndarray,
-    joints_out: np.ndarray, axis_out: np.ndarray,
-) -> None:  # fmt: skip
-    """Compute weighted means of joint centres and skinned points of a pose (P,), and the root's x axis.
-
-    Parameters
-    ----------
-    points, skin_joints, skin_weights : as for `kinematics.skin`
-    gather : float64 (N, J + V), weights of the J joint centres and V points in each mean
-    joints_out, axis_out : float64 (N, 3) and (3,), filled
-    """
-    count = parents.shape[0]
-    vectors, rotations, centres = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
-    moved = np.empty((points.shape[0], 3))
-    forward_kinematics(pose, parents, rest, dof_joint, dof_axis, vectors, rotations, centres)
-    skin(points, skin_joints, skin_weights, rest, rotations, centres, moved)
-    joints_out[:] = 0.0
-    for n in range(gather.shape[0]):
-        for k in range(gather.shape[1]):
-            weight = gather[n, k]
-            if weight != 0.0:
-                for c in range(3):
-                    joints_out[n, c] += weight * (centres[k, c] if k < count else moved[k - count, c])
-    for c in range(3):
-        axis_out[c] = rotations[0, c, 0]
 
 
 @njit(cache=True)
@@ -111,35 +77,6 @@ def quantities_of_all(joints: np.ndarray, axes: np.ndarray, rate: float, program
     """Compute every quantity of a program in all frames of a motion; `out` is float64 (T, Q), see `quantities`."""
     for frame in range(joints.shape[0]):
         quantities(joints, axes, frame, rate, program, out[frame])
-
-
-@njit(cache=True)
-def push_tests(values: np.ndarray, tests: np.ndarray, loose: np.ndarray, strict: np.ndarray, on: np.ndarray) -> None:
-    """Process one more frame of every feature: on from a strict test, for as long as the loose one holds.
-
-    Parameters
-    ----------
-    values : float64 (Q,), from `quantities`
-    tests : int64 (Q,), comparisons
-    loose, strict : float64 (Q,), thresholds
-    on : bool (Q,), state after the previous frame; changed in place
-    """
-    for row in range(len(values)):
-        kept = on[row] and _holds(tests[row], values[row], loose[row])
-        on[row] = kept or _holds(tests[row], values[row], strict[row])
-
-
-@njit(cache=True)
-def _holds(test: int, value: float, threshold: float) -> bool:
-    if test == BELOW:
-        return value < threshold
-    if test == AT_MOST:
-        return value <= threshold
-    if test == ABOVE:
-        return value > threshold
-    if test == AT_LEAST:
-        return value >= threshold
-    return abs(value - 90.0) <= threshold
 
 
 @njit(cache=True)

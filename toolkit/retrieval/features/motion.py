@@ -219,6 +219,7 @@ class _Carried(NamedTuple):
     skin_weights: np.ndarray
 
 
+@lru_cache(maxsize=4)
 def _carried(body: Body) -> _Carried:
     """Return the tips of the end effectors, and points of trunk and head."""
     extras = _carried_points(body)
@@ -233,17 +234,6 @@ def _carried(body: Body) -> _Carried:
         np.concatenate([body.skin_joints[tips], joints]),
         np.concatenate([body.skin_weights[tips], weights]),
     )
-
-
-def points_of_body(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the inputs of `relations.named_joints`: points, their skin joints and weights, and mean weights."""
-    carried = _carried(body)
-    sources = (*skeleton.JOINT_NAMES, *carried.names)
-    gather = np.zeros((len(NAMED_JOINTS), len(sources)))
-    for row, joint in enumerate(NAMED_JOINTS):
-        for source, weight in joint_maps()["body"][joint].items():
-            gather[row, sources.index(source)] = weight
-    return *carried[1:], gather
 
 
 def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:

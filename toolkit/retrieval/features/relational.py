@@ -296,16 +296,26 @@ def native_features(motion: Motion, lengths: BodyLengths | None = None) -> tuple
     """
     lengths = BodyLengths.of(motion) if lengths is None else lengths
     quantities = quantities_of(motion)
-    loose, strict = np.empty(quantities.shape, dtype=bool), np.empty(quantities.shape, dtype=bool)
     margins = np.empty(quantities.shape, dtype=np.float32)
     for row, (feature, values) in enumerate(zip(FEATURES, quantities, strict=True)):
-        unit = lengths.unit(feature.unit)
-        loose[row], strict[row] = (
-            feature.holds(values, feature.loose * unit),
-            feature.holds(values, feature.strict * unit),
-        )
-        margins[row] = feature.margin(values / unit)
-    return hysteresis(loose, strict), margins
+        margins[row] = feature.margin(values / lengths.unit(feature.unit))
+    return hysteresis(*tests_of(quantities, lengths)), margins
+
+
+def tests_of(quantities: np.ndarray, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray]:
+    """Return the loose and the strict tests of quantities (40, T): bool (40, T) each."""
+    units = [lengths.unit(feature.unit) for feature in FEATURES]
+    rows = list(zip(FEATURES, quantities, units, strict=True))
+    loose = np.array([feature.holds(values, feature.loose * unit) for feature, values, unit in rows])
+    strict = np.array([feature.holds(values, feature.strict * unit) for feature, values, unit in rows])
+    return loose, strict
+
+
+def quantities_in(joints: np.ndarray, axes: np.ndarray, frame: int, frame_rate: float) -> np.ndarray:
+    """Return the quantities of the features, float64 (40,), in one frame of joints (T, 24, 3) and root axes (T, 3)."""
+    found = np.empty(len(FEATURES))
+    r.quantities(joints, axes, frame, frame_rate, program(frame_rate), found)
+    return found
 
 
 def quantities_of(motion: Motion) -> np.ndarray:
