@@ -74,7 +74,6 @@ def test_the_worked_example_is_found_in_an_index() -> None:
     ]
     hits = find(index, KeyframeQuery(tuple(keyframes), ((2, 6), (3, 8))))
     assert (hits.documents.tolist(), hits.starts.tolist(), hits.stops.tolist()) == ([1], [3], [16])
-    assert hits.processed >= min(map(len, EXAMPLE))
 
 
 Case = tuple[list[Segments], list[tuple[int, int]], list[int]]
@@ -125,7 +124,7 @@ def test_leaving_out_segments_far_from_the_rarest_keyframe_changes_no_hit(seed: 
         if rng.random() < 0.4:
             bounds[-1] = (0, 0)
     query = KeyframeQuery(tuple(keyframes), tuple(bounds[1:]))
-    lists = [index.keyframe_list(keyframe)[:2] for keyframe in keyframes]
+    lists = [index.keyframe_list(keyframe) for keyframe in keyframes]
     whole = [list(zip(starts.tolist(), ends.tolist(), strict=True)) for starts, ends in lists]
     numbers = [(least, UNBOUNDED if greatest is None else greatest) for least, greatest in query.bounds]
     hits = find(index, query)

@@ -46,23 +46,22 @@ def keyframe_list(
     document_runs: np.ndarray,
     mask: int,
     value: int,
-) -> tuple[np.ndarray, np.ndarray, int]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the inverted keyframe list of one keyframe, Eq. 3.4 and 3.5: maximal segments of matching frames.
 
     The inverted lists of the matching vectors `codes` (U,) are `list_runs[list_offsets[u] : list_offsets[u + 1]]`.
     Their runs are marked and read back in order; neighbours are merged within a document. The time is linear in the
-    listed runs, plus one read per eight marks. Returns first and last frames (L,) of the segments and the number of
-    listed runs.
+    listed runs, plus one read per eight marks. Returns first and last frames (L,) of the segments.
     """
     ticks = np.zeros((run_starts.size + 7) // 8 * 8, np.uint8)
-    processed = 0
+    listed = 0
     for u in range(codes.size):
         if (codes[u] & mask) == value:
-            processed += list_offsets[u + 1] - list_offsets[u]
+            listed += list_offsets[u + 1] - list_offsets[u]
             for i in range(list_offsets[u], list_offsets[u + 1]):
                 ticks[list_runs[i]] = 1
-    starts = np.empty(processed, np.int64)
-    ends = np.empty(processed, np.int64)
+    starts = np.empty(listed, np.int64)
+    ends = np.empty(listed, np.int64)
     count = 0
     document = 0
     previous = -2
@@ -80,7 +79,7 @@ def keyframe_list(
                 count += 1
             ends[count - 1] = run_starts[run + 1] - 1
             previous = run
-    return starts[:count], ends[:count], processed
+    return starts[:count], ends[:count]
 
 
 @njit(cache=True)
@@ -126,16 +125,15 @@ def windows_around(
 @njit(cache=True)
 def keyframe_list_near(
     windows: np.ndarray, run_vectors: np.ndarray, run_starts: np.ndarray, mask: int, value: int, capacity: int
-) -> tuple[np.ndarray, np.ndarray, int]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the parts of the segments of `keyframe_list` in disjoint ordered `windows`, read from their runs.
 
     No window crosses a document's end. `capacity` is the number of frames in the windows. Returns first and last frames
-    of the parts and the number of runs read.
+    of the parts.
     """
     starts = np.empty(capacity, np.int64)
     ends = np.empty(capacity, np.int64)
     count = 0
-    looked = 0
     run = 0
     stride = 16  # runs that are skipped in one step towards the next window
     for i in range(windows.shape[0]):
@@ -145,7 +143,6 @@ def keyframe_list_near(
             run += 1
         open_part = False
         while run < run_vectors.size and run_starts[run] <= windows[i, 1]:
-            looked += 1
             if (run_vectors[run] & mask) == value:
                 if not open_part:
                     starts[count] = max(run_starts[run], windows[i, 0])
@@ -156,7 +153,7 @@ def keyframe_list_near(
                 open_part = False
             run += 1
         run -= 1
-    return starts[:count], ends[:count], looked
+    return starts[:count], ends[:count]
 
 
 @njit(cache=True)

@@ -41,8 +41,8 @@ class RunLists:
         offsets = np.append(first, len(order)).astype(np.int64)
         return cls(run_starts, run_vectors, document_runs, vectors, offsets, order)
 
-    def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray, int]:
-        """Return first and last frames of the segments with `v & mask == value`, and the number of listed runs."""
+    def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return first and last frames of the segments with `v & mask == value`."""
         return keyframe_list(
             self.vectors, self.list_offsets, self.list_runs, self.run_starts, self.document_runs,
             self.vectors.dtype.type(mask), self.vectors.dtype.type(value),
@@ -53,8 +53,8 @@ class RunLists:
         kind = self.vectors.dtype.type
         return int(listed_runs(self.vectors, self.list_offsets, kind(keyframe.mask), kind(keyframe.value)))
 
-    def segments_near(self, windows: np.ndarray, frames: int, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
-        """Return a keyframe's `segments` within disjoint windows [first, last], int64 (W, 2), and runs read."""
+    def segments_near(self, windows: np.ndarray, frames: int, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
+        """Return a keyframe's `segments` within disjoint windows [first, last], int64 (W, 2)."""
         kind = self.vectors.dtype.type
         return keyframe_list_near(
             windows, self.run_vectors, self.run_starts, kind(keyframe.mask), kind(keyframe.value), frames

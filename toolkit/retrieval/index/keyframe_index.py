@@ -110,8 +110,8 @@ class KeyframeIndex:
         """
         return coarse_rows(self.grades, self.document_starts)
 
-    def keyframe_list(self, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
-        """Return the inverted keyframe list, Eq. 3.5: first and last frames of its segments, and listed runs."""
+    def keyframe_list(self, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
+        """Return the inverted keyframe list, Eq. 3.5: first and last frames of its segments."""
         return self.sets[keyframe.feature_set].segments(keyframe.mask, keyframe.value)
 
     def save(self, path: str | Path) -> None:

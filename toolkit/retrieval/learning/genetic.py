@@ -156,8 +156,7 @@ class TrainingSet:
             most = 1024  # cached lists
             if len(self._cache) >= most:
                 self._cache.clear()
-            starts, ends, _ = self._lists.segments(mask, value)
-            self._cache[mask, value] = starts, ends
+            self._cache[mask, value] = self._lists.segments(mask, value)
         return self._cache[mask, value]
 
 

@@ -38,13 +38,11 @@ class HitRanges:
     documents : int64 (H,), number of the document
     starts : int64 (H,), first frame in the document, from 0, at 30 Hz
     stops : int64 (H,), frame after the last one
-    processed : number of runs that were merged or read
     """
 
     documents: np.ndarray
     starts: np.ndarray
     stops: np.ndarray
-    processed: int = 0
 
     def __len__(self) -> int:
         return len(self.documents)
@@ -60,26 +58,20 @@ class HitRanges:
         documents, starts, stops = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("documents", "starts", "stops")
         )
-        processed = sum(part.processed for part in parts)
         if not len(documents):
-            return cls(documents, starts, stops, processed)
+            return cls(documents, starts, stops)
         order = np.lexsort((starts, documents))
         shift = documents[order].astype(np.int64) * (int(stops.max()) + 1)  # one axis with disjoint documents
         starts, stops = starts[order] + shift, np.maximum.accumulate(stops[order] + shift)
         heads = np.flatnonzero(np.append(True, starts[1:] > stops[:-1]))
         ends = np.append(heads[1:], len(starts)) - 1
-        return cls(documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads], processed)
+        return cls(documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads])
 
     def extended(self, index: KeyframeIndex, left: int, right: int) -> HitRanges:
-        """Return every range extended by `left` and `right` frames inside its document; overlaps are merged."""
+        """Return every range extended by `left` and `right` frames inside its document, merged as by `union`."""
         lengths = np.diff(index.document_starts)[self.documents]
         starts = np.maximum(self.starts - left, 0)
-        stops = np.minimum(self.stops + right, lengths)
-        new = np.ones(len(self), dtype=bool)
-        new[1:] = (self.documents[1:] != self.documents[:-1]) | (starts[1:] >= stops[:-1])
-        first = np.flatnonzero(new)
-        last = np.append(first[1:], len(self))[: len(first)] - 1
-        return HitRanges(self.documents[first], starts[first], stops[last], self.processed)
+        return HitRanges.union([HitRanges(self.documents, starts, np.minimum(self.stops + right, lengths))])
 
 
 def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
@@ -91,17 +83,17 @@ def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
     minimum = np.array([least for least, _ in query.bounds], np.int64)
     maximum = np.array([UNBOUNDED if greatest is None else greatest for _, greatest in query.bounds], np.int64)
     lists = _keyframe_lists(index, query.keyframes, minimum, maximum)
-    offsets = np.cumsum([0, *(len(starts) for starts, _, _ in lists)])
+    offsets = np.cumsum([0, *(len(starts) for starts, _ in lists)])
     starts, ends = (np.concatenate([part[i] for part in lists]) for i in (0, 1))
     ranges = keyframe_search(starts, ends, offsets, minimum, maximum, index.document_starts)
     documents = np.searchsorted(index.document_starts, ranges[:, 0], side="right") - 1
     first = index.document_starts[documents]
-    return HitRanges(documents, ranges[:, 0] - first, ranges[:, 1] + 1 - first, sum(count for _, _, count in lists))
+    return HitRanges(documents, ranges[:, 0] - first, ranges[:, 1] + 1 - first)
 
 
 def _keyframe_lists(
     index: KeyframeIndex, keyframes: Sequence[Keyframe], minimum: np.ndarray, maximum: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray, int]]:
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return inverted keyframe lists without frames that cannot be part of a hit.
 
     The list of the rarest keyframe is merged first, and restricted to the frames that also match the keyframes at the
@@ -115,18 +107,16 @@ def _keyframe_lists(
         first -= 1
     while last + 1 < len(keyframes) and maximum[last] == 0:
         last += 1
-    starts, ends, processed = index.keyframe_list(keyframes[rarest])
+    starts, ends = index.keyframe_list(keyframes[rarest])
     for k in range(first, last + 1):
         if k != rarest:
             windows, frames = windows_around(starts, ends, 0, 0, index.document_starts)
-            starts, ends, looked = index.sets[keyframes[k].feature_set].segments_near(windows, frames, keyframes[k])
-            processed += looked
-    lists = {k: (starts, ends, processed if k == rarest else 0) for k in range(first, last + 1)}
+            starts, ends = index.sets[keyframes[k].feature_set].segments_near(windows, frames, keyframes[k])
+    lists = {k: (starts, ends) for k in range(first, last + 1)}
 
     def add(k: int, neighbour: int, least: int, greatest: int) -> None:
-        starts, ends, _ = lists[neighbour]
         runs = index.sets[keyframes[k].feature_set]
-        windows, frames = windows_around(starts, ends, least, greatest, index.document_starts)
+        windows, frames = windows_around(*lists[neighbour], least, greatest, index.document_starts)
         if frames * len(runs.run_vectors) < counts[k] * index.frames:
             lists[k] = runs.segments_near(windows, frames, keyframes[k])
         else:
