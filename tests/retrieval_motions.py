@@ -3,6 +3,12 @@
 import numpy as np
 
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
+from toolkit.retrieval.features.relational import FEATURES
+
+_SWAP = {"left": "right", "right": "left"}
+_MEANINGS = [feature.meaning for feature in FEATURES]
+MIRROR = np.array([_MEANINGS.index(" ".join(_SWAP.get(word, word) for word in m.split())) for m in _MEANINGS])
+"""int64 (40,): row of each feature's mirror image."""
 
 _SPINE = {
     "root": (0.0, 1.0, 0.0), "belly": (0.0, 1.12, 0.0), "chest": (0.0, 1.26, 0.0), "neck": (0.0, 1.4, 0.0),

@@ -67,7 +67,7 @@ def test_mirrored_poses_have_mirrored_joints_under_swapped_names() -> None:
 def test_a_looked_up_pose_has_its_end_effectors_where_the_query_had_them() -> None:
     database, body = small_database(), neutral()
     centre, yaw = np.array([0.4, 0.2, -2.7]), 0.6
-    placed = database.placed(np.arange(20), centre, yaw)
+    placed = canonical.place(database.poses[:20], database.offsets[:20], centre, yaw)
     seen = canonical.normalise(body.end_effector_positions(placed), np.tile(centre, (20, 1)), np.full(20, yaw))
     np.testing.assert_allclose(seen.reshape(20, 15), database.features[:20], atol=1e-6)
 

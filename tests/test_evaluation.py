@@ -248,7 +248,7 @@ def test_people_of_a_run_are_matched_with_the_truth_whatever_their_order(tmp_pat
     run = write_people(tmp_path, [right + np.float32(0.01), left], np.stack([left, right]))
     table = evaluate.evaluate_runs([run])
     assert [row.recording for row in table] == ["take/person_01", "take/person_02"]
-    np.testing.assert_allclose(table.figures("error_mm"), [10 * np.sqrt(3), 0.0], atol=1e-2)
+    np.testing.assert_allclose([row.error_mm for row in table], [10 * np.sqrt(3), 0.0], atol=1e-2)
     assert evaluate.find_runs([run.parent]) == [run] and evaluate.find_runs([run]) == [run]
 
 
@@ -257,7 +257,7 @@ def test_a_missed_person_counts_one_metre(tmp_path: Path) -> None:
     truth[1, :2] = np.nan
     table = evaluate.evaluate_runs([write_people(tmp_path, [standing()], truth)])
     assert [row.recording for row in table] == ["take/person_01", "take/not found"]
-    np.testing.assert_allclose(table.figures("error_mm"), [0.0, 1000.0], atol=1e-2)
+    np.testing.assert_allclose([row.error_mm for row in table], [0.0, 1000.0], atol=1e-2)
     assert table.rows[1].a100 == 0.0 and table.rows[1].lost == 1.0
 
 

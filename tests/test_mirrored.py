@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.retrieval_motions import MIRROR
 from tests.test_inertial_calibration import take_of
 from tests.test_stabilising_priors import BODY, example_of
 from toolkit.body import skeleton
@@ -16,7 +17,7 @@ from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.features.motion import from_poses
-from toolkit.retrieval.features.relational import MIRROR, relational_features
+from toolkit.retrieval.features.relational import relational_features
 
 NAMES = ("knee_to_elbow", "semaphore")
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from toolkit.body import skeleton
 from toolkit.io.errors import MocapError
-from toolkit.mocap.clip import Clip, PoseClip, mirror_partners
+from toolkit.mocap.clip import Clip, PoseClip
 
 NAMES = ("Hips", "LeftUpLeg", "LeftLeg", "RightUpLeg", "RightLeg", "Spine")
 PARENTS = np.array([-1, 0, 1, 0, 3, 0])
@@ -29,34 +29,6 @@ def sample_clip(frames: int = 9, *, moving: bool = False) -> Clip:
         translations=offsets + rng.normal(0.0, 0.1, (frames, len(NAMES), 3)) if moving else None,
         end_sites={"LeftLeg": np.array([0.1, -0.4, 0.0]), "Spine": np.array([0.0, 0.5, 0.1])},
     )
-
-
-@pytest.mark.parametrize("moving", [False, True])
-def test_a_clip_mirrored_twice_is_itself(moving: bool) -> None:
-    clip = sample_clip(moving=moving)
-    twice = clip.mirrored().mirrored()
-    np.testing.assert_allclose(twice.world()[0], clip.world()[0], atol=1e-12)
-    np.testing.assert_allclose(twice.world()[1], clip.world()[1], atol=1e-12)
-    assert set(clip.mirrored().end_sites) == {"RightLeg", "Spine"}
-
-
-@pytest.mark.parametrize("moving", [False, True])
-def test_mirroring_reflects_every_joint_and_swaps_left_and_right(moving: bool) -> None:
-    clip = sample_clip(moving=moving)
-    partner = [clip.index(n) for n in ("Hips", "RightUpLeg", "RightLeg", "LeftUpLeg", "LeftLeg", "Spine")]
-    expected = clip.world()[0][:, partner] * [-1.0, 1.0, 1.0]
-    np.testing.assert_allclose(clip.mirrored().world()[0], expected, atol=1e-12)
-
-
-def test_mirror_partners_are_known_in_the_common_namings() -> None:
-    names = "root lfemur rfemur LHipJoint RHipJoint mixamorig:LeftArm mixamorig:RightArm lowerback"
-    assert mirror_partners(names.split()) == [0, 2, 1, 4, 3, 6, 5, 7]
-
-
-def test_a_lopsided_tree_cannot_be_mirrored() -> None:
-    clip = replace(sample_clip(), parents=np.array([-1, 0, 1, 0, 0, 0]))
-    with pytest.raises(MocapError, match="not the same tree"):
-        clip.mirrored()
 
 
 def test_resampling_agrees_with_scipys_slerp() -> None:

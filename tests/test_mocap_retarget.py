@@ -128,16 +128,10 @@ def test_a_rest_pose_that_faces_away_keeps_the_facing_of_the_motion(tmp_path: Pa
     assert distances(retarget(turned, stick_body()).poses, poses).max() < 0.05
 
 
-def test_left_stays_left_and_a_mirrored_clip_gives_the_mirrored_body(tmp_path: Path) -> None:
+def test_left_stays_left(tmp_path: Path) -> None:
     clip, poses = own_clip(tmp_path, "wave")
     body = stick_body()
     plain = body.joint_positions(retarget(clip, body).poses)
-    mirrored = body.joint_positions(retarget(clip.mirrored(), body).poses)
-    swap = [
-        skeleton.REPORTED.index(n.replace("left", "#").replace("right", "left").replace("#", "right"))
-        for n in skeleton.REPORTED
-    ]
-    np.testing.assert_allclose(mirrored, plain[:, swap] * [-1.0, 1.0, 1.0], atol=1e-4)
     raised = body.joint_positions(poses)
     highest = {side: raised[:, skeleton.REPORTED.index(f"{side}_wrist"), 1].max() for side in ("left", "right")}
     assert highest["right"] > highest["left"] + 0.3

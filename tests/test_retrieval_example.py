@@ -9,7 +9,7 @@ from tests.retrieval_motions import random_motion
 from toolkit.kernels.motion import graded
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.features.grades import BLOCK_COLUMNS, FULL, coarse, grade
-from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.example import SearchExample, search_example
 
@@ -87,10 +87,9 @@ def test_a_grade_has_the_sign_of_its_feature_and_its_mean_is_the_coarse_one() ->
     np.testing.assert_array_equal(grade(np.zeros((40, 2))), 0)
 
 
-def test_grades_follow_slices_and_mirrors_and_are_extreme_where_only_booleans_are_known() -> None:
+def test_grades_follow_slices_and_are_extreme_where_only_booleans_are_known() -> None:
     features = relational_features(random_motion(5))
     np.testing.assert_array_equal(features.sliced(3, 9).grades, features.grades[:, 3:9])
-    np.testing.assert_array_equal(features.mirrored().grades, features.grades[MIRROR])
     known = FeatureMatrix("booleans", features.values)
     np.testing.assert_array_equal(known.grades, np.where(features.values, FULL, -FULL))
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.retrieval_motions import random_motion, standing, still
+from tests.retrieval_motions import MIRROR, random_motion, standing, still
 from toolkit.kernels.motion import relations
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.features.lengths import BodyLengths
@@ -17,7 +17,6 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_clip
 from toolkit.retrieval.features.relational import (
     FEATURE_SETS,
     FEATURES,
-    MIRROR,
     hysteresis,
     native_features,
     relational_features,

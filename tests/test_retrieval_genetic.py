@@ -143,10 +143,10 @@ def test_learning_gives_the_same_queries_for_any_number_of_workers() -> None:
     together = learn(classes, settings, np.random.default_rng(5), labels=["both", "left"], workers=2)
     assert list(alone) == ["both", "left"]
     for label in alone:
-        assert alone[label].query == together[label].query
+        assert alone[label].alternatives(1) == together[label].alternatives(1)
         assert alone[label].ranked == together[label].ranked
     assert told[0] == ("both", 1, 6) and told[-1] == ("left", 6, 6)
-    assert alone["both"].training.fitness == 1.0 and alone["both"].query.label == "both"
+    assert alone["both"].training.fitness == 1.0 and alone["both"].alternatives(1)[0].label == "both"
     other = learn(classes, settings, np.random.default_rng(6), labels=["both"])
     assert other["both"].ranked != alone["both"].ranked
 

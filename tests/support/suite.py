@@ -126,7 +126,8 @@ def motion_of(motion: str, body: Body, *, seed: int = 0, fast: bool = False) -> 
     (path,) = motion_files(motion)
     clip = read_clip(path)
     if kind.isdigit():
-        clip = clip.sliced(1, len(clip))  # the first frame of CMU clips is a T-pose
+        # the first frame of CMU clips is a T-pose
+        clip = replace(clip, rotations=clip.rotations[1:], root_positions=clip.root_positions[1:])
     return retarget(clip.resampled(RATE), body)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.database.canonical import feature_vectors, place, torso_length
+from toolkit.database.canonical import feature_vectors, torso_length
 from toolkit.database.origin import observed_offsets
 from toolkit.database.pose_search import FEATURE_SIZE, LeafSearch, PoseSearch
 from toolkit.database.prior import PosePrior
@@ -181,10 +181,6 @@ class PoseDatabase:
         if not np.isfinite(queries).all():
             raise DatabaseError("a query holds values that are not finite; leave those end effectors out by `present`")
         return self._search.query(queries, min(k, len(self)), used)
-
-    def placed(self, indices: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
-        """Return poses `indices` (...) placed at the `centre` (3,) and facing `yaw` of a cloud: float64 (..., P)."""
-        return place(self.poses[indices], self.offsets[indices], centre, yaw)
 
     def for_body(self, body: Body) -> PoseDatabase:
         """Return the same poses with joints and features of another body; offsets scale with its torso length."""

@@ -13,8 +13,6 @@ from toolkit.io.errors import RecordingError
 from toolkit.io.yaml_reader import read_json
 
 HINT = "give a JSON file of the offline processor of the Azure Kinect body tracking SDK"
-LEVELS = ("confidence_level", "confidence_levels", "joint_confidences", "confidences")
-"""Keys under which programs store the confidence levels of the SDK."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,19 +21,13 @@ class KinectBodies:
 
     Attributes
     ----------
-    ids : the N bodies, in order of appearance
     timestamps : float64 (T,), seconds of the device's clock
     positions : float64 (N, T, 32, 3), metres, depth camera frame, NaN while absent; joints in the order of
         `k4abt.NAMES`
-    orientations : float64 (N, T, 32, 4), unit quaternions w, x, y, z, NaN where the file has none
-    confidence : float64 (N, T, 32), levels 0 to 3 of the SDK, NaN if the file has none
     """
 
-    ids: tuple[int, ...]
     timestamps: np.ndarray
     positions: np.ndarray
-    orientations: np.ndarray
-    confidence: np.ndarray
 
     @property
     def joints(self) -> np.ndarray:
@@ -120,15 +112,11 @@ def _columns(names: Any, file: Path) -> list[int]:
 def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
     """Return one body of a frame: its id or None, and its rows in our order."""
     positions = np.array(body["joint_positions"], dtype=np.float64)[columns]
-    turns = body.get("joint_orientations")
-    levels = next((body[key] for key in LEVELS if body.get(key)), None)
     row: dict[str, Any] = {
         "id": None if body.get("body_id") is None else int(body["body_id"]),
         "positions": positions / 1000.0,
-        "orientations": np.full((len(columns), 4), np.nan) if not turns else np.array(turns, dtype=float)[columns],
-        "confidence": np.full(len(columns), np.nan) if levels is None else np.array(levels, dtype=float)[columns],
     }
-    if positions.shape != (len(columns), 3) or row["orientations"].shape != (len(columns), 4):
+    if positions.shape != (len(columns), 3):
         raise ValueError(f"joints of shape {positions.shape}")
     return row
 
@@ -163,12 +151,9 @@ def _distance(row: dict[str, Any], last: tuple[float, np.ndarray]) -> float:
 
 
 def _gathered(times: np.ndarray, rows: list[list[dict[str, Any]]]) -> KinectBodies:
-    ids = tuple(dict.fromkeys(int(row["id"]) for frame in rows for row in frame))
-    shape = (len(ids), len(rows), len(k4abt.NAMES))
-    tails: dict[str, tuple[int, ...]] = {"positions": (3,), "orientations": (4,), "confidence": ()}
-    found = {name: np.full((*shape, *tail), np.nan) for name, tail in tails.items()}
+    ids = list(dict.fromkeys(int(row["id"]) for frame in rows for row in frame))
+    positions = np.full((len(ids), len(rows), len(k4abt.NAMES), 3), np.nan)
     for t, frame in enumerate(rows):
         for row in frame:
-            for name, values in found.items():
-                values[ids.index(int(row["id"])), t] = row[name]
-    return KinectBodies(ids, times, **found)
+            positions[ids.index(int(row["id"])), t] = row["positions"]
+    return KinectBodies(times, positions)

@@ -122,10 +122,6 @@ class EvaluationTable:
     def __iter__(self) -> Iterator[RunScores]:
         return iter(self.rows)
 
-    def figures(self, name: str) -> np.ndarray:
-        """Return one score of all runs by its flat name: float64 (R,), NaN where a run has none."""
-        return np.array([_number(row.flat().get(name)) for row in self.rows], dtype=np.float64)
-
     def mean(self) -> RunScores:
         """Return the mean of each score over the recordings that have it; frames are summed."""
         values: dict[str, Any] = {"recording": f"mean of {len(self)}", "run": ""}
@@ -183,10 +179,6 @@ def _label(row: RunScores) -> str:
     run, (recording, *person) = Path(row.run), row.recording.split("/")
     folder = run.parent.name if person == [run.name] else run.name
     return row.recording if folder in ("", recording) else f"{'/'.join([folder, *person])} ({recording})"
-
-
-def _number(value: Any) -> float:
-    return float(value) if isinstance(value, (int, float)) else float("nan")
 
 
 def _mean(values: list[float | None]) -> float | None:

@@ -77,17 +77,6 @@ class Objective:
         self.pose_terms = tuple(pose_terms)
         self._regressions = regressions or joint_confidence()
 
-    def costs(self, body: Body, poses: np.ndarray, scene: Scene) -> np.ndarray:
-        """Return the distances (N,), metres, of `poses` (N, P), level frame; infinite if larger than an earlier one.
-
-        Only the nearest pose is needed.
-        """
-        costs, bound = np.full(len(poses), np.inf), np.inf
-        for k, pose in enumerate(poses):
-            costs[k] = self.compare(body, pose, scene, bound).distance
-            bound = min(bound, costs[k])
-        return costs
-
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """Compare a pose (P,), level frame, with a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
 

@@ -68,11 +68,6 @@ class Clip:
     def __len__(self) -> int:
         return len(self.root_positions)
 
-    @property
-    def duration(self) -> float:
-        """Seconds covered by the frames (T / frame_rate)."""
-        return len(self) / self.frame_rate
-
     @cached_property
     def rest(self) -> np.ndarray:
         """Float64 (J, 3): joint positions in the rest pose, root at the origin, metres."""
@@ -102,16 +97,6 @@ class Clip:
             raise MocapError(f"clip {self.name!r} has no joint {joint!r}; it has: {', '.join(self.joint_names)}")
         return self.joint_names.index(joint)
 
-    def sliced(self, start: int, stop: int) -> Clip:
-        """Return frames start to stop - 1 (as Python slices); raise MocapError if there are none."""
-        part = slice(start, stop)
-        return replace(
-            self,
-            rotations=self.rotations[part],
-            root_positions=self.root_positions[part],
-            translations=None if self.translations is None else self.translations[part],
-        )
-
     def resampled(self, rate: float) -> Clip:
         """Return the clip at `rate` frames a second: rotations by slerp, positions by linear interpolation."""
         if not rate > 0:
@@ -128,31 +113,6 @@ class Clip:
             root_positions=_lerp(self.root_positions, low, blend),
             translations=moved,
             frame_rate=float(rate),
-        )
-
-    def mirrored(self) -> Clip:
-        """Return the clip mirrored at x = 0: left becomes right, the joint names stay in place.
-
-        Raises
-        ------
-        MocapError
-            Left and right joints are not the same tree.
-        """
-        partner = np.array(mirror_partners(self.joint_names))
-        swapped_parents = np.array([partner[p] if p >= 0 else -1 for p in self.parents])
-        if not np.array_equal(swapped_parents, self.parents[partner]):
-            raise MocapError(f"clip {self.name!r} cannot be mirrored: its left and right joints are not the same tree")
-        mirror = np.diag([-1.0, 1.0, 1.0])  # reflection at the plane x = 0
-        moved = None if self.translations is None else self.translations[:, partner] @ mirror
-        names = self.joint_names
-        return replace(
-            self,
-            name=f"{self.name}_mirrored",
-            offsets=self.offsets[partner] @ mirror,
-            rotations=mirror @ self.rotations[:, partner] @ mirror,
-            root_positions=self.root_positions @ mirror,
-            translations=moved,
-            end_sites={names[partner[self.index(joint)]]: mirror @ tip for joint, tip in self.end_sites.items()},
         )
 
 
@@ -197,23 +157,6 @@ def _sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
     """Return times (seconds from the first frame) at `new_rate` within `frames` frames at `rate`."""
     count = int(np.floor((frames - 1) / rate * new_rate + 1e-9)) + 1
     return np.arange(count) / new_rate
-
-
-def mirror_partners(names: Sequence[str]) -> list[int]:
-    """Return the mirror partner of each joint, or the joint itself if it has none.
-
-    Recognised names: `Left...`/`Right...` anywhere in the name (any case), and a leading `l`/`r` or `L`/`R` if the
-    partner exists.
-    """
-    numbers = {name: i for i, name in enumerate(names)}
-    pairs = (("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT"))
-    partners = []
-    for i, name in enumerate(names):
-        candidates = [name.replace(a, b) for a, b in (*pairs, *(p[::-1] for p in pairs)) if a in name]
-        if name[:1] in "lrLR":
-            candidates.append(name[:1].translate(str.maketrans("lrLR", "rlRL")) + name[1:])
-        partners.append(next((numbers[c] for c in candidates if c in numbers), i))
-    return partners
 
 
 def check_tree(name: str, joint_names: Sequence[str], parents: Sequence[int]) -> None:

@@ -83,12 +83,10 @@ class MotionTemplate:
     ----------
     values : float64 (40, N), the template; 0.5 marks the wildcards of the strict variant
     weights : float64 (N,), frames of an average training clip per column; their sum is about the clips' mean length
-    spread : float64 (rounds,), largest pairwise cost per frame before each round
     """
 
     values: np.ndarray
     weights: np.ndarray
-    spread: np.ndarray
 
     @classmethod
     def of(cls, matrices: Sequence[FeatureMatrix], strict: bool = False) -> MotionTemplate:
@@ -124,7 +122,7 @@ class MotionTemplate:
             if spread[-1] <= (0.0 if strict else tolerance) or spread[-1:] == spread[-2:-1]:
                 break
             clips = [_average(reference, clips, paths, strict) for reference in range(len(clips))]
-        return cls(*clips[0], np.array(spread))
+        return cls(*clips[0])
 
     def quantised(self, delta: float = 0.05) -> QuantisedTemplate:
         """Return entries up to `delta` as 0, from 1 - `delta` on as 1, the rest as wildcards; delta in [0, 0.5)."""

@@ -22,7 +22,6 @@ class Proposals(NamedTuple):
     ----------
     documents : int64 (H,)
     firsts, lasts : int64 (H,), first and last column within the document
-    costs : float64 (H,), of the nearest example of the class
     described : float64 (H, 42), mean difference of each feature's grades to that example (1 = 127 grades), its cost in
         tenths, and the logarithm of its duration against the example's
     """
@@ -30,7 +29,6 @@ class Proposals(NamedTuple):
     documents: np.ndarray
     firsts: np.ndarray
     lasts: np.ndarray
-    costs: np.ndarray
     described: np.ndarray
 
 
@@ -120,7 +118,7 @@ class ExampleSet:
         apart = differences(examples, self.starts, weights, columns, places) / FULL
         longer = np.log((lasts + 1 - firsts) / np.diff(self.starts)[numbers])
         described = np.column_stack([apart, 10.0 * costs[ends], longer])
-        return Proposals(owners, firsts, lasts, costs[ends].astype(np.float64), described.astype(np.float64))
+        return Proposals(owners, firsts, lasts, described.astype(np.float64))
 
     def cheapest(self, label: str, documents: Sequence[FeatureMatrix], without: str = "") -> np.ndarray:
         """Return the cost of the class's best alignment in each document, float64 (D,), infinite for none.

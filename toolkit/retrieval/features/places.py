@@ -56,9 +56,3 @@ def importance(places: np.ndarray) -> np.ndarray:
     idle_limb_weight = 0.01
     weights = np.repeat(idle_limb_weight + spread(places) / SPREADS, 3)
     return np.asarray(weights / weights.sum())
-
-
-def mirrored(places: np.ndarray) -> np.ndarray:
-    """Return the positions (24, T) of the mirrored motion: left and right are exchanged, x changes sign."""
-    sides = places.reshape(len(SIDES), -1, 3, places.shape[1])[::-1]
-    return np.ascontiguousarray((sides * np.array([-1, 1, 1], np.int8)[:, None]).reshape(places.shape))

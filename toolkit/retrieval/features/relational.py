@@ -19,7 +19,7 @@ from toolkit.kernels.motion import relations as r
 from toolkit.retrieval.features.grades import FULL, SCALES, grade
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
-from toolkit.retrieval.features.places import ROWS, mirrored, places_of
+from toolkit.retrieval.features.places import ROWS, places_of
 
 FEATURE_RATE = 30.0
 """Columns per second of a feature matrix."""
@@ -78,12 +78,6 @@ class FeatureMatrix:
         """Return columns start to stop - 1."""
         measured, placed = (None if a is None else a[:, start:stop] for a in (self.measured, self.placed))
         return replace(self, values=self.values[:, start:stop], measured=measured, placed=placed)
-
-    def mirrored(self) -> FeatureMatrix:
-        """Return the matrix with right and left features exchanged."""
-        measured = None if self.measured is None else self.measured[MIRROR]
-        placed = None if self.placed is None else mirrored(self.placed)
-        return replace(self, values=self.values[MIRROR], measured=measured, placed=placed)
 
 
 def pack(values: np.ndarray) -> np.ndarray:
@@ -224,17 +218,6 @@ FEATURE_SETS: dict[str, np.ndarray] = {
     "mixed": np.arange(26, 40),
 }
 """Rows of each feature set; stacked they have the numbering of Table 2.1."""
-
-_PARTNER = {"left": "right", "right": "left"}
-
-
-def _mirrored(meaning: str) -> str:
-    return " ".join(_PARTNER.get(word, word) for word in meaning.split())
-
-
-_MEANINGS = [feature.meaning for feature in FEATURES]
-MIRROR: np.ndarray = np.array([_MEANINGS.index(_mirrored(meaning)) for meaning in _MEANINGS])
-"""int64 (40,): row of each feature's mirror image."""
 
 
 def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> FeatureMatrix:

@@ -127,11 +127,6 @@ class TrainingSet:
         self._lists = RunLists.of(vectors, self.document_starts)
         self._cache: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
 
-    @property
-    def frames(self) -> int:
-        """Number of frames of all documents."""
-        return int(self.document_starts[-1])
-
     def retrieved(self, individual: Individual) -> np.ndarray:
         """Return the documents with at least one hit (Algorithm 1), bool (D,)."""
         lists = [self._segments(mask, value) for mask, value in zip(individual.masks, individual.values, strict=True)]

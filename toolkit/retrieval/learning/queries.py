@@ -74,11 +74,6 @@ class LearnedQuery:
         """Best individual."""
         return self.ranked[0]
 
-    @property
-    def query(self) -> KeyframeQuery:
-        """Best individual as a labelled keyframe query."""
-        return query_of(self.individual, len(self.template), self.label)
-
     def alternatives(self, count: int, tight: bool = False) -> list[KeyframeQuery]:
         """Return the best `count` as labelled queries; together they have a higher recall and leave more data."""
         best = (self.tight if tight else self.ranked)[:count]
