@@ -19,12 +19,11 @@ from database_builder.sampling import PosePool
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
-from toolkit.database.origin import RootView, observed_offsets
+from toolkit.database.origin import observed_offsets
 from toolkit.io.errors import MocapError, PlausibilityWarning, UsageError
 from toolkit.io.files import check_output, is_folder
 from toolkit.io.progress import Progress, silent
 from toolkit.io.workers import usable_processors
-from toolkit.kernels.linear import lengths
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 
@@ -33,9 +32,6 @@ SAMPLING_THRESHOLD = 0.009
 error stays the same and only the lookup gets slower."""
 MANY_FILES, MANY_POSES = 16, 4000
 """Below these a build in one process ends before others have started."""
-RESIDUAL_VIEWS = (
-    *(RootView(yaw=np.radians(yaw)) for yaw in (-45, -20, 20, 45)), RootView(distance=2.0), RootView(distance=4.0),
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -197,7 +193,6 @@ class _Build:
         notes = {
             "poses_read": pool.poses_read, "mirror": chosen.mirror, "seated": chosen.seated,
             "max_poses": chosen.max_poses, "skipped": [list(s) for s in skipped], "thinned": selected.thinned,
-            "residual": residual(self.body, poses, offsets),
         }  # fmt: skip
         return PoseDatabase.of_poses(
             poses, self.body, pool.origins(selected), offsets=offsets, threshold=chosen.threshold, notes=notes,
@@ -234,37 +229,3 @@ def _sources(sources: Sequence[str | Path | PoseClip] | None, body: Body) -> tup
     if not files and not clips:
         raise UsageError("there is no source to build a pose database from; give a folder with mocap")
     return files, clips
-
-
-def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[str, float]]:
-    """Return the differences of centre and facing between other views and the stored ones, over up to 400 poses.
-
-    Parameters
-    ----------
-    body, poses, offsets : canonical poses (N, P) and their stored offsets (N, 4)
-
-    Returns
-    -------
-    one entry a view: its `yaw_degrees` and `distance` (metres); of the centre's distances the median and the 90th
-    percentile (`centre_mm`, `centre_90_mm`) and the length of their mean vector (`bias_mm`); of the facing's
-    differences the median and the 90th percentile (`facing_degrees`, `facing_90_degrees`)
-    """
-    most = 400  # sampled poses
-    rows = np.unique(np.linspace(0, len(poses) - 1, min(most, len(poses))).astype(np.int64))
-    entries = []
-    for view in RESIDUAL_VIEWS:
-        difference = observed_offsets(body, poses[rows], view) - offsets[rows]
-        apart = 1000 * lengths(difference[:, :3])
-        turn = np.abs(np.angle(np.exp(1j * difference[:, 3]), deg=True))
-        entries.append(
-            {
-                "yaw_degrees": float(np.degrees(view.yaw)),
-                "distance": view.distance,
-                "centre_mm": float(np.median(apart)),
-                "centre_90_mm": float(np.quantile(apart, 0.9)),
-                "bias_mm": float(1000 * lengths(difference[:, :3].mean(axis=0)[None])[0]),
-                "facing_degrees": float(np.median(turn)),
-                "facing_90_degrees": float(np.quantile(turn, 0.9)),
-            }
-        )
-    return entries

@@ -11,7 +11,7 @@ LISTED_SOURCES = 15
 
 
 def database_text(database: PoseDatabase) -> str:
-    """Return lines with body, sampling, sources, extent of the end effectors and residuals of the offsets."""
+    """Return lines with body, sampling, sources and extent of the end effectors."""
     notes = database.notes
     mirror = f", {int(database.mirrored.sum())} of them mirror images" if database.mirrored.any() else ""
     stop = f", at most {notes['max_poses']}" if notes.get("max_poses") else ""
@@ -33,14 +33,6 @@ def database_text(database: PoseDatabase) -> str:
     ):
         ranges = "  ".join(f"{axis} {a:+.2f} to {b:+.2f}" for axis, a, b in zip("xyz", low, high, strict=True))
         lines.append(f"  {name:<11} {ranges}")
-    if notes.get("residual"):
-        lines.append("centre and facing in other views against the stored ones (median, 90th percentile)")
-    for entry in notes.get("residual", []):
-        lines.append(
-            f"  yaw {entry['yaw_degrees']:+4.0f} deg, {entry['distance']:.0f} m: "
-            f"centre {entry['centre_mm']:4.0f}, {entry['centre_90_mm']:4.0f} mm (bias {entry['bias_mm']:3.0f}), "
-            f"facing {entry['facing_degrees']:4.1f}, {entry['facing_90_degrees']:4.1f} deg"
-        )
     return "\n".join(lines)
 
 

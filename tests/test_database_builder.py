@@ -174,7 +174,7 @@ def test_an_output_that_cannot_be_written_is_an_error_before_work_starts(tmp_pat
 def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
     database = build_database(CLIPS, tmp_path / "poses.npz").database
     text = database_text(database)
-    for words in (f"poses      {len(database)}", "9.00 mm", "40 mm root mean square", "left_hand", "bias", "  a"):
+    for words in (f"poses      {len(database)}", "9.00 mm", "40 mm root mean square", "left_hand", "  a"):
         assert words in text
 
 
@@ -193,8 +193,6 @@ def test_real_mocap_becomes_a_database_with_plausible_people(data_folder: Path, 
     names = skeleton.REPORTED.index
     lateral = database.joints[:, names("left_shoulder"), 0] - database.joints[:, names("right_shoulder"), 0]
     assert (lateral > 0.1).mean() > 0.95
-    entry = next(e for e in database.notes["residual"] if e["yaw_degrees"] == pytest.approx(20))
-    assert entry["centre_mm"] < 50 and entry["facing_degrees"] < 12
 
 
 def test_a_database_does_not_replace_its_source(tmp_path: Path) -> None:

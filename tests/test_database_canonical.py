@@ -6,7 +6,8 @@ import pytest
 from tests.database_helpers import neutral, random_poses, small_database
 from toolkit.body import skeleton
 from toolkit.database import canonical
-from toolkit.database.origin import RootView, observed_offsets
+from toolkit.database.origin import observed_offsets, seen_points
+from toolkit.landmarks.centre import cloud_centre
 
 REPORTED = skeleton.REPORTED.index
 
@@ -74,10 +75,12 @@ def test_a_looked_up_pose_has_its_end_effectors_where_the_query_had_them() -> No
 
 def test_the_frontal_centre_takes_away_most_of_what_turning_the_person_moves() -> None:
     poses = small_database().poses[:60].astype(np.float64)
-    front = observed_offsets(neutral(), poses)
-    for degrees in (-40, 40):
-        turned = observed_offsets(neutral(), poses, RootView(yaw=np.radians(degrees)))
-        assert np.linalg.norm(np.median(turned[:, :3] - front[:, :3], axis=0)) < 0.035
+    front, stand = observed_offsets(neutral(), poses)[:, :3], np.array([0.0, 0.0, -3.0])
+    for yaw in np.radians([-40, 40]):
+        turned = canonical.place(poses, np.zeros(4), stand, yaw)
+        centres = [cloud_centre(seen_points(neutral(), pose)) for pose in turned]
+        offsets = np.array([canonical.frontal_centre(centre, yaw) - stand for centre in centres])
+        assert np.linalg.norm(np.median(offsets @ canonical.about_up(yaw) - front, axis=0)) < 0.035
     plain = np.array([0.0, 0.0, -3.0])
     shift = canonical.frontal_centre(plain, np.radians(40)) - plain
     assert shift @ [np.cos(np.radians(40)), 0.0, -np.sin(np.radians(40))] == pytest.approx(

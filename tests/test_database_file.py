@@ -66,7 +66,6 @@ def test_a_database_file_needs_no_pickle(saved: Path) -> None:
         ({"notes": '{"a": NaN}'}, "no JSON"),
         ({"notes": "[1]"}, "must be names with values"),
         ({"notes": '{"skipped": 3}'}, "skipped is 3; it must be a list"),
-        ({"notes": '{"residual": [{"distance": 1}]}'}, "lacks yaw_degrees"),
         ({"format_version": "new"}, "format version new"),
         ({"format_version": np.ones(3)}, "format version"),
         ({"torso_length": 0.0}, "outside 0.05"),

@@ -63,7 +63,7 @@ class PoseDatabase:
     hashes : SHA-256 of each file, of the poses themselves for a generator
     threshold : metres in the unit of Eq. 5.1, smallest distance between two poses (0: limited by a maximum count only)
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
-    notes : JSON-compatible record of the build (poses read, files skipped, residual of the offsets, settings)
+    notes : JSON-compatible record of the build (poses read, files skipped, settings)
     prior : pose prior learnt from these poses; None in older files
     search : constructor of the nearest-neighbour index of features (N, 15)
     """
@@ -264,26 +264,12 @@ class PoseDatabase:
 
 
 @dataclass(frozen=True)
-class _Residual:
-    """Residual of centre and facing from one viewpoint."""
-
-    yaw_degrees: float
-    distance: float
-    centre_mm: float
-    centre_90_mm: float
-    bias_mm: float
-    facing_degrees: float
-    facing_90_degrees: float
-
-
-@dataclass(frozen=True)
 class _Notes:
     """Types of the displayed notes."""
 
     max_poses: int | None = None
     poses_read: int | None = None
     skipped: tuple[Any, ...] = ()
-    residual: tuple[_Residual, ...] = ()
 
 
 BUILD = "depthmocap database build MOCAP"

@@ -7,12 +7,10 @@ front of it; the estimators of centre and facing of a cloud (`toolkit.landmarks`
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.database.canonical import about_up, frontal_centre, place
+from toolkit.database.canonical import frontal_centre, place
 from toolkit.kernels import linear
 from toolkit.kernels.image import raster
 from toolkit.landmarks.centre import cloud_centre
@@ -24,43 +22,27 @@ ADULT_HEIGHT = 1.7
 """Stature in metres for the lengths of the landmarks."""
 
 
-@dataclass(frozen=True)
-class RootView:
-    """Horizontal camera that points at the root of a canonical pose.
-
-    Attributes
-    ----------
-    distance : metres from camera to root
-    yaw : radians, facing of the body relative to the camera; 0 faces it
-    """
-
-    distance: float = 3.0
-    yaw: float = 0.0
-
-
 CAMERA = Camera(fx=142.8, fy=142.8, cx=79.5, cy=59.5, width=160, height=120)
 """A Kinect at a quarter of its resolution: 2,000 to 3,000 pixels on a person at 3 m, enough for a mean and a plane."""
 
 
-def observed_offsets(body: Body, poses: np.ndarray, view: RootView | None = None) -> np.ndarray:
+def observed_offsets(body: Body, poses: np.ndarray) -> np.ndarray:
     """Return the offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians).
 
     Where an arm occludes the torso, the facing estimate has a low weight and a tracker keeps its previous facing.
     The yaw is therefore the weighted mean of the estimate and the body's own facing. The centre is `frontal_centre`.
     """
-    view = view or RootView()
     scale = body.height / ADULT_HEIGHT
-    stand = np.array([0.0, 0.0, -view.distance])
+    stand = np.array([0.0, 0.0, -3.0])  # metres from the camera
     offsets = np.empty((len(poses), 4))
-    for row, pose in enumerate(place(poses, np.zeros(4), stand, view.yaw)):
+    for row, pose in enumerate(place(poses, np.zeros(4), stand, 0.0)):
         points = seen_points(body, pose)
         centre = cloud_centre(points, scale=scale)
         estimate = estimate_facing(points, centre, scale=scale)
-        weight, turn = estimate.weight, estimate.yaw - view.yaw
+        weight, turn = estimate.weight, estimate.yaw
         turned = np.arctan2(weight * np.sin(turn), 1.0 - weight + weight * np.cos(turn))
-        offsets[row, :3] = frontal_centre(centre, view.yaw + turned, scale) - stand
+        offsets[row, :3] = frontal_centre(centre, turned, scale) - stand
         offsets[row, 3] = turned
-    offsets[:, :3] = linear.rotated(offsets[:, :3], about_up(view.yaw))
     return offsets
 
 
