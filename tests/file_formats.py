@@ -55,7 +55,7 @@ from toolkit.evaluation.k4abt import read_k4abt
 from toolkit.evaluation.orientations import read_truth
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
-from toolkit.inertial.readers import read_file
+from toolkit.inertial.sensor_files import read_file
 from toolkit.io.checkpoint import load_checkpoint
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map

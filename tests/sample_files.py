@@ -17,6 +17,7 @@ from toolkit.body.personal import save_body
 from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import ShapeSpace
 from toolkit.inertial.calibration import Calibration, Mounting, TakeClock
+from toolkit.inertial.sensor_files import CSV_COLUMNS
 from toolkit.inertial.stream import Sensors, checked_stream
 from toolkit.io.checkpoint import save_checkpoint
 from toolkit.recordings.writer import save_recording
@@ -259,8 +260,22 @@ def sensors_file(suffix: str, folder: Path) -> Path:
     turns = quat.exponential(np.arange(6)[:, None] * [0.01, 0.02, 0.03])
     pull = rng.normal(0, 1, (6, 3))
     stream = checked_stream("left_shin", times, rotations=turns, gyro=pull, acceleration=pull)
-    Sensors((stream,)).save(folder / f"sensors{suffix}")
+    if suffix == ".csv":
+        write_csv(folder / "sensors.csv", Sensors((stream,)))
+    else:
+        Sensors((stream,)).save(folder / f"sensors{suffix}")
     return folder / f"sensors{suffix}"
+
+
+def write_csv(path: Path, sensors: Sensors) -> None:
+    """Write the sensors as a CSV file with the columns of the reader."""
+    lines = [",".join(CSV_COLUMNS)]
+    for stream in sensors:
+        for i in np.flatnonzero(stream.valid):
+            parts = (stream.rotations, stream.gyro, stream.acceleration)
+            numbers = [stream.times[i], *(value for part in parts for value in part[i])]
+            lines.append(",".join([stream.name, *map(repr, map(float, numbers))]))
+    path.write_text("\n".join(lines) + "\n")
 
 
 def inertial_matlab_file(folder: Path) -> Path:

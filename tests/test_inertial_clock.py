@@ -9,6 +9,7 @@ import pytest
 
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
 from tests.run_helpers import run as run_command
+from tests.sample_files import write_csv
 from tests.support.worn_sensors import simulate_sensors
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.fusion import fused, integrated
@@ -108,7 +109,7 @@ def test_sensors_are_read_as_typed_and_their_clock_is_found(tmp_path, capsys):
     devices = [f"00B{i}" for i in range(len(simulated.sensors))]
     streams = zip(simulated.sensors, devices, strict=True)
     renamed = replace(simulated.sensors, streams=tuple(replace(stream, name=name) for stream, name in streams))
-    renamed.save(tmp_path / "raw.csv")
+    write_csv(tmp_path / "raw.csv", renamed)
     limbs = zip(devices, simulated.sensors.names, strict=True)
     (tmp_path / "placement.yaml").write_text("\n".join(f"{device}: {limb}" for device, limb in limbs))
     run = write_run(tmp_path / "run", poses_of())

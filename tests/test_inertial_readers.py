@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from toolkit.body.rotations import quaternions as quat
-from toolkit.inertial.readers import read_file, read_files
-from toolkit.inertial.readers.base import SensorOptions
+from toolkit.inertial.sensor_files import SensorOptions, read_file, read_files
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.errors import InertialError, UsageError
 

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import sensors_of
+from tests.sample_files import write_csv
 from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.placement import limb_named, load_placement, placed
-from toolkit.inertial.readers import read_file
+from toolkit.inertial.sensor_files import read_file
 from toolkit.inertial.stream import Sensors, checked_stream
 from toolkit.io.errors import InertialError
 
@@ -30,9 +31,9 @@ def test_the_canonical_file_there_and_back(tmp_path):
         np.testing.assert_array_equal(ours.valid, theirs.valid)
 
 
-def test_the_csv_twin_has_the_same_content(tmp_path):
+def test_a_csv_has_the_same_content(tmp_path):
     sensors = sensors_of(noise="mtx").sensors
-    sensors.save(tmp_path / "sensors.csv")
+    write_csv(tmp_path / "sensors.csv", sensors)
     again = read_file(tmp_path / "sensors.csv")
     assert again.names == sensors.names
     for ours, theirs in zip(sensors, again, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from toolkit.app.cli.reading import Joints, Reading, people_of
-from toolkit.inertial.readers.table import UNITS, factors_of
+from toolkit.inertial.sensor_files import UNITS, factors_of
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io import typed_values as typed
 from toolkit.io.errors import TrackError, UsageError

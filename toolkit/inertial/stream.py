@@ -1,14 +1,13 @@
 """Sensor streams, and the canonical file of sensors.
 
 `sensors.npz` holds `names` (S,), per sensor k `times_k`, `rotations_k`, `gyro_k`, `acceleration_k` (absent if not
-measured) and `valid_k`, and for all `source` (JSON). The inertial world has z up. The same content as CSV has the
-columns `sensor,time_s,qw,qx,qy,qz,gx,gy,gz,ax,ay,az`, in the same units.
+measured) and `valid_k`, and for all `source` (JSON). The inertial world has z up.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ import numpy as np
 from toolkit.body.rotations import quaternions as quat
 from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import InertialError
-from toolkit.io.files import save_csv
 from toolkit.io.typed_values import TypedReader
 from toolkit.io.yaml_reader import parse_json
 
@@ -29,7 +27,6 @@ GRAVITY = 9.80665
 LONGEST_SENSOR_GAP = 0.1
 """Seconds, longest interpolated gap; a limb can rotate by 60 degrees in it."""
 
-CSV_COLUMNS = ("sensor", "time_s", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
 DEVICE, FREE = "device", "gyroscope and gravity, heading free"
 """Sources of an orientation: the device's own filter, or `fusion.py`."""
 
@@ -205,10 +202,7 @@ class Sensors:
         return dict(self.source.get("devices", {}))
 
     def save(self, path: str | Path) -> None:
-        """Write the canonical file, NPZ or CSV by its suffix, atomically."""
-        if Path(path).suffix.lower() == ".csv":
-            save_csv(path, CSV_COLUMNS, _csv_rows(self.streams))
-            return
+        """Write the canonical NPZ, atomically."""
         arrays: dict[str, Any] = {"names": np.array(self.names, dtype=np.str_)}
         for k, stream in enumerate(self.streams):
             arrays[f"times_{k}"], arrays[f"valid_{k}"] = stream.times, stream.valid
@@ -262,13 +256,3 @@ def _stored_stream(name: str, k: int, arrays: dict[str, np.ndarray], origin: str
     )
     stored = np.asarray(arrays.get(f"valid_{k}", np.ones(len(stream), dtype=bool)), dtype=bool)
     return replace(stream, valid=stream.valid & stored) if len(stored) == len(stream) else stream
-
-
-def _csv_rows(streams: Sequence[SensorStream]) -> Iterator[list[str]]:
-    for stream in streams:
-        blocks = ((stream.rotations, 4), (stream.gyro, 3), (stream.acceleration, 3))
-        for i in np.flatnonzero(stream.valid):
-            cells = [stream.name, f"{stream.times[i]:.6f}"]
-            for values, width in blocks:
-                cells += [""] * width if values is None else [f"{value:.7g}" for value in values[i]]
-            yield cells

@@ -11,8 +11,7 @@ from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
 from toolkit.inertial.placement import load_placement, placed
-from toolkit.inertial.readers import read_files
-from toolkit.inertial.readers.base import SensorOptions
+from toolkit.inertial.sensor_files import SensorOptions, read_files
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import MAX_OFFSET, synchronise
@@ -32,7 +31,7 @@ def read_sensors(
     Parameters
     ----------
     files : files of one recording on one clock
-    output : `.npz` or `.csv`; None writes nothing
+    output : the file to write (NPZ); None writes nothing
     placement : `placement.yaml`; without it the sensors' names must identify their parts
     options : options of the readers
 

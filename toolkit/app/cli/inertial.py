@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.app.cli.options import Output, given
+from toolkit.app.cli.options import Output
 from toolkit.app.cli.terminal import print_lines
 
 app = typer.Typer(
@@ -36,17 +36,15 @@ def read(
     units: Annotated[
         str | None, typer.Option(help="Units of a CSV file, for example gyro=deg/s,acceleration=g,time=ms.")
     ] = None,
-    sensor: Annotated[str | None, typer.Option(help="Sensor name for a file without one.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Sampling rate in Hz for a file without one.")] = None,
 ) -> None:
     """Convert sensor files of any supported format to the canonical one."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table
-    from toolkit.inertial.readers.base import SensorOptions
+    from toolkit.inertial.sensor_files import SensorOptions
     from toolkit.inertial.workflow import read_sensors
 
-    options = SensorOptions(**given(columns=columns, units=units, sensor=sensor, rate=rate))
+    options = SensorOptions(columns, units)
     sensors = read_sensors(files, output, placement=placement, options=options)
     table = Table("sensor", "device", "Hz", "seconds", "rows", "left out", "gaps", "longest gap s", "orientation from")
     for stream in sensors:
