@@ -4,13 +4,14 @@ Numba stamps a cached function with its own source file only, although the cache
 calls from other files. Here all kernels carry one digest of the whole package, so that changed sources never run old
 code. A kernel is loaded from `compiled/` in the package if its digest, Python, Numba and processor match
 (`scripts/compile_kernels.py` fills that folder when a wheel is built). Otherwise it is compiled at its first use and
-stored under the digest in `NUMBA_CACHE_DIR`, if that is set, or in the user's cache folder.
+stored under the digest in `NUMBA_CACHE_DIR`, if that is set, or in the user's cache folder. Numba stores pickles, which
+are code: a folder of another user, or that others can write, is not used.
 """
 
 from __future__ import annotations
 
+import atexit
 import contextlib
-import gc
 import hashlib
 import importlib
 import json
@@ -18,6 +19,7 @@ import logging
 import os
 import platform
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
@@ -29,7 +31,7 @@ import platformdirs
 
 try:
     import numba
-    from numba.core import caching, event
+    from numba.core import caching
     from numba.core import config as numba_config
     from numba.np import linalg
 except ValueError as error:
@@ -37,8 +39,6 @@ except ValueError as error:
 
     threads = os.environ.get("NUMBA_NUM_THREADS")
     raise UsageError(f"NUMBA_NUM_THREADS is {threads!r}; give a positive number, or leave it unset") from error
-
-from toolkit.kernels.cache_files import KernelFile, is_private, is_protected, temporary_folder
 
 FOLDER = Path(__file__).resolve().parent
 COMPILED = FOLDER / "compiled"
@@ -93,8 +93,6 @@ def compiled_folder() -> tuple[Path | None, str]:
     """Return the package's folder of compiled kernels; or None, with the reason why it cannot be used."""
     if not COMPILED.is_dir():
         return None, "this installation has no compiled kernels"
-    if not is_protected(COMPILED, FOLDER):
-        return None, f"other users can write {COMPILED}"
     try:
         built = json.loads((COMPILED / BUILD_FILE).read_text(encoding="utf-8"))
         wrong = [f"{name} {built[name]}, not {value}" for name, value in build_key().items() if built[name] != value]
@@ -105,20 +103,32 @@ def compiled_folder() -> tuple[Path | None, str]:
 
 @cache
 def user_folder() -> Path:
-    """Return the folder where this process stores compiled kernels: private, writable, named by their digest."""
+    """Return the folder where this process stores compiled kernels: private, writable, named by their digest.
+
+    Without such a folder it is a temporary one, which is removed at the end of the process.
+    """
     chosen = config.CACHE_DIR
     usual = Path(platformdirs.user_cache_dir("depthmocap", appauthor=False), "kernels")
     for parent in ([Path(chosen, "depthmocap")] if chosen else []) + [usual]:
         folder = parent / sources_digest()
         with contextlib.suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             if not is_private(folder):
                 continue
             tempfile.TemporaryFile(dir=folder).close()
             os.utime(folder)
             prune(parent)
             return folder
-    return temporary_folder()
+    temporary = tempfile.mkdtemp(prefix="depthmocap-kernels-")
+    atexit.register(shutil.rmtree, temporary, ignore_errors=True)
+    return Path(temporary)
+
+
+def is_private(folder: Path) -> bool:
+    """Return whether a folder is the user's own and no other user can write it; always on a system without owners."""
+    found = os.lstat(folder)
+    others = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    return not hasattr(os, "geteuid") or (stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not others)
 
 
 def prune(parent: Path, kept: int = 3) -> None:
@@ -153,31 +163,53 @@ class KernelLocator(caching._CacheLocator):
         return ".".join(self._source.relative_to(FOLDER).with_suffix("").parts)
 
 
-class _NoCollection(event.Listener):
-    """Switch garbage collection off while Numba compiles: it would take a fifth of the time, and finds nothing."""
-
-    def __init__(self) -> None:
-        self._depth, self._collected = 0, False
-
-    def on_start(self, event: Any) -> None:
-        """Start a compilation, possibly within another one."""
-        if self._depth == 0:
-            self._collected = gc.isenabled()
-            gc.disable()
-        self._depth += 1
-
-    def on_end(self, event: Any) -> None:
-        """End a compilation."""
-        self._depth -= 1
-        if self._depth == 0 and self._collected:
-            gc.enable()
-
-
 @cache
 def announce_compiling() -> None:
     """Log once that kernels are being compiled, and why."""
     reason = compiled_folder()[1] or "some are used for the first time"
     logger.warning("compiling kernels, which takes up to a minute, once: %s", reason)
+
+
+class KernelFile(caching.IndexDataCacheFile):
+    """Index and code of one kernel: what cannot be read is compiled again, and what cannot be written is not stored.
+
+    Parameters
+    ----------
+    cache_path, filename_base, source_stamp : as Numba names them
+    readonly : the same kernel in a folder that is read first and never written
+    """
+
+    def __init__(
+        self, cache_path: str, filename_base: str, source_stamp: str, readonly: KernelFile | None = None
+    ) -> None:
+        super().__init__(cache_path, filename_base, source_stamp)
+        self._readonly = readonly
+
+    def load(self, key: Any) -> Any:
+        """Return the code stored for a signature; without any, log once that kernels are compiled, and return None."""
+        for file in (self._readonly, self):
+            if file is not None and (code := file.stored(key)) is not None:
+                return code
+        announce_compiling()
+        return None
+
+    def stored(self, key: Any) -> Any:
+        """Return the code stored in this file for a signature, None where there is none that can be used."""
+        try:
+            return super().load(key)
+        except Exception:  # cut by a loss of power, or of another version of Numba
+            return None
+
+    def save(self, key: Any, data: Any) -> None:
+        """Store code for a signature, if the disk takes it."""
+        with contextlib.suppress(OSError):
+            super().save(key, data)
+
+    def _load_index(self) -> Any:
+        try:
+            return super()._load_index()
+        except Exception:  # as in `stored`
+            return {}
 
 
 def _cache_file(usual: Callable[..., Any]) -> Callable[..., Any]:
@@ -186,7 +218,7 @@ def _cache_file(usual: Callable[..., Any]) -> Callable[..., Any]:
             return usual(cache_path=cache_path, filename_base=filename_base, source_stamp=source_stamp)
         compiled = compiled_folder()[0]
         readonly = KernelFile(str(compiled), filename_base, source_stamp) if compiled else None
-        return KernelFile(cache_path, filename_base, source_stamp, readonly, announce_compiling)
+        return KernelFile(cache_path, filename_base, source_stamp, readonly)
 
     return file
 
@@ -211,7 +243,6 @@ def install() -> None:
     """
     if config.CPU_NAME is None and (name := portable_cpu()) is not None:
         config.CPU_NAME, config.CPU_FEATURES = name, ""
-    event.register("numba:compile", _NoCollection())
     _import_without_scipy()
     impl: Any = caching.CompileResultCacheImpl
     impl._locator_classes = [KernelLocator, *impl._locator_classes]
