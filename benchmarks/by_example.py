@@ -172,7 +172,7 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
         return joined([template.distance(document.words) for document in corpus.features])
 
     def by_search(example: FeatureMatrix, _: Motion) -> list[Hit]:
-        found = shipped.search_example(corpus.index, shipped.SearchExample.of(example), MOST)
+        found = shipped.search_example(corpus.index, example, MOST)
         frames = [(round(match.start * FEATURE_RATE), round(match.end * FEATURE_RATE)) for match in found]
         return [(m.cost, numbers[m.document], start, stop) for m, (start, stop) in zip(found, frames, strict=True)]
 
@@ -210,7 +210,7 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
         documents.append(replace(features, name=f"{features.name} {len(documents)}"))
         frames += len(features)
     index = KeyframeIndex.build(documents)
-    examples = [shipped.SearchExample.of(relational_features(motion)) for motion, _ in queries]
+    examples = [relational_features(motion) for motion, _ in queries]
     shipped.search_example(index, examples[0], 20)
     queued = iter(examples)
     milliseconds = milliseconds_of(

@@ -14,11 +14,12 @@ import numpy as np
 from toolkit.body.shape import load_body
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.output.export.bvh import export_bvh
+from toolkit.retrieval.search.example import search_example
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.learn import learn_model
 from toolkit.retrieval.workflow.motions import find_motions, tags_of
-from toolkit.retrieval.workflow.search_files import by_example, cut_example
+from toolkit.retrieval.workflow.search_files import cut_example
 
 OUTPUT = Path("output")
 
@@ -29,7 +30,7 @@ def main() -> None:
     # Search by example: the most similar segments of all indexed motions.
     index = index_motions([motions], OUTPUT / "motions.index")
     clip = find_motions([examples])[0]
-    for match in by_example(index, cut_example(clip, 0.0, 1.0), limit=5).matches:
+    for match in search_example(index, cut_example(clip, 0.0, 1.0), limit=5):
         print(f"like {clip.stem}: {match.document} {match.start:.1f} to {match.end:.1f} s, cost {match.cost:.3f}")
 
     # A model of all classes, then each motion segmented and labelled with a page.

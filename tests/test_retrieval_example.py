@@ -11,7 +11,7 @@ from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.features.grades import BLOCK_COLUMNS, FULL, coarse, grade
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.search.example import SearchExample, search_example
+from toolkit.retrieval.search.example import search_example
 
 
 def written_recursion(
@@ -100,7 +100,7 @@ def test_a_stretch_is_found_where_it_was_performed_slower_or_faster(speed: float
     documents = [relational_features(random_motion(seed, seconds=8.0)) for seed in range(20, 25)]
     index = KeyframeIndex.build([*documents, relational_features(whole.at_speed(speed))])
     example = relational_features(whole).sliced(60, 120)
-    best = search_example(index, SearchExample.of(example), limit=3)[0]
+    best = search_example(index, example, limit=3)[0]
     assert best.document == index.names[-1]
     assert best.start == pytest.approx(2.0 / speed, abs=0.2) and best.end == pytest.approx(4.0 / speed, abs=0.2)
     assert best.cost < 0.05
@@ -112,8 +112,6 @@ def test_an_example_finds_what_was_recorded_at_another_rate(rate: float) -> None
         random_motion(seed, seconds=8.0, rate=r) for seed, r in zip(range(20, 24), (24, 30, 60, 120), strict=True)
     ]
     index = KeyframeIndex.build([relational_features(m) for m in (*documents, random_motion(11, 6.0, rate))])
-    best = search_example(
-        index, SearchExample.of(relational_features(random_motion(11, 6.0)).sliced(60, 120)), limit=1
-    )[0]
+    best = search_example(index, relational_features(random_motion(11, 6.0)).sliced(60, 120), limit=1)[0]
     assert best.document == "random 11"
     assert (best.start, best.end) == (pytest.approx(2.0, abs=0.15), pytest.approx(4.0, abs=0.15))

@@ -210,9 +210,8 @@ def test_a_flat_folder_is_labelled_by_names(names: list[str], expected: list[tup
     assert list(tags_of(files).values()) == expected
 
 
-def test_people_come_from_a_pattern_or_a_table(tmp_path: Path) -> None:
+def test_people_come_from_a_table(tmp_path: Path) -> None:
     files = [tmp_path / "a" / "x_kick.bvh", tmp_path / "b" / "y_hop.bvh"]
-    assert list(tags_of(files, r"(?P<person>\w)_(?P<label>\w+)").values()) == [("kick", "x"), ("hop", "y")]
     table = tmp_path / "labels.csv"
     table.write_text("clip,label,person\nx_kick,foot,ann\ny_hop,legs,bob\n")
     assert list(tags_of(files, table=table).values()) == [("foot", "ann"), ("legs", "bob")]

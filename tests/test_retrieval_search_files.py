@@ -18,9 +18,10 @@ from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
+from toolkit.retrieval.search.example import search_example
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import load_motion, tags_of
-from toolkit.retrieval.workflow.search_files import by_example, by_keyframes, cut_example, save_matches
+from toolkit.retrieval.workflow.search_files import by_keyframes, cut_example, save_matches
 
 KICK = KeyframeQuery(
     (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),
@@ -99,7 +100,6 @@ def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
 def test_labels_come_from_folders_names_or_a_table(tmp_path: Path) -> None:
     files = [tmp_path / "kick" / "bd_kick_1.bvh", tmp_path / "wave" / "bd_wave_7.bvh"]
     assert [tag.label for tag in tags_of(files).values()] == ["kick", "wave"]
-    assert [tag.label for tag in tags_of(files, r"bd_(?P<label>\w+)_\d").values()] == ["kick", "wave"]
     table = tmp_path / "labels.csv"
     table.write_text("clip,label\nbd_kick_1,foot\nbd_wave_7,hand\n")
     assert [tag.label for tag in tags_of(files, table=table).values()] == ["foot", "hand"]
@@ -107,14 +107,6 @@ def test_labels_come_from_folders_names_or_a_table(tmp_path: Path) -> None:
 
 def test_ambiguous_labels_are_rejected(tmp_path: Path) -> None:
     files, table = [tmp_path / "bd_kick_1.bvh"], tmp_path / "labels.csv"
-    with pytest.raises(RetrievalError, match="bd_kick_1.bvh has no label by pattern"):
-        tags_of(files, r"(?P<label>wave).*")
-    with pytest.raises(UsageError, match="no group named label"):
-        tags_of(files, r"bd_(\w+)")
-    with pytest.raises(UsageError, match="no regular expression"):
-        tags_of(files, r"bd_(")
-    with pytest.raises(UsageError, match="not from both"):
-        tags_of(files, r"(?P<label>.*)", table)
     with pytest.raises(RetrievalError, match="there is no file"):
         tags_of(files, table=table)
     table.write_text("name,class\nx,y\n")
@@ -148,7 +140,7 @@ def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tm
     index = index_motions(squats, tmp_path / "motions.index")
     example = cut_example(squats[0], 0.1, load_motion(squats[0]).duration - 0.1)
     own = {file.stem for file in squats[:4]}
-    best = by_example(index, example, limit=4).matches
+    best = search_example(index, example, limit=4)
     assert best[0].document == squats[0].stem and best[0].cost == pytest.approx(0.0, abs=1e-6)
     assert {match.document for match in best} == own
 
@@ -170,8 +162,9 @@ def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path)
 
     index, queries, hits = tmp_path / "motions.index", tmp_path / "queries.json", tmp_path / "hits.csv"
     assert "8 motions" in run("index", *squats, "--output", index)
-    pattern = r"HDM_\w\w_(?P<label>\w+)_\d+_\d+"
-    assert "1.000" in run("learn", *squats, "--pattern", pattern, "--runs", 2, "--output", queries)
+    labels = tmp_path / "labels.csv"
+    labels.write_text("clip,label\n" + "".join(f"{file.stem},{file.stem.split('_')[2]}\n" for file in squats))
+    assert "1.000" in run("learn", *squats, "--labels", labels, "--runs", 2, "--output", queries)
     assert "squat1Reps" in run("search", index, "--queries", queries, "--label", "squat1Reps", "--output", hits)
     rows = list(csv.DictReader(hits.read_text().splitlines()))
     assert {row["document"] for row in rows} >= {file.stem for file in squats[:4]}

@@ -24,12 +24,6 @@ SettingOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="Setting by its dotted name, for example sensing.segment=person."),
 ]
-Pattern = Annotated[
-    str | None,
-    typer.Option(
-        help="Regular expression for clip names with the groups (?P<label>...) and optionally (?P<person>...)."
-    ),
-]
 LabelTable = Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label and optionally person.")]
 Motions = Annotated[
     list[Path],

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from toolkit.app.cli.groups import spread
-from toolkit.app.cli.options import LabelTable, Motions, Output, Pattern, Seed
+from toolkit.app.cli.options import LabelTable, Motions, Output, Seed
 from toolkit.app.cli.terminal import print_lines
 
 if TYPE_CHECKING:
@@ -129,13 +129,15 @@ def _labelled(
 def _alike(index: Path, clip: Path, example: ByExample, limit: int, threshold: float | None) -> SearchReport:
     """Search for motions similar to a part of a clip."""
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-    from toolkit.retrieval.workflow.search_files import by_example, cut_example
+    from toolkit.retrieval.search.example import search_example
+    from toolkit.retrieval.workflow.search_files import SearchReport, cut_example
 
     piece = cut_example(clip, example.start, example.end)
     # Default maximum cost of a result by example: 99 % of other people's performances cost less than 0.18, half of
     # the chance hits less than 0.17.
     example_cost = 0.2
-    return by_example(KeyframeIndex.open(index), piece, limit, example_cost if threshold is None else threshold)
+    matches = search_example(KeyframeIndex.open(index), piece, limit, example_cost if threshold is None else threshold)
+    return SearchReport(piece.name, tuple(matches))
 
 
 def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExample) -> None:
@@ -196,7 +198,6 @@ def learn(
     clips: Motions,
     output: Output,
     keyframes: KeyframeLearning,
-    pattern: Pattern = None,
     labels: LabelTable = None,
     others: Annotated[
         list[Path] | None, typer.Option(help="Clips of no class, used as additional counterexamples.")
@@ -216,7 +217,7 @@ def learn(
     from toolkit.retrieval.workflow.learn import learn_templates
     from toolkit.retrieval.workflow.motions import find_motions, tags_of
 
-    tags = tags_of(find_motions(clips), pattern, labels)
+    tags = tags_of(find_motions(clips), labels)
     classes = {file: tag.label for file, tag in tags.items()}
     if templates:
         with progress_bars() as bars:
@@ -287,7 +288,7 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
     else:
         print_lines(f"{output}: {len(learned.clips)} classes of one clip each; no clip could be left out for a test")
     if not several:
-        print_lines("The clips name no performer, so the table does not cover other people; see --pattern.")
+        print_lines("The clips name no performer, so the table does not cover other people; see --labels.")
     for first, second, ratio in learned.alike:
         print_lines(
             f"{first} is hard to distinguish from {second}: the distance is only {ratio:.2f} times "

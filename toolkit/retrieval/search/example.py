@@ -7,7 +7,6 @@ No keyframes restrict the search: automatic keyframes, as in the thesis, missed 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,43 +19,9 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.find import Match
 
 
-@dataclass(frozen=True, eq=False)
-class SearchExample:
-    """Example of a search.
-
-    Attributes
-    ----------
-    name : name of the clip
-    grades : int8 (40, N), graded features at 30 Hz
-    places : int8 (24, N), limb positions
-    weights : float64 (40,), weight of each feature, sum 1
-    """
-
-    name: str
-    grades: np.ndarray
-    places: np.ndarray
-    weights: np.ndarray
-
-    @classmethod
-    def of(cls, features: FeatureMatrix) -> SearchExample:
-        """Return a whole feature matrix as an example, weighted by its use of each feature.
-
-        Raises
-        ------
-        RetrievalError
-            The example is too short or too long.
-        """
-        shortest = 4  # coarse columns of the shortest example, about half a second
-        longest = 3000  # frames of the longest example, 100 seconds; it takes a minute for an hour of documents
-        if not (shortest - 1) * BLOCK_COLUMNS < len(features) <= longest:
-            raise RetrievalError(
-                f"the example {features.name!r} lasts {features.duration:.2f} s; give between "
-                f"{shortest * BLOCK_COLUMNS / FEATURE_RATE:.2f} and {longest / FEATURE_RATE:.0f} s"
-            )
-        return cls(features.name, features.grades, features.places, importance(features.grades))
-
-
-def search_example(index: KeyframeIndex, example: SearchExample, limit: int, threshold: float = np.inf) -> list[Match]:
+def search_example(
+    index: KeyframeIndex, example: FeatureMatrix, limit: int = 20, threshold: float = np.inf
+) -> list[Match]:
     """Return the `limit` segments most similar to the example, cheapest first.
 
     The cost of a match is the mean along the best alignment of the weighted difference of grades, from 0 (equal) to 1
@@ -66,28 +31,33 @@ def search_example(index: KeyframeIndex, example: SearchExample, limit: int, thr
     Raises
     ------
     RetrievalError
-        No document is long enough.
+        The example is too short or too long, or no document is long enough.
     """
-    longest = int(np.diff(index.document_starts).max())
-    need = 1 + example.grades.shape[1] // 2
-    if longest < need:
+    shortest = 4  # coarse columns of the shortest example, about half a second
+    longest = 3000  # frames of the longest example, 100 seconds; it takes a minute for an hour of documents
+    if not (shortest - 1) * BLOCK_COLUMNS < len(example) <= longest:
         raise RetrievalError(
-            f"the longest document of the index has {longest} frames at 30 Hz, but {example.name!r} needs {need}; "
+            f"the example {example.name!r} lasts {example.duration:.2f} s; give between "
+            f"{shortest * BLOCK_COLUMNS / FEATURE_RATE:.2f} and {longest / FEATURE_RATE:.0f} s"
+        )
+    available = int(np.diff(index.document_starts).max())
+    need = 1 + len(example) // 2
+    if available < need:
+        raise RetrievalError(
+            f"the longest document of the index has {available} frames at 30 Hz, but {example.name!r} needs {need}; "
             "use a shorter example"
         )
     columns, starts = index.coarse
-    template = _Template.of(coarse(example.grades), example.weights)
-    costs, origins = graded_distances(template.columns, template.weights, columns, starts)
+    grade_weights = importance(example.grades)
+    costs, origins = graded_distances(*_template(coarse(example.grades), grade_weights), columns, starts)
     spare_hits = 10  # number of additional hits in the second step, because some become worse or coincide
     hits = distinct_hits(costs, origins, starts, np.inf, limit + spare_hits)
     # Weight of the limb positions in a cost; the rest is the weight of the grades. More is slightly better for mocap
     # and much worse for Kinect skeletons, whose idle limbs vary between people. Tuned on HDM05 actors bd and bk with
     # easy and hard filler and on UTD-MHAD subjects 1 and 3.
     places_weight = 0.5
-    weights = np.concatenate(
-        [(1.0 - places_weight) * example.weights, places_weight * places.importance(example.places)]
-    )
-    fine = _Template.of(np.concatenate([example.grades, example.places]), weights)
+    weights = np.concatenate([(1.0 - places_weight) * grade_weights, places_weight * places.importance(example.places)])
+    fine = _template(np.concatenate([example.grades, example.places]), weights)
     found = [_refined(index, fine, int(d), int(first), int(last)) for d, first, last in hits]
     return _distinct(sorted((m for m in found if m.cost < threshold), key=_rank))[:limit]
 
@@ -107,30 +77,26 @@ def _distinct(matches: list[Match]) -> list[Match]:
     return sorted((m for group in kept.values() for m in group), key=_rank)
 
 
-@dataclass(frozen=True, eq=False)
-class _Template:
-    """Example for the kernels; with these weights the cost of a path is the mean over its columns."""
-
-    columns: np.ndarray
-    weights: np.ndarray
-
-    @classmethod
-    def of(cls, rows: np.ndarray, weights: np.ndarray) -> _Template:
-        scaled = weights / (2.0 * FULL * rows.shape[1])
-        return cls(np.ascontiguousarray(rows.T, dtype=np.float32), scaled.astype(np.float32))
+def _template(rows: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return columns and weights for the kernels, by which the cost of a path is the mean over its columns."""
+    scaled = weights / (2.0 * FULL * rows.shape[1])
+    return np.ascontiguousarray(rows.T, dtype=np.float32), scaled.astype(np.float32)
 
 
-def _refined(index: KeyframeIndex, template: _Template, document: int, first: int, last: int) -> Match:
+def _refined(
+    index: KeyframeIndex, template: tuple[np.ndarray, np.ndarray], document: int, first: int, last: int
+) -> Match:
     """Return the best alignment around a hit of coarse columns `first` to `last` of a document."""
+    length = len(template[0])
     offset, end = (int(frame) for frame in index.document_starts[document : document + 2])
     refined_frames = 2 * BLOCK_COLUMNS  # frames by which a hit may change on each side in the second step
     stop = min(BLOCK_COLUMNS * (last + 1) + refined_frames, end - offset)
-    begin = max(min(BLOCK_COLUMNS * first - refined_frames, stop - len(template.columns)), 0)
+    begin = max(min(BLOCK_COLUMNS * first - refined_frames, stop - length), 0)
     rows = slice(offset + begin, offset + stop)
     piece = np.concatenate([index.grades[rows], index.places[rows]], axis=1)
-    costs, starts = graded_distances(template.columns, template.weights, piece, np.array([0, len(piece)]))
+    costs, starts = graded_distances(*template, piece, np.array([0, len(piece)]))
     best = int(costs.argmin())
     start, stop = int(starts[best]), best + 1
     duration_cost = 0.02  # cost of a match that is e times longer or shorter than the example, tuned likewise
-    cost = float(costs[best]) + duration_cost * abs(math.log((stop - start) / len(template.columns)))
+    cost = float(costs[best]) + duration_cost * abs(math.log((stop - start) / length))
     return Match(index.names[document], (begin + start) / FEATURE_RATE, (begin + stop) / FEATURE_RATE, cost)

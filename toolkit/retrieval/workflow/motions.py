@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.body.shape import load_body
-from toolkit.io.errors import RetrievalError, UsageError
+from toolkit.io.errors import RetrievalError
 from toolkit.io.yaml_reader import read_table
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
@@ -64,8 +64,8 @@ class Tag(NamedTuple):
     person: str
 
 
-def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, Tag]:
-    """Return motion class and performer of each clip: from a table, by a pattern, else from its folder's name.
+def tags_of(files: Sequence[Path], table: str | Path | None = None) -> dict[Path, Tag]:
+    """Return motion class and performer of each clip: from a table, else from its folder's name.
 
     If all clips are in one folder, or if their names have the same class as their folders, names are parsed
     (`tags_in_names`).
@@ -73,26 +73,16 @@ def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path
     Parameters
     ----------
     files : clips
-    pattern : regular expression with a group `label`, and optionally `person`, that matches a clip's whole stem
     table : CSV file with the columns clip (the stem), label, and optionally person
 
     Raises
     ------
-    UsageError
-        The pattern has no such group, or both a pattern and a table are given.
     RetrievalError
         A clip has no label, or the table cannot be read.
     """
-    if pattern is not None and table is not None:
-        raise UsageError("labels come from a pattern or from a table, not from both; leave one out")
     if table is not None:
         known = _table(Path(table))
-        return {file: _tag(known.get(file.stem), file, f"in {table}") for file in files}
-    if pattern is not None:
-        expression = _expression(pattern)
-        found = {file: expression.fullmatch(file.stem) for file in files}
-        where = f"by pattern {pattern!r}"
-        return {file: _tag(match.groupdict() if match else None, file, where) for file, match in found.items()}
+        return {file: _tag(known.get(file.stem), file, table) for file in files}
     named = tags_in_names(files)
     folders = {file: file.resolve().parent.name for file in files}
     flat = len(set(folders.values())) < 2 < len(files)
@@ -127,21 +117,10 @@ def tags_in_names(files: Sequence[Path]) -> dict[Path, Tag]:
     return {file: Tag(label, "") for file, label in zip(files, whole, strict=True)}
 
 
-def _tag(said: Mapping[str, str | None] | None, file: Path, where: str) -> Tag:
-    label = said and said["label"]
-    if not said or not label:
-        raise RetrievalError(f"clip {file.name} has no label {where}; give it one or leave it out")
-    return Tag(label, said.get("person") or "")
-
-
-def _expression(pattern: str) -> re.Pattern[str]:
-    try:
-        expression = re.compile(pattern)
-    except re.error as error:
-        raise UsageError(f"pattern {pattern!r} is no regular expression ({error}); correct it") from error
-    if "label" not in expression.groupindex:
-        raise UsageError(f"pattern {pattern!r} has no group named label; write (?P<label>...) around it")
-    return expression
+def _tag(row: Mapping[str, str] | None, file: Path, table: str | Path) -> Tag:
+    if not row or not row["label"]:
+        raise RetrievalError(f"clip {file.name} has no label in {table}; give it one or leave it out")
+    return Tag(row["label"], row.get("person", ""))
 
 
 def _table(path: Path) -> dict[str, dict[str, str]]:

@@ -17,7 +17,6 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.search.example import SearchExample, search_example
 from toolkit.retrieval.search.find import HitRanges, Match, find
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
@@ -84,20 +83,6 @@ def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list
         matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in ranges)
         reports.append(SearchReport(label, matches, found.frames / index.frames))
     return reports
-
-
-def by_example(
-    index: KeyframeIndex, example: FeatureMatrix, limit: int = 20, threshold: float = np.inf
-) -> SearchReport:
-    """Return the `limit` segments of the index most similar to an example (`search.example`), without preselection.
-
-    Raises
-    ------
-    RetrievalError
-        The example is too short or too long, or longer than any document allows.
-    """
-    matches = search_example(index, SearchExample.of(example), limit, threshold)
-    return SearchReport(example.name, tuple(matches))
 
 
 def by_class(
