@@ -203,7 +203,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, furnished: bool) -> None:
 
 @pytest.mark.data("cmu-mocap")
 def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(data_folder: Path, tmp_path: Path) -> None:
-    from toolkit.mocap.read import find_clips
+    from toolkit.mocap.read import find_clips, read_clip
 
     path = next(p for p in find_clips(data_folder / "mocap") if p.suffix == ".bvh")
     simulation = alone(path, body="neutral", frame_rate=30.0)

@@ -22,13 +22,15 @@ QUOTAS: dict[str, int] = {
 
 
 def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
-    """Select rows of `points` (N, D) by farthest-first traversal from the one farthest from the mean.
+    """Select rows of `points` (N, D) by farthest-first traversal, each the farthest from the mean and the earlier ones.
 
     Returns int64 (min(count, N),), in the order of selection.
     """
     chosen = np.empty(min(count, len(points)), dtype=np.int64)
-    if len(points):
-        placing.spread(points, ((points - points.mean(axis=0)) ** 2).sum(axis=1), chosen)
+    nearest = ((points - points.mean(axis=0)) ** 2).sum(axis=1) if len(points) else np.empty(0)
+    for k in range(len(chosen)):
+        chosen[k] = nearest.argmax()
+        nearest = np.minimum(nearest, ((points - points[chosen[k]]) ** 2).sum(axis=1))
     return chosen
 
 

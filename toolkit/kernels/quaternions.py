@@ -134,26 +134,3 @@ def lateral_axes(poses: np.ndarray, chain: np.ndarray, out: np.ndarray) -> None:
                 normalise(total)
         matrix(total, rotation)
         out[n] += rotation[:, 0]
-
-
-@njit(cache=True)
-def euler_matrices(axes: np.ndarray, intrinsic: bool, angles: np.ndarray) -> np.ndarray:
-    """Return rotations float64 (N, 3, 3) of angles (N, K), radians, about the coordinate axes (K,), 0 to 2.
-
-    With `intrinsic` each axis is rotated by the rotations before it, else all axes are fixed. The angles are composed
-    as unit quaternions in the order of operations of SciPy's `Rotation.from_euler`, with equal bits. SciPy takes 15
-    times as long for the many short series of motion files.
-    """
-    out = np.empty((angles.shape[0], 3, 3))
-    total, one = np.empty(4), np.empty(4)
-    for n in range(angles.shape[0]):
-        for k in range(axes.size):
-            about_axis(axes[k], angles[n, k], one)
-            if k == 0:
-                total[:] = one
-            elif intrinsic:
-                compose(total, one, total)
-            else:
-                compose(one, total, total)
-        matrix(total, out[n])
-    return out

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from toolkit.io.errors import MocapError
-from toolkit.kernels import quaternions
 
 _ORDER = re.compile("[xyz]{1,3}|[XYZ]{1,3}")
 
@@ -28,9 +27,10 @@ def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.
         raise MocapError(f"{name} turns by {np.abs(angles).max():g}, which is not a joint angle; repair or remove it")
     if not _ORDER.fullmatch(order) or any(first == second for first, second in pairwise(order)):
         raise MocapError(f"{name} turns about the axes {order!r}, which is not an Euler order; export it again")
-    axes = np.array(["xyz".index(axis) for axis in order.lower()])
-    radians = np.deg2rad(angles) if degrees else np.asarray(angles, np.float64)
-    return quaternions.euler_matrices(axes, order.isupper(), np.atleast_2d(radians)).reshape(*radians.shape[:-1], 3, 3)
+    from scipy.spatial.transform import Rotation
+
+    turned = Rotation.from_euler(order, np.atleast_2d(angles), degrees=degrees).as_matrix()
+    return turned.reshape(*angles.shape[:-1], 3, 3)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

@@ -36,17 +36,10 @@ def leaf_order(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(leaves), np.cumsum([0] + [len(leaf) for leaf in leaves])
 
 
-@njit(cache=True)
 def boxes(columns: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the lowest and highest value (L, D) of each leaf of `columns` (D, N)."""
-    low = np.empty((starts.shape[0] - 1, columns.shape[0]), np.float32)
-    high = np.empty_like(low)
-    for leaf in range(low.shape[0]):
-        for d in range(low.shape[1]):
-            least = most = columns[d, starts[leaf]]
-            for n in range(starts[leaf] + 1, starts[leaf + 1]):
-                least, most = min(least, columns[d, n]), max(most, columns[d, n])
-            low[leaf, d], high[leaf, d] = least, most
+    """Return the lowest and highest value (L, D) of each leaf of `columns` (D, N)."""
+    ends = (extreme.reduceat(columns, starts[:-1], axis=1) for extreme in (np.minimum, np.maximum))
+    low, high = (np.ascontiguousarray(end.T) for end in ends)
     return low, high
 
 
