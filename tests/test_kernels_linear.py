@@ -38,7 +38,6 @@ def definite(size: int, rng: np.random.Generator) -> np.ndarray:
         (linear.combined, lambda w, r: np.tensordot(w, r, axes=1), [(16,), (16, 30, 3)]),
         (linear.dot, np.dot, [(37,), (37,)]),
         (linear.lengths, lambda v: np.linalg.norm(v, axis=1), [(50, 3)]),
-        (linear.distances_from_axis, lambda p, a: np.linalg.norm(np.cross(p, a), axis=1), [(50, 3), (3,)]),
         (linear.dots, lambda a, b: (a * b).sum(axis=1), [(50, 3), (50, 3)]),
         (linear.gram, lambda c, w: c.T @ np.diag(w) @ c, [(60, 16), (60,)]),
         (lambda r: linear.moments(r)[0], lambda r: r.mean(axis=0), [(60, 7)]),

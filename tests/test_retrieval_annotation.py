@@ -184,11 +184,3 @@ def test_segments_are_the_runs_of_each_class_with_their_smallest_distance(share:
         for run in spans(frames[row])
     ]
     assert segments_of(frames, distances, "abc", 30.0) == sorted(plain, key=lambda s: (s.start, s.end, s.label))
-
-
-def test_the_first_of_the_cheapest_classes_is_decided_in_searched_frames() -> None:
-    rng = np.random.default_rng(4)
-    distances = np.where(rng.random((3, 200)) < 0.5, rng.integers(0, 3, (3, 200)) / 10.0, np.inf)
-    plain = np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
-    searched = np.isfinite(distances).any(axis=0) | (rng.random(200) < 0.5)
-    assert (dtw.decide(distances, searched) == plain).all()

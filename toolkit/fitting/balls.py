@@ -61,7 +61,7 @@ class Balls:
             bone = (body.sites if to_site else body.joints)[end] - body.joints[j]
             axis = bone / math.hypot(*bone)
             skin = body.vertices[body.part == j] - body.joints[j]
-            around = np.median(linear.distances_from_axis(skin, axis))
+            around = np.median(linear.lengths(np.cross(skin, axis)))
             for share in along:
                 joint.append(j)
                 offset.append(share * bone)

@@ -48,13 +48,6 @@ def lengths(vectors: np.ndarray) -> np.ndarray:
     return out
 
 
-def distances_from_axis(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Return the distances (N,) of `points` (N, 3) from the line through the origin along the unit `axis` (3,)."""
-    out = np.empty(len(points))
-    _distances_from_axis(_plain(points), _plain(axis), out)
-    return out
-
-
 def dots(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the scalar product of each row of `first` and of `second`, both (N, 3): float64 (N,)."""
     out = np.empty(len(first))
@@ -152,15 +145,6 @@ def _dot(first: np.ndarray, second: np.ndarray) -> float:
 def _lengths(vectors: np.ndarray, out: np.ndarray) -> None:
     for n in range(vectors.shape[0]):
         x, y, z = vectors[n, 0], vectors[n, 1], vectors[n, 2]
-        out[n] = np.sqrt(x * x + y * y + z * z)
-
-
-@njit(cache=True)
-def _distances_from_axis(points: np.ndarray, axis: np.ndarray, out: np.ndarray) -> None:
-    a, b, c = axis[0], axis[1], axis[2]
-    for n in range(points.shape[0]):
-        px, py, pz = points[n, 0], points[n, 1], points[n, 2]
-        x, y, z = py * c - pz * b, pz * a - px * c, px * b - py * a
         out[n] = np.sqrt(x * x + y * y + z * z)
 
 

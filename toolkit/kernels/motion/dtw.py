@@ -305,24 +305,6 @@ def search_pieces(
 
 
 @njit(cache=True)
-def decide(distances: np.ndarray, searched: np.ndarray) -> np.ndarray:
-    """Return the class with the smallest modified distance per frame: int64 (L,), -1 if all are infinite (Eq. 5.6).
-
-    Parameters
-    ----------
-    distances : float64 (P, L), modified distance functions
-    searched : bool (L,); all distances of other frames are infinite
-    """
-    decided = np.full(searched.shape[0], -1, dtype=np.int64)
-    for j in np.flatnonzero(searched):
-        least = np.inf
-        for row in range(distances.shape[0]):
-            if distances[row, j] < least:
-                least, decided[j] = distances[row, j], row
-    return decided
-
-
-@njit(cache=True)
 def widen_runs(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.ndarray:
     """Widen each run of a class while its modified distance does not rise away from the run (thesis 5.2).
 

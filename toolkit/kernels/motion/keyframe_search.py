@@ -15,29 +15,6 @@ UNBOUNDED: int = 1 << 40
 
 
 @njit(cache=True)
-def runs_of(vectors: np.ndarray, document_starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Split `vectors` (N,) into runs of equal values inside one document.
-
-    `document_starts` (D + 1,) ends with N. Returns the runs' first frames (R + 1,), the last entry being N, their
-    vectors (R,) and the first run of each document (D + 1,), the last entry being R.
-    """
-    starts = np.empty(vectors.size + 1, np.int32)
-    codes = np.empty(vectors.size, vectors.dtype)
-    document_runs = np.empty(document_starts.size, np.int32)
-    count = 0
-    for document in range(document_starts.size - 1):
-        document_runs[document] = count
-        for frame in range(document_starts[document], document_starts[document + 1]):
-            if frame == document_starts[document] or vectors[frame] != vectors[frame - 1]:
-                starts[count] = frame
-                codes[count] = vectors[frame]
-                count += 1
-    document_runs[-1] = count
-    starts[count] = vectors.size
-    return starts[: count + 1].copy(), codes[:count].copy(), document_runs
-
-
-@njit(cache=True)
 def keyframe_list(
     codes: np.ndarray,
     list_offsets: np.ndarray,

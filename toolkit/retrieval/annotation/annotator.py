@@ -147,7 +147,9 @@ class Annotator:
                 f"{self.shortest}; give a longer motion"
             )
         distances, searched = self._distances(features, intervals)
-        decided = dtw.decide(distances, searched)  # the cheapest class of each frame (Equation 5.6)
+        decided = np.full(len(features), -1)  # the cheapest class of each frame (Equation 5.6), -1 for none
+        found = distances[:, searched]
+        decided[searched] = np.where(np.isfinite(found).any(axis=0), found.argmin(axis=0), -1)
         frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, frames,

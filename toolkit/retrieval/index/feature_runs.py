@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels.motion.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
+from toolkit.kernels.motion.keyframe_search import keyframe_list, keyframe_list_near, listed_runs
 from toolkit.retrieval.keyframes.query import Keyframe
 
 
@@ -35,7 +35,9 @@ class RunLists:
     @classmethod
     def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
         """Return runs and lists of feature vectors (N,), of documents that start at `document_starts` (D + 1,)."""
-        run_starts, run_vectors, document_runs = runs_of(vectors, document_starts)
+        starts = np.union1d(np.flatnonzero(vectors[1:] != vectors[:-1]) + 1, document_starts)
+        run_starts, run_vectors = starts.astype(np.int32), vectors[starts[:-1]]
+        document_runs = np.searchsorted(starts, document_starts).astype(np.int32)
         order = np.argsort(run_vectors, kind="stable").astype(np.int32)
         vectors, first = np.unique(run_vectors[order], return_index=True)
         offsets = np.append(first, len(order)).astype(np.int64)
