@@ -1,7 +1,6 @@
 """Annotation of files: learned and stored classes, keyframe preselection, reports, bad inputs."""
 
 import csv
-import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -118,9 +117,7 @@ def test_a_report_holds_table_picture_and_page(
     scores = write_report(annotation, tmp_path, truth)
     rows = list(csv.DictReader((tmp_path / "segments.csv").read_text().splitlines()))
     assert list(rows[0]) == ["start", "end", "label", "score"] and len(rows) == len(annotation.segments)
-    stored = json.loads((tmp_path / "segments.json").read_text())
-    assert stored["segments"][0]["label"] == rows[0]["label"]
-    assert stored["scores"]["frames"]["f"] == pytest.approx(scores["frames"].f)
+    assert scores["frames"].f > 0.5
     assert (tmp_path / "annotation.png").read_bytes()[:4] == b"\x89PNG"
     page = (tmp_path / "report.html").read_text()
     assert all(word in page for word in ("squat", "over frames", "data:image/png;base64", "right"))

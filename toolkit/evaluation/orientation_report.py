@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from toolkit.evaluation.orientations import THRESHOLDS, RunCheck
-from toolkit.io.files import save_bytes, save_csv, save_json, save_text
+from toolkit.io.files import save_bytes, save_csv, save_text
 from toolkit.io.html import page, picture, png_of, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-DISTANCES, ERRORS_CSV, ERRORS_JSON = "distances.csv", "errors.csv", "errors.json"
+DISTANCES, ERRORS = "distances.csv", "errors.csv"
 PICTURE, PAGE = "distances.png", "report.html"
 
 
 def write_check(check: RunCheck, folder: str | Path) -> None:
-    """Write `distances.csv`, `errors.csv`, `errors.json`, `distances.png` and `report.html`."""
+    """Write `distances.csv`, `errors.csv`, `distances.png` and `report.html`."""
     root = Path(folder)
     rows = [
         (f"{time:.4f}", curve.limb, _cell(full), _cell(axis))
@@ -32,8 +31,7 @@ def write_check(check: RunCheck, folder: str | Path) -> None:
     errors = [
         (e.limb, f"{e.start:.3f}", f"{e.end:.3f}", f"{e.peak:.1f}", f"{e.mean:.1f}", e.kind) for e in check.errors
     ]
-    save_csv(root / ERRORS_CSV, ("limb", "start", "end", "peak", "mean", "kind"), errors)
-    save_json(root / ERRORS_JSON, _as_json(check))
+    save_csv(root / ERRORS, ("limb", "start", "end", "peak", "mean", "kind"), errors)
     drawn = png_of(_plot_check(check))
     save_bytes(root / PICTURE, drawn)
     save_text(root / PAGE, _page(check, drawn))
@@ -73,35 +71,6 @@ def _plot_check(check: RunCheck) -> Figure:
 
 def _cell(value: float) -> str:
     return "" if np.isnan(value) else f"{value:.2f}"
-
-
-def _as_json(check: RunCheck) -> dict[str, Any]:
-    limbs = {}
-    for curve in check.distances:
-        known = curve.full[np.isfinite(curve.full)]
-        limbs[curve.limb] = {
-            "frames": len(known),
-            "mean": float(known.mean()) if len(known) else None,
-            "deviation": float(known.std()) if len(known) else None,
-            "median": float(np.median(known)) if len(known) else None,
-            "median_axis": float(np.nanmedian(curve.axis)) if len(known) else None,
-            "scores": {name: _scores(s) for name, s in check.scores(curve.limb).items()},
-        }
-    return {
-        "run": check.name,
-        "threshold": check.threshold,
-        "errors": [asdict(error) for error in check.errors],
-        "limbs": limbs,
-        "scores": {name: _scores(s) for name, s in check.scores().items()},
-        "thresholds": [
-            {"threshold": float(t), **_scores(s)} for t, s in zip(THRESHOLDS, check.over_thresholds(), strict=False)
-        ],
-        "sensors": {limb: asdict(sensor) for limb, sensor in check.calibration.sensors.items()},
-    }
-
-
-def _scores(scores: Any) -> dict[str, float]:
-    return {"precision": scores.precision, "recall": scores.recall, "f": scores.f}
 
 
 def _page(check: RunCheck, drawn: bytes) -> str:

@@ -33,7 +33,7 @@ def annotate(
         bool, typer.Option("--as-published", help="Use the decision rules of the thesis with a maximum cost of 0.13.")
     ] = False,
 ) -> None:
-    """Segment and label motions: CSV, JSON, a picture and a page for each."""
+    """Segment and label motions: CSV, a picture and a page for each."""
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table, progress_bars

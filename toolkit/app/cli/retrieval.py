@@ -82,7 +82,7 @@ def search(
     limit: Annotated[
         int, typer.Option(help="Number of results per query that are shown, and by example also written.", min=1)
     ] = 20,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="File for all results (.csv or .json).")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File for all results (.csv).")] = None,
 ) -> None:
     """Find motions in an index by an example, a motion model or keyframe queries."""
     from toolkit.io.errors import UsageError

@@ -1,4 +1,4 @@
-"""Files of an annotation: segments as CSV and JSON, a plot as in the thesis's Fig. 5.2, and a page."""
+"""Files of an annotation: segments as CSV, a plot as in the thesis's Fig. 5.2, and a page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from toolkit.io.display_names import shown
 from toolkit.io.errors import RetrievalError
-from toolkit.io.files import save_bytes, save_csv, save_json, save_text
+from toolkit.io.files import save_bytes, save_csv, save_text
 from toolkit.io.html import page, picture, png_of, table
 from toolkit.io.yaml_reader import read_table
 from toolkit.retrieval.annotation.annotator import Annotation
@@ -28,12 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS = ("start", "end", "label", "score")
-REPORT_FILES = SEGMENTS_CSV, SEGMENTS_JSON, PICTURE, PAGE = (
-    "segments.csv",
-    "segments.json",
-    "annotation.png",
-    "report.html",
-)
+REPORT_FILES = SEGMENTS, PICTURE, PAGE = ("segments.csv", "annotation.png", "report.html")
 
 _SCORE_WORDS = {
     "cost": "The score is the fraction of features that agree with the class's motion template along the segment;",
@@ -46,7 +41,7 @@ def write_report(
     folder: str | Path,
     truth: Sequence[Segment] | None = None,
 ) -> dict[str, Scores]:
-    """Write segments.csv, segments.json, annotation.png and report.html into a folder.
+    """Write segments.csv, annotation.png and report.html into a folder.
 
     Parameters
     ----------
@@ -66,8 +61,7 @@ def write_report(
     folder = Path(folder)
     scores = {} if truth is None else score(annotation, truth)
     rows = [(f"{s.start:.3f}", f"{s.end:.3f}", shown(s.label, "table"), f"{s.score:.4f}") for s in annotation.segments]
-    save_csv(folder / SEGMENTS_CSV, COLUMNS, rows)
-    save_json(folder / SEGMENTS_JSON, _as_json(annotation, scores))
+    save_csv(folder / SEGMENTS, COLUMNS, rows)
     drawn = png_of(plot_annotation(annotation, truth))
     save_bytes(folder / PICTURE, drawn)
     save_text(folder / PAGE, _page(annotation, truth, scores, drawn))
@@ -152,20 +146,6 @@ def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> 
 def _bars(axes: Any, segments: Sequence[Segment], label: str, centre: float, colour: str) -> None:
     spans = [(segment.start, segment.end - segment.start) for segment in segments if segment.label == label]
     axes.broken_barh(spans, (centre - 0.18, 0.36), color=colour)
-
-
-def _as_json(annotation: Annotation, scores: dict[str, Scores]) -> dict[str, Any]:
-    return {
-        "name": annotation.name,
-        "seconds": annotation.frames.shape[1] / annotation.frame_rate,
-        "frame_rate": annotation.frame_rate,
-        "thresholds": dict(zip(annotation.labels, annotation.thresholds, strict=True)),
-        "segments": [{"start": s.start, "end": s.end, "label": s.label, "score": s.score} for s in annotation.segments],
-        "too_long": list(annotation.too_long),
-        "scores": {
-            name: {"precision": value.precision, "recall": value.recall, "f": value.f} for name, value in scores.items()
-        },
-    }
 
 
 def _page(annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], drawn: bytes) -> str:

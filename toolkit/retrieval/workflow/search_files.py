@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.io.display_names import shown
 from toolkit.io.errors import RetrievalError, UsageError
-from toolkit.io.files import save_csv, save_json
+from toolkit.io.files import save_csv
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK_COLUMNS
 from toolkit.retrieval.features.motion import Motion
@@ -127,15 +127,12 @@ def by_class(
 
 
 def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:
-    """Write results as CSV (label, document, start, end, cost; seconds) or, by the suffix, as JSON."""
-    rows = [{"label": report.label, **asdict(match)} for report in reports for match in report.matches]
-    if Path(path).suffix.lower() == ".json":
-        save_json(path, rows)
-        return
+    """Write results as CSV: label, document, start, end, cost; seconds."""
     if Path(path).suffix.lower() != ".csv":
-        raise UsageError(f"results cannot be written as {Path(path).name!r}; give a name that ends in .csv or .json")
+        raise UsageError(f"results cannot be written as {Path(path).name!r}; give a name that ends in .csv")
+    rows = [(report.label, *astuple(match)) for report in reports for match in report.matches]
     save_csv(
         path,
         ("label", "document", "start", "end", "cost"),
-        ([f"{v:.4f}" if isinstance(v, float) else shown(v, "table") for v in row.values()] for row in rows),
+        ([f"{v:.4f}" if isinstance(v, float) else shown(v, "table") for v in row] for row in rows),
     )
