@@ -90,7 +90,7 @@ def test_the_solver_with_a_vertical_is_the_least_squares_one():
     rng = np.random.default_rng(3)
     mountings = random_turns(rng, 2)
     segments = [replace(strand_of(rng, solvers.yaw(0.7), mountings[k], 150, noise=3.0), sensor=k) for k in range(2)]
-    psis, found, cost = solvers.heading(segments, 1, 2)
+    psis, found = solvers.heading(segments, 1, 2)
     scale = float(solvers.SCALES[-1])
 
     def left(x):
@@ -103,8 +103,6 @@ def test_the_solver_with_a_vertical_is_the_least_squares_one():
 
     best = least_squares(left, np.array([0.7, 0, 0, 0, 0, 0, 0]))
     assert abs(np.degrees(psis[0] - best.x[0])) < 0.1
-    left_over = np.concatenate([solvers.residuals(s, solvers.yaw(psis[0]), found[k]) for k, s in enumerate(segments)])
-    np.testing.assert_allclose(cost, solvers.cost_of(left_over, scale), rtol=1e-6)
     for k in range(2):
         expected = quat.multiply(mountings[k], quat.exponential(best.x[1 + 3 * k : 4 + 3 * k]))
         assert np.degrees(quat.angle(found[k], expected)) < 0.2
@@ -116,7 +114,7 @@ def test_a_calibration_without_noise_is_exact_for_every_offset(seed):
     rng = np.random.default_rng(seed)
     psi, mounting = rng.uniform(-np.pi, np.pi), random_turns(rng, 1)[0]
     segment = strand_of(rng, solvers.yaw(psi), mounting, count=40)
-    psis, found, _ = solvers.heading([segment], 1, 1)
+    psis, found = solvers.heading([segment], 1, 1)
     assert np.degrees(quat.angle(solvers.yaw(psis[0]), solvers.yaw(psi))) < 1e-3
     assert np.degrees(quat.angle(found[0], mounting)) < 1e-3
     assert abs(solvers.heading_given([segment], mounting[None]) - psis[0]) % (2 * np.pi) < 1e-3
@@ -247,7 +245,5 @@ def test_the_vertical_of_all_sequences_starts_a_calibration(seed):
         SynchronisedSegment(0, g, quat.multiply(quat.multiply(solvers.yaw(psi), own), mounting), own)
         for g, (psi, own) in enumerate(zip(psis, tracked, strict=True))
     ]
-    headings, mountings = solvers.by_vertical(segments, 4, 1)
-    assert np.degrees(quat.angle(mountings[0], mounting)) < 1e-3
-    for psi, found in zip(psis, headings, strict=True):
+    for psi, found in zip(psis, solvers.by_vertical(segments, 4, 1), strict=True):
         assert np.degrees(quat.angle(solvers.yaw(psi), solvers.yaw(found))) < 1e-2

@@ -144,10 +144,10 @@ def _by_heading(
             own = [s for s in segments if s.sensor == k]
             numbers = sorted({s.group for s in own})
             local = [replace(s, sensor=0, group=numbers.index(s.group)) for s in own]
-            found, mounting, _ = solvers.heading(local, len(numbers), 1)
+            found, mounting = solvers.heading(local, len(numbers), 1)
             psis[numbers], mountings[k] = found, mounting[0]
     else:
-        psis, mountings, _ = solvers.heading(segments, groups, len(limbs))
+        psis, mountings = solvers.heading(segments, groups, len(limbs))
     worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
     for segment, i in zip(segments, owners, strict=True):
         worlds[i][limbs[segment.sensor]] = quat.multiply(UPRIGHT, solvers.yaw(psis[segment.group]))

@@ -15,7 +15,7 @@ from toolkit.body.rotations import quaternions as quat
 
 SCALES = np.radians([40.0, 28.0, 20.0, 14.0, 10.0])
 """Scale of the weights, narrower and narrower, radians: ten degrees is what soft tissue and a good track differ by."""
-ROUNDS = 3
+ROUNDS = 8
 """Iterations at each scale."""
 START_HEADINGS: np.ndarray = np.arange(12) * (2.0 * np.pi / 12)
 """Initial headings, radians, 30 degrees apart."""
@@ -91,30 +91,24 @@ def yaw(psi: float) -> np.ndarray:
     return quat.exponential([0.0, psi, 0.0])
 
 
-def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return headings (groups,) and mountings (sensors, 4) of segments whose worlds both have y up, and the cost.
+def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return headings (groups,) and mountings (sensors, 4) of segments whose worlds both have y up.
 
     `q_I = yaw(psi_group) q_T q_L_sensor`. Given the headings a mounting is a weighted chordal mean; given the mountings
-    a heading has a closed form. Each start fixes the first heading, and the others follow through shared sensors. One
-    more start aligns the vertical of all segments, without a heading. The best starts at the widest scale are refined.
+    a heading has a closed form. The headings of `by_vertical` are the start.
     """
-    rough_rows = 120  # frames per segment for the comparison of the starts
+    rough_rows = 120  # frames per segment until the last scale
     rough = [segment.thinned(rough_rows) for segment in segments]
-    starts = [_spread(rough, groups, sensors, psi) for psi in START_HEADINGS]
-    starts.append(by_vertical(rough, groups, sensors))
-    tried = sorted(
-        (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
-        key=lambda found: found[2],
-    )
-    finalists = 3  # starts that are refined to the narrowest scale
-    ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(ROUNDS)) for found in tried[:finalists])
-    best = min(ends, key=lambda found: found[2])[:2]
+    psis, mountings = by_vertical(rough, groups, sensors), np.tile(quat.IDENTITY, (sensors, 1))
+    for k in {s.sensor for s in rough}:
+        mountings[k] = _mounting([(s, np.ones(len(s.inertial))) for s in rough if s.sensor == k], psis)
+    best = _alternated(rough, sensors, (psis, mountings), SCALES.repeat(ROUNDS))
     last_rounds = 12  # iterations at the last scale
     return _alternated(segments, sensors, best, SCALES[-1:].repeat(last_rounds))
 
 
 def heading_given(segments: Sequence[SynchronisedSegment], mountings: np.ndarray) -> float:
-    """Return the common heading of segments with known mountings (sensors, 4), robustly, from all starts."""
+    """Return the common heading of segments with known mountings (sensors, 4), robustly, from twelve starts."""
     difference = [
         quat.multiply(quat.multiply(s.inertial, quat.conjugate(mountings[s.sensor])), quat.conjugate(s.tracked))
         for s in segments
@@ -133,8 +127,8 @@ def heading_given(segments: Sequence[SynchronisedSegment], mountings: np.ndarray
 
 def _alternated(
     segments: Sequence[SynchronisedSegment], sensors: int, start: tuple[np.ndarray, np.ndarray], scales: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return headings and mountings after alternating updates at each scale, and the cost at the last scale."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return headings and mountings after alternating updates at each scale."""
     psis, mountings = start[0].copy(), start[1].copy()
     groups = len(psis)
     for scale in scales:
@@ -148,38 +142,11 @@ def _alternated(
             if own:
                 turns = [_turns(s, mountings[s.sensor]) for s, _ in own]
                 psis[g] = _heading_of(np.concatenate(turns), np.concatenate([w for _, w in own]))
-    angles = np.concatenate([residuals(s, yaw(psis[s.group]), mountings[s.sensor]) for s in segments])
-    return psis, mountings, cost_of(angles, scales[-1])
+    return psis, mountings
 
 
-def _spread(
-    segments: Sequence[SynchronisedSegment], groups: int, sensors: int, start: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return initial headings and mountings: `start` for the first group, the others through shared sensors."""
-    psis, mountings = np.full(groups, np.nan), np.full((sensors, 4), np.nan)
-    for _ in range(groups + sensors):
-        for s in segments:
-            if np.isnan(psis[s.group]) and np.isfinite(mountings[s.sensor, 0]):
-                turns = _turns(s, mountings[s.sensor])
-                psis[s.group] = _heading_of(turns, np.ones(len(turns)))
-            if np.isfinite(psis[s.group]) and np.isnan(mountings[s.sensor, 0]):
-                mountings[s.sensor] = _mounting([(s, np.ones(len(s.inertial)))], psis)
-        open_groups = [s.group for s in segments if np.isnan(psis[s.group])]
-        if not open_groups:
-            break
-        if all(np.isnan(mountings[s.sensor, 0]) for s in segments if np.isnan(psis[s.group])):
-            psis[open_groups[0]] = start
-    return np.nan_to_num(psis), np.where(np.isnan(mountings), quat.IDENTITY, mountings)
-
-
-def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return headings and mountings that align the measured vertical with the limbs' vertical, robustly.
-
-    Returns
-    -------
-    psis : float64 (groups,), radians about the vertical
-    mountings : quaternions (sensors, 4)
-    """
+def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> np.ndarray:
+    """Return headings (groups,), radians, with mountings that align the measured vertical with the limbs', robustly."""
     psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (sensors, 1))
     for k in {s.sensor for s in segments}:
         own = [s for s in segments if s.sensor == k]
@@ -192,7 +159,7 @@ def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: i
             weights = weights_of(np.arccos(np.clip(cosine, -1.0, 1.0)), float(scale))
     for g in {s.group for s in segments}:
         psis[g] = heading_given([s for s in segments if s.group == g], mountings)
-    return psis, mountings
+    return psis
 
 
 def _verticals(orientations: np.ndarray) -> np.ndarray:
