@@ -13,7 +13,6 @@ from __future__ import annotations
 import atexit
 import contextlib
 import hashlib
-import importlib
 import json
 import logging
 import os
@@ -33,7 +32,6 @@ try:
     import numba
     from numba.core import caching
     from numba.core import config as numba_config
-    from numba.np import linalg
 except ValueError as error:
     from toolkit.io.errors import UsageError
 
@@ -223,19 +221,6 @@ def _cache_file(usual: Callable[..., Any]) -> Callable[..., Any]:
     return file
 
 
-def _import_without_scipy() -> None:
-    """Import the parts of Numba that import SciPy for the check that it exists.
-
-    Numba checks again where it compiles products of matrices, which no kernel contains. The import takes 0.1 s and
-    16 MB.
-    """
-    usual, linalg.ensure_blas = linalg.ensure_blas, lambda: None
-    try:
-        importlib.import_module("numba.np.arraymath")
-    finally:
-        linalg.ensure_blas = usual
-
-
 def install() -> None:
     """Make Numba compile for the portable processor and use this cache for functions of this package.
 
@@ -243,7 +228,6 @@ def install() -> None:
     """
     if config.CPU_NAME is None and (name := portable_cpu()) is not None:
         config.CPU_NAME, config.CPU_FEATURES = name, ""
-    _import_without_scipy()
     impl: Any = caching.CompileResultCacheImpl
     impl._locator_classes = [KernelLocator, *impl._locator_classes]
     caching.IndexDataCacheFile = _cache_file(caching.IndexDataCacheFile)  # type: ignore[assignment, misc]
