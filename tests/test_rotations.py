@@ -110,8 +110,6 @@ def test_compiled_rotations_are_those_of_scipy() -> None:
     found = np.empty_like(vectors)
     compiled.turned_vectors(yaws, vectors, found)
     assert found == pytest.approx((about(1, yaws) * Rotation.from_rotvec(vectors)).as_rotvec(), abs=1e-12)
-    expected = Rotation.from_euler("xy", [0.35, -2.0]).as_rotvec()
-    assert compiled.leaning_and_turned(0.35, -2.0) == pytest.approx(expected, abs=1e-12)
 
 
 def test_facing_is_perpendicular_to_the_left_axes_of_hips_and_chest() -> None:

@@ -27,14 +27,6 @@ def of_vector(vector: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def about_axis(axis: int, angle: float, out: np.ndarray) -> None:
-    """Write the quaternion of an angle about a coordinate axis, 0 to 2, into `out` (4,)."""
-    out[:] = 0.0
-    out[axis] = np.sin(angle / 2.0)
-    out[3] = np.cos(angle / 2.0)
-
-
-@njit(cache=True)
 def compose(p: np.ndarray, q: np.ndarray, out: np.ndarray) -> None:
     """Write the product of two quaternions into `out`, which may be one of them."""
     x = p[3] * q[0] + q[3] * p[0] + (p[1] * q[2] - p[2] * q[1])
@@ -97,17 +89,6 @@ def turned_vectors(yaws: np.ndarray, vectors: np.ndarray, out: np.ndarray) -> No
         compose(turn, q, q)
         normalise(q)
         to_vector(q, out[n])
-
-
-@njit(cache=True)
-def leaning_and_turned(leaning: float, yaw: float) -> np.ndarray:
-    """Return the rotation vector (3,) of an angle about x followed by one about y, radians."""
-    lean, turn, out = np.empty(4), np.empty(4), np.empty(3)
-    about_axis(0, leaning, lean)
-    about_axis(1, yaw, turn)
-    compose(turn, lean, lean)
-    to_vector(lean, out)
-    return out
 
 
 @njit(cache=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.kernels import linear, quaternions
+from toolkit.kernels import linear
 from toolkit.kernels.fit import aiming
 from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_of_both_arms, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
@@ -29,9 +29,11 @@ def standing_pose(upper: UpperBody, head: np.ndarray) -> np.ndarray:
 
     The person faces the camera.
     """
+    from scipy.spatial.transform import Rotation
+
     hanging = 1.1  # angle of hanging arms from the T-pose before inverse kinematics, radians
     pose = np.zeros(skeleton.POSE_SIZE)
-    pose[skeleton.ROOT_ROTATION] = quaternions.leaning_and_turned(0.0, math.atan2(-head[0], -head[2]))
+    pose[skeleton.ROOT_ROTATION] = Rotation.from_euler("y", math.atan2(-head[0], -head[2])).as_rotvec()
     for side, sign in zip(skeleton.SIDES, (-1.0, 1.0), strict=True):
         pose[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * hanging
     pose[skeleton.ROOT_POSITION] = head - crown_of(upper, pose)
