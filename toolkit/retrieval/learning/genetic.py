@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import accumulate, combinations, pairwise
 from math import ceil, floor
 
@@ -270,23 +269,18 @@ Observer = Callable[[int, Sequence[Individual]], None]
 """Callback with the number of the generation, from 0, and its population, the best first."""
 
 
-@dataclass(frozen=True)
-class Scored:
-    """Individual with its fitness; smaller is better in sort order.
+Ranking = list[tuple[tuple[float, int, int], Individual]]
+"""Individuals with their fitness and generality, the best first."""
+
+
+def ranked(training: TrainingSet, individuals: Iterable[Individual], known: Ranking | None = None) -> Ranking:
+    """Rank individuals, together with those of a `known` ranking.
 
     Among equally fit individuals the more general one is better, because training data cannot distinguish them and each
     extra entry may exclude another person. Not part of the thesis.
     """
-
-    individual: Individual
-    fitness: float
-
-    @cached_property
-    def _merit(self) -> tuple[float, int, int]:
-        return self.fitness, *self.individual.generality
-
-    def __lt__(self, other: Scored) -> bool:
-        return self._merit > other._merit
+    found = [((training.quality(member).fitness, *member.generality), member) for member in individuals]
+    return sorted([*(known or ()), *found], key=lambda entry: entry[0], reverse=True)
 
 
 def evolve(
@@ -298,19 +292,15 @@ def evolve(
 ) -> Individual:
     """Run Algorithm 3 and return the best individual after all generations."""
     breeder = Breeder(template, rng)
-
-    def scored(individual: Individual) -> Scored:
-        return Scored(individual, training.quality(individual).fitness)
-
-    population = sorted(scored(breeder.individual()) for _ in range(settings.population))
+    population = ranked(training, [breeder.individual() for _ in range(settings.population)])
     for generation in range(settings.generations):
         if observe is not None:
-            observe(generation, [member.individual for member in population])
-        fitness = np.array([member.fitness for member in population])
-        parents = [population[i].individual for i in sampled_universally(fitness, settings.parents, rng)]
+            observe(generation, [member for _, member in population])
+        fitness = np.array([merit[0] for merit, _ in population])
+        parents = [population[i][1] for i in sampled_universally(fitness, settings.parents, rng)]
         offspring = [breeder.mutated(breeder.recombined(a, b)) for a, b in combinations(parents, 2)]
-        population = sorted([*population, *map(scored, offspring)])[: settings.population]
-    return population[0].individual
+        population = ranked(training, offspring, population)[: settings.population]
+    return population[0][1]
 
 
 def tightened(documents: TrainingSet, individual: Individual) -> Individual:
@@ -339,14 +329,11 @@ def _with_greatest(individual: Individual, k: int, greatest: int) -> Individual:
 
 def with_best_distances(
     training: TrainingSet, breeder: Breeder, keyframes: Sequence[PlacedKeyframe], settings: GeneticSettings
-) -> Scored:
+) -> Individual:
     """Find distances for fixed keyframes in the same manner: Algorithm 2 for a start, then only their mutation."""
-
-    def scored(individual: Individual) -> Scored:
-        return Scored(individual, training.quality(individual).fitness)
-
-    survivors = sorted(scored(breeder.assembled(keyframes)) for _ in range(settings.population))[: settings.parents]
+    first = ranked(training, [breeder.assembled(keyframes) for _ in range(settings.population)])
+    survivors = first[: settings.parents]
     for _ in range(settings.generations):
-        offspring = [breeder.with_other_distances(member.individual) for member in survivors]
-        survivors = sorted([*survivors, *map(scored, offspring)])[: settings.parents]
-    return survivors[0]
+        offspring = [breeder.with_other_distances(member) for _, member in survivors]
+        survivors = ranked(training, offspring, survivors)[: settings.parents]
+    return survivors[0][1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass, field, replace
 from typing import Any
 
@@ -22,9 +22,9 @@ from toolkit.retrieval.learning.genetic import (
     Individual,
     PlacedKeyframe,
     Quality,
-    Scored,
     TrainingSet,
     evolve,
+    ranked,
     tightened,
     with_best_distances,
 )
@@ -222,19 +222,17 @@ def _learned(
     """Extract the most frequent keyframes of the runs in several ways, and rank them and the runs' results."""
     breeder = Breeder(template, rng)
     extracted = [
-        with_best_distances(training, breeder, keyframes, settings.genetic).individual
+        with_best_distances(training, breeder, keyframes, settings.genetic)
         for keyframes in frequent_keyframes(solutions, len(template))
     ]
-    ranked = _ranked([*extracted, *solutions], comparison)
-    tight = _ranked([tightened(comparison, candidate) for candidate in ranked], comparison)
-    return LearnedQuery(label, ranked, tight, training.quality(ranked[0]), template)
+    candidates = _ranked([*extracted, *solutions], comparison)
+    tight = _ranked([tightened(comparison, candidate) for candidate in candidates], comparison)
+    return LearnedQuery(label, candidates, tight, training.quality(candidates[0]), template)
 
 
-def _ranked(candidates: Sequence[Individual], comparison: TrainingSet) -> tuple[Individual, ...]:
+def _ranked(candidates: Iterable[Individual], comparison: TrainingSet) -> tuple[Individual, ...]:
     """Return distinct candidates, the best first."""
-    different = dict.fromkeys(candidates)
-    scored = sorted(Scored(candidate, comparison.quality(candidate).fitness) for candidate in different)
-    return tuple(member.individual for member in scored)
+    return tuple(member for _, member in ranked(comparison, dict.fromkeys(candidates)))
 
 
 def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, np.ndarray]:
