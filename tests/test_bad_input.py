@@ -150,7 +150,7 @@ OUT_OF_RANGE: dict[str, str] = {
     "demo --output table.csv": "choose another folder",
     "render run --output f.webm --rate inf": "frames a second",
     "render run --output f.webm --rate nan": "frames a second",
-    "track take.npz --database poses.npz --output o --depth-unit 0": "--depth-unit is 0.0",
+    "track take.npz --database poses.npz --output o --depth-unit 0": "--depth-unit is '0'",
     "track take.npz --database poses.npz --output o --set seed=-1": "seed is -1",
     "track take.npz --config swarm --output o --set seed=-1": "seed is -1",
     "track take.npz --config lopez2011 --output o --set seed=-1": "seed is -1",

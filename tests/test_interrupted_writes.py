@@ -28,7 +28,7 @@ from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 
 WRITTEN = (
     "pose database", "motion classes", "keyframe index", "track npz", "run json", "tracker state", "body npz",
-    "recording npz", "sensors npz", "sensors csv", "sensor calibration json",
+    "recording npz", "sensors npz", "sensor calibration json",
 )  # fmt: skip
 """Formats that the project writes."""
 PICTURE = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
