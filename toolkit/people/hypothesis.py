@@ -38,8 +38,8 @@ def possible_height(place: np.ndarray, floor: float | None) -> bool:
 def person_score(peak: float, odds: float) -> float:
     """Return the log-odds of a person at a head, of its largest log-odds of a head and its mean log-odds of a person.
 
-    A logistic regression over the peaks of held-out simulated images, whose offset is 0. Motionless objects of real
-    rooms have up to 0.2 (`um`, `lab1_cam1`, `lab1_cam2`).
+    A logistic regression on held-out simulated images (`training.fit_person_score`), whose offset is 0. Motionless
+    objects of real rooms have up to 0.2 (`um`, `lab1_cam1`, `lab1_cam2`).
     """
     per_peak, per_odds, offset = 1.7, 0.25, -0.25
     return per_peak * peak + per_odds * odds + offset
