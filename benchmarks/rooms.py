@@ -149,7 +149,7 @@ def load_run(run: Path) -> list[RoomTrack]:
 
 
 def heads_alone(name: str, rooms: Path) -> list[RoomTrack]:
-    """Return the heads that are found in each annotated frame alone, as tracks of one frame whose joints are the head."""
+    """Return the heads found in each annotated frame alone, as tracks of one frame; all joints are the head."""
     truth, tracks = annotations_of(name), []
     recording = open_recording(rooms / name, intrinsics=tuple(truth["intrinsics"]))
     for frame in map(int, truth["frames"]):

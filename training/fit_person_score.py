@@ -1,8 +1,8 @@
 """Fit the weights of the person score: `python -m training.fit_person_score HELD.npz`.
 
 HELD.npz holds images of `training.room_images` that were not trained on. Each candidate of the package's network is a
-true head if a head lies within `GATE` of it. A logistic regression of the candidate's peak and of the mean log-odds of
-its pixels gives the weights of `toolkit.people.hypothesis.person_score`.
+true head if a head lies within `ASIDE` and `ALONG` of it. A logistic regression of the candidate's peak and of the mean
+log-odds of its pixels gives the weights of `toolkit.people.hypothesis.person_score`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.sensing_settings import SensingSettings
 from training.room_images import FOCAL, HEIGHT, WIDTH
 
-GATE = 0.4
-"""Metres between a candidate, which lies on the surface, and the centre of a head."""
+ASIDE, ALONG = 0.2, 0.4
+"""Metres between a candidate, which lies on the surface, and the centre of a head: in the image plane, in depth."""
 LEAST = -3.0
 """Least log-odds of a candidate's peak."""
 
@@ -43,8 +43,8 @@ def candidates(depths: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.nd
             near = near_head(view, head.place) & view.foreground
             odds = network.log_odds(depth, coarse.camera)[near].mean(dtype=np.float64)
             rows.append((network.heads(depth, coarse.camera)[near].max(), odds))
-            away = np.linalg.norm(places[places[:, 2] > 0] - coarse.from_level(head.place[None]), axis=1)
-            truth.append(bool((away < GATE).any()))
+            away = np.abs(places[places[:, 2] > 0] - coarse.from_level(head.place[None]))
+            truth.append(bool(((np.hypot(away[:, 0], away[:, 1]) < ASIDE) & (away[:, 2] < ALONG)).any()))
     return np.array(rows, dtype=np.float64).reshape(-1, 2), np.array(truth, dtype=np.bool_)
 
 
