@@ -248,7 +248,7 @@ class FramePainter:
         if "side" in self.settings.panels and not self._pictures:
             entries.append(("measured points", style.CLOUD))
         if self._ground.carries:
-            entries.append(("the foot carries", style.CARRYING))
+            entries.append(("foot contact", style.CARRYING))
         places = style.flowed([style.width_of(text, size) + 2 * size for text, _ in entries], width, size)
         bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
         for (text, color), (line, x) in zip(entries, places, strict=True):
