@@ -44,7 +44,7 @@ class FakeTracker:
 
     stage_names = ("prepare", "fit")
     source_names = ("local", "database")
-    joints_wanted: Literal["none", "welcome", "required"] = "none"
+    joints_wanted: Literal["none", "required"] = "none"
     database = ""
 
     def __init__(

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.people.detection import find_heads, near_head
+from toolkit.people.detection import find_heads, peak_and_odds
 from toolkit.people.person_network import person_network
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP, Camera
@@ -40,9 +40,7 @@ def candidates(depths: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.nd
         depth = coarse.downsampled(depth_mm)
         view = coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
         for head in find_heads(view, coarse, network, LEAST):
-            near = near_head(view, head.place) & view.foreground
-            odds = network.log_odds(depth, coarse.camera)[near].mean(dtype=np.float64)
-            rows.append((network.heads(depth, coarse.camera)[near].max(), odds))
+            rows.append(peak_and_odds(view, coarse, head.place, network))
             away = np.abs(places[places[:, 2] > 0] - coarse.from_level(head.place[None]))
             truth.append(bool(((np.hypot(away[:, 0], away[:, 1]) < ASIDE) & (away[:, 2] < ALONG)).any()))
     return np.array(rows, dtype=np.float64).reshape(-1, 2), np.array(truth, dtype=np.bool_)

@@ -78,11 +78,19 @@ def _centre(view: View, coarse: CoarseCamera, classifier: PersonClassifier, row:
 
 def head_score(view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier) -> float | None:
     """Return the log-odds of a person with a head at a place (3,), level frame; None without foreground there."""
+    found = peak_and_odds(view, coarse, place, classifier)
+    return None if found is None else person_score(*found)
+
+
+def peak_and_odds(
+    view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier
+) -> tuple[float, float] | None:
+    """Return the largest log-odds of a head and the mean log-odds of a person around a place, see `head_score`."""
     near = near_head(view, place) & view.foreground
     if not near.any():
         return None
     peak = float(classifier.heads(view.depth, coarse.camera)[near].max())
-    return person_score(peak, float(classifier.log_odds(view.depth, coarse.camera)[near].mean(dtype=np.float64)))
+    return peak, float(classifier.log_odds(view.depth, coarse.camera)[near].mean(dtype=np.float64))
 
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:

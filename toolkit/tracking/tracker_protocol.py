@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from toolkit.tracking.sightings import PersonSightings
     from toolkit.tracking.trajectory_choice import TrajectoryStore
 
-Wanted = Literal["none", "offered", "welcome", "required"]
+Wanted = Literal["none", "offered", "required"]
 
 
 class TrackerSettings(Protocol):
@@ -147,7 +147,7 @@ class Tracker(Protocol):
     source_names : of the hypotheses that can win, indexed by `FrameResult.source`
     learning_seconds : how long a person is seen before a body is learnt and the first row is written; 0 = no body is
     joints_wanted : use of image joints: "none" ignores them, "offered" uses those of the recording or the user,
-        "welcome" also detects them if possible, "required" needs them unless the user declines
+        "required" needs them unless the user declines
     """
 
     database: str

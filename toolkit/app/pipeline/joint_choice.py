@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from toolkit.io.errors import ModelError, RecordingError, UsageError
+from toolkit.io.errors import RecordingError, UsageError
 from toolkit.people.joint_masks import GivenJoints, JointSource, NoJoints
 from toolkit.recordings.joint_files import read_joints
 from toolkit.sensing.recording import Recording
 
 AUTO, COLOUR, DEPTH, NONE = "auto", "colour", "depth", "none"
 """Names of sources; any other text is the path of a folder."""
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -93,13 +90,7 @@ def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> Join
     from toolkit.people.image_joints.detected_joints import DetectedJoints
     from toolkit.people.image_joints.pose_model import PoseModel
 
-    try:
-        return DetectedJoints(PoseModel.load(), recording.camera, in_color=has_color and source != DEPTH)
-    except ModelError as error:
-        if source == AUTO and wanted == "welcome":
-            logger.info("%s: no joints in the image: %s", recording.name, error)
-            return NoJoints()
-        raise
+    return DetectedJoints(PoseModel.load(), recording.camera, in_color=has_color and source != DEPTH)
 
 
 def name_of(source: JointSource, recording: Recording) -> str:

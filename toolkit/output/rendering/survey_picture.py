@@ -12,8 +12,8 @@ from toolkit.people.description import FirstLook, largest_surface
 
 
 def picture(look: FirstLook) -> np.ndarray:
-    """Return an RGB picture, uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture with a
-    person's shape is ringed, pixels without a measurement are dark.
+    """Return an RGB picture, uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, pixels without a
+    measurement are dark.
     """
     import cv2
 
