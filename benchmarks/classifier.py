@@ -22,7 +22,6 @@ from toolkit.body.shape import subject_body
 from toolkit.database.canonical import canonicalise
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
-from toolkit.people.person_network import PersonNetwork, person_network
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -71,12 +70,12 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
     return next(iter(simulation.frames())), simulation
 
 
-def scored(network: PersonNetwork, kind: str, poses: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def scored(kind: str, poses: np.ndarray, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Return probabilities and truth of the pixels and surfaces of one view."""
     frame, simulation = view(kind, poses, rng)
     coarse = CoarseCamera(simulation.sensor.camera, np.array(DEFAULT_UP), SensingSettings())
     depth = coarse.downsampled(frame.depth)
-    odds = network.log_odds(depth, coarse.camera)
+    odds = coarse.person_odds(depth)
     pixels = np.flatnonzero(depth > 0)
     found = 1.0 / (1.0 + np.exp(-odds.ravel()[pixels].astype(np.float64)))
     truth = frame.person[:: coarse.step, :: coarse.step].ravel()[pixels] >= 0
@@ -107,8 +106,7 @@ def classifier(options: argparse.Namespace) -> tuple[str, Any]:
     """Draw views of all kinds and score them."""
     poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "empty": np.empty(0)}
     rng = np.random.default_rng([17, options.split == "report"])
-    network = person_network()
-    views = [scored(network, kind, own, rng) for kind, own in poses.items() for _ in range(options.views)]
+    views = [scored(kind, own, rng) for kind, own in poses.items() for _ in range(options.views)]
     columns = {name: np.concatenate([one[name] for one in views]) for name in views[0]}
     return f"classifier_{options.split}", {name: figures_of(columns, name) for name in ("pixel", "surface")}
 

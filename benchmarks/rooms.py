@@ -43,7 +43,6 @@ from toolkit.body.skeleton import REPORTED
 from toolkit.datasets.folder import data_folder
 from toolkit.landmarks.joint_network import OPPOSITE
 from toolkit.people.multi_person import MultiPersonFinder
-from toolkit.people.person_network import person_network
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.recordings.writer import RecordingWriter
@@ -153,7 +152,7 @@ def heads_alone(name: str, rooms: Path) -> list[RoomTrack]:
     truth, tracks = annotations_of(name), []
     recording = open_recording(rooms / name, intrinsics=tuple(truth["intrinsics"]))
     for frame in map(int, truth["frames"]):
-        finder = MultiPersonFinder(recording.camera, recording.up_camera, person_network())
+        finder = MultiPersonFinder(recording.camera, recording.up_camera)
         finder.follow(recording.depth(frame), 0.0)
         for person in finder.people:
             joints = np.tile(finder.coarse.from_level(person.head[None]), (len(REPORTED), 1))

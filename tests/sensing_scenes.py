@@ -1,6 +1,7 @@
 """Depth images of people, in a room or alone: the body by ray casting, floor and wall by analytic geometry."""
 
 from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,26 +22,23 @@ NO_HEAD = -6.0  # log-odds of a head where a fake classifier has none
 
 
 class ConstantOdds:
-    """Person classifier with the same log-odds for all measured pixels that counts its calls.
+    """Person network with the same log-odds for all measured pixels that counts its calls.
 
     The heads are those of the package's network; their log-odds are `peak`, the same as of pixels unless given.
     """
 
     def __init__(self, odds: float = 0.0, peak: float | None = None) -> None:
-        self.odds, self.peak, self.calls = odds, odds if peak is None else peak, 0
-        self._heads = person_network().heads
+        self.pixels, self.peak, self.calls = odds, odds if peak is None else peak, 0
+        self._real = person_network().odds
 
-    def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.log_odds`."""
+    def odds(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """See `PersonNetwork.odds`."""
         assert depth.shape == camera.shape
         self.calls += 1
-        return np.where(depth > 0, np.float32(self.odds), np.float32(0))
-
-    def heads(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.heads`."""
-        heads = self._heads(depth, camera)
+        _, heads = self._real(depth, camera)
         peaks = (heads > 0) & (heads == cv2.dilate(heads, np.ones((5, 5), np.uint8)))
-        return np.where(peaks, np.float32(self.peak), np.float32(NO_HEAD))
+        people = np.where(depth > 0, np.float32(self.pixels), np.float32(0))
+        return people, np.where(peaks, np.float32(self.peak), np.float32(NO_HEAD))
 
 
 @lru_cache(maxsize=1)
@@ -102,9 +100,11 @@ def scene(
     return depth.copy(), who.copy()
 
 
-def view_of(depth_mm: np.ndarray, camera: Camera = KINECT, up: np.ndarray | None = None) -> tuple[CoarseCamera, View]:
+def view_of(
+    depth_mm: np.ndarray, camera: Camera = KINECT, up: np.ndarray | None = None, network: Any = None
+) -> tuple[CoarseCamera, View]:
     """Return the coarse camera and a frame in which all measured pixels are foreground."""
-    coarse = CoarseCamera(camera, up_of_tilt(0.0) if up is None else up, SensingSettings())
+    coarse = CoarseCamera(camera, up_of_tilt(0.0) if up is None else up, SensingSettings(), network=network)
     depth = coarse.downsampled(depth_mm)
     return coarse, coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
 

@@ -11,7 +11,7 @@ from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE, REPORTED
 from toolkit.people.description import describe
 from toolkit.people.multi_person import MultiPersonFinder
-from toolkit.people.person_network import PersonNetwork, person_network
+from toolkit.people.person_network import PersonNetwork
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings
@@ -43,7 +43,7 @@ def truth_of(sighting, who):
 def test_each_segmented_person_gets_a_sighting(camera, count):
     people = ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6))[:count]
     depth, who = scene(camera, people)
-    sightings = MultiPersonFinder(camera, UP, person_network()).find(depth, 0.0, {})
+    sightings = MultiPersonFinder(camera, UP).find(depth, 0.0, {})
     assert [s.id for s in sightings] == list(range(1, count + 1))
     found = dict(truth_of(s, who) for s in sightings)
     assert sorted(found) == list(range(1, count + 1))
@@ -74,15 +74,15 @@ def squatting(shoulder: tuple[float, float], yaw: float) -> np.ndarray:
 @pytest.mark.parametrize("shoulder", [(-1.5, 0.3), (-1.5, 0.9), (-0.8, 0.9)])
 def test_raised_fists_on_one_surface_are_no_second_person(shoulder, yaw):
     depth = squatting(shoulder, yaw)
-    (sighting,) = MultiPersonFinder(KINECT, UP, person_network()).find(depth, 0.0, {})
+    (sighting,) = MultiPersonFinder(KINECT, UP).find(depth, 0.0, {})
     assert ((sighting.depth > 0) & (depth > 0)).sum() > 0.95 * (depth > 0).sum()
     turned = Camera(KINECT.fy, KINECT.fx, KINECT.cy, 319.0 - KINECT.cx, 240, 320)
-    assert len(MultiPersonFinder(turned, UP, person_network()).find(np.rot90(depth).copy(), 0.0, {})) == 1
+    assert len(MultiPersonFinder(turned, UP).find(np.rot90(depth).copy(), 0.0, {})) == 1
 
 
 def test_two_cut_out_people_shoulder_to_shoulder_are_two():
     depth, _ = scene(KINECT, ((-0.22, 2.5), (0.22, 2.5)))
-    assert len(MultiPersonFinder(KINECT, UP, person_network()).find(depth, 0.0, {})) == 2
+    assert len(MultiPersonFinder(KINECT, UP).find(depth, 0.0, {})) == 2
 
 
 @pytest.mark.parametrize("camera", [KINECT, TOF])
@@ -93,7 +93,7 @@ def test_holes_between_head_and_trunk_do_not_split_a_person(camera, gap):
     chin = np.flatnonzero((who > 0).any(axis=1))[0] + round(0.24 * pixels)
     depth[chin : chin + round(gap * pixels)] = 0
     alone = SinglePersonSegmenter(camera, None, SensingSettings(), UP)
-    for finder in (MultiPersonFinder(camera, UP, person_network()), alone):
+    for finder in (MultiPersonFinder(camera, UP), alone):
         (sighting,) = finder.find(depth, 0.0, {})
         assert ((sighting.depth > 0) & (depth > 0)).sum() > 0.98 * (depth > 0).sum()
 
@@ -101,13 +101,13 @@ def test_holes_between_head_and_trunk_do_not_split_a_person(camera, gap):
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_people_in_a_room_are_found_in_a_single_frame(tilt):
     depth, who = scene(KINECT, ((-0.6, 2.6), (0.6, 3.1)), tilt=tilt, height=1.5, wall=4.5, floor=True)
-    sightings = MultiPersonFinder(KINECT, up_of_tilt(tilt), person_network()).find(depth, 0.0, {})
+    sightings = MultiPersonFinder(KINECT, up_of_tilt(tilt)).find(depth, 0.0, {})
     assert sorted(truth_of(s, who)[0] for s in sightings) == [1, 2]
     assert min(truth_of(s, who)[1] for s in sightings) > 0.85, "all but the soles"
 
 
 def test_people_who_walk_in_an_unknown_room_keep_their_numbers_and_surfaces():
-    finder, room = MultiPersonFinder(KINECT, UP, person_network()), {"height": 1.5, "wall": 4.5, "floor": True}
+    finder, room = MultiPersonFinder(KINECT, UP), {"height": 1.5, "wall": 4.5, "floor": True}
     for k in range(12):
         depth, who = scene(KINECT, ((-0.6 + 0.02 * k, 2.6), (0.6, 3.1 - 0.02 * k)), **room)
         sightings = finder.find(depth, k / 30, {})
@@ -119,13 +119,13 @@ def test_people_who_walk_in_an_unknown_room_keep_their_numbers_and_surfaces():
 
 def test_an_empty_room_has_no_people():
     depth, _ = scene(KINECT, (), height=1.5, wall=4.0, floor=True)
-    finder = MultiPersonFinder(KINECT, UP, person_network())
+    finder = MultiPersonFinder(KINECT, UP)
     for k in range(5):
         assert finder.find(depth, k / 30, {}) == ()
 
 
 def test_identities_outlast_two_people_who_cross():
-    finder, seen = MultiPersonFinder(KINECT, UP, person_network()), []
+    finder, seen = MultiPersonFinder(KINECT, UP), []
     for k in range(40):
         shift = -0.9 + 1.8 * k / 39
         depth, who = scene(KINECT, ((shift, 2.3), (-shift, 3.2)))
@@ -137,7 +137,7 @@ def test_identities_outlast_two_people_who_cross():
 
 
 def test_a_returning_person_keeps_the_identity():
-    finder = MultiPersonFinder(KINECT, UP, person_network())
+    finder = MultiPersonFinder(KINECT, UP)
     there = scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
     alone = scene(KINECT, ((0.7, 2.9),))[0]
     ids = []
@@ -150,7 +150,7 @@ def test_a_returning_person_keeps_the_identity():
 @pytest.mark.parametrize(("others", "most", "kept"), [(1, 16, False), (0, 16, True), (1, 2, True)])
 def test_a_person_who_left_the_image_keeps_the_identity_if_no_other_can_enter(others, most, kept):
     """A person leaves and returns: beside another who stays, alone, and with at most two people."""
-    finder, ids = MultiPersonFinder(KINECT, UP, person_network(), most=most), []
+    finder, ids = MultiPersonFinder(KINECT, UP, most=most), []
     for k in range(75):
         since = min(k, 74 - k)
         walker = ((-0.9 - 0.1 * since, 2.4),) if since < 20 else ()
@@ -163,7 +163,7 @@ def test_a_person_who_left_the_image_keeps_the_identity_if_no_other_can_enter(ot
 @pytest.mark.parametrize("speed", [0.07, 0.12])
 def test_a_person_out_of_view_for_a_moment_keeps_the_identity(speed):
     """A person leaves the room's image, stands outside for 0.3 to 0.8 s, and returns at the same border."""
-    finder, ids = MultiPersonFinder(KINECT, UP, person_network()), []
+    finder, ids = MultiPersonFinder(KINECT, UP), []
     for k in range(-18, 19):
         x = 1.1 + speed * (18 - abs(k))
         depth, _ = scene(KINECT, ((x, 2.4),), wall=4.5, floor=True, height=1.5)
@@ -172,7 +172,7 @@ def test_a_person_out_of_view_for_a_moment_keeps_the_identity(speed):
 
 
 def test_a_second_person_who_enters_is_number_two_within_half_a_second():
-    finder = MultiPersonFinder(KINECT, UP, person_network())
+    finder = MultiPersonFinder(KINECT, UP)
     before, after = scene(KINECT, ((-0.6, 2.6),))[0], scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
     ids = [tuple(s.id for s in finder.find(before if k < 5 else after, k / 30, {})) for k in range(20)]
     assert ids[:5] == [(1,)] * 5 and ids[12:] == [(1, 2)] * 8
@@ -180,7 +180,7 @@ def test_a_second_person_who_enters_is_number_two_within_half_a_second():
 
 def test_a_restored_finder_goes_on_bit_for_bit():
     frames = [scene(KINECT, ((-0.6 + 0.05 * k, 2.3), (0.6 - 0.05 * k, 3.0)))[0] for k in range(12)]
-    finder, other = MultiPersonFinder(KINECT, UP, person_network()), MultiPersonFinder(KINECT, UP, person_network())
+    finder, other = MultiPersonFinder(KINECT, UP), MultiPersonFinder(KINECT, UP)
     for k in range(6):
         finder.find(frames[k], k / 20, {})
     other.restore_state(finder.export_state())
@@ -241,7 +241,7 @@ def test_single_frames_of_real_rooms_hold_the_right_number(data_folder, name, co
     camera = Camera(527.0, 533.0, 319.5, 239.5, 640, 480)
     for k in (0, 1):
         depth = cv2.imread(str(data_folder / "depth/pairs" / name / f"depth{k}.png"), cv2.IMREAD_UNCHANGED)
-        finder = MultiPersonFinder(camera, UP, person_network())
+        finder = MultiPersonFinder(camera, UP)
         assert len(finder.find((depth // 5).astype(np.uint16), 0.0, {})) == count
 
 
@@ -264,7 +264,7 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
     _, who = scene(KINECT, places, tilt=tilt, height=height)
 
     def overlaps(predicted):
-        finder, numbers = MultiPersonFinder(KINECT, up, person_network()), {}
+        finder, numbers = MultiPersonFinder(KINECT, up), {}
         for k in range(12):  # they approach each other
             share = min(k / 10, 1.0)
             now = tuple((x * (1 - share) * 3 + x * share, d) for x, d in places)
@@ -281,7 +281,7 @@ def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
 @pytest.mark.parametrize(("tilt", "height"), VIEWS)
 def test_a_confirmed_body_predicts_the_head(tilt, height):
     up, rotation = up_of_tilt(tilt), level_rotation(up_of_tilt(tilt))
-    finder, body = MultiPersonFinder(KINECT, up, person_network()), placed(0.0, 2.6, height, up)
+    finder, body = MultiPersonFinder(KINECT, up), placed(0.0, 2.6, height, up)
     depth, who = scene(KINECT, ((0.0, 2.6),), tilt=tilt, height=height)
     whole = depth.copy()
     finder.find(whole, 0.0, {})
@@ -291,7 +291,7 @@ def test_a_confirmed_body_predicts_the_head(tilt, height):
     finder.find(depth, 0.1, {1: leaning})
     (unknown,) = finder.people
     assert np.abs(unknown.expected(0.2) - rotation @ leaning.head).max() > 0.05, "nobody has seen that body's head"
-    finder = MultiPersonFinder(KINECT, up, person_network())
+    finder = MultiPersonFinder(KINECT, up)
     for k in range(2):
         finder.find(whole, k / 30, {1: body} if k else {})
     finder.find(depth, 0.1, {1: leaning})
@@ -309,7 +309,7 @@ def test_furniture_that_touches_a_person_is_separated_once_the_body_is_known():
     sees = CoarseCamera(KINECT, UP, SensingSettings())
     background = sees.downsampled(np.where(who | chair, 0, depth).astype(np.uint16))
     room = Surroundings(False, True, background, np.full(background.shape, 0.05, np.float32), background == 0)
-    finder = MultiPersonFinder(KINECT, UP, person_network(), room)
+    finder = MultiPersonFinder(KINECT, UP, room)
     without = finder.find(depth, 0.0, {})[0].depth > 0
     known = finder.find(depth, 0.03, {1: placed(0.0, 2.6)})[0].depth > 0
     assert (without & chair).sum() > 0.8 * chair.sum()
@@ -318,9 +318,7 @@ def test_furniture_that_touches_a_person_is_separated_once_the_body_is_known():
 
 
 def test_a_motionless_figure_is_furniture_if_the_network_rejects_it(tmp_path, monkeypatch):
-    classifier = ConstantOdds(-0.5)
-    monkeypatch.setattr(PersonNetwork, "log_odds", classifier.log_odds)
-    monkeypatch.setattr(PersonNetwork, "heads", classifier.heads)
+    monkeypatch.setattr(PersonNetwork, "odds", ConstantOdds(-0.5).odds)
     frames = [scene(KINECT, ((-0.8 + 0.05 * k, 2.4), (0.7, 3.2)), height=1.2, wall=4.0, floor=True) for k in range(20)]
     recording = recorded(tmp_path, [depth for depth, _ in frames])
     finder = find_people(recording)

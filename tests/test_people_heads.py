@@ -9,7 +9,6 @@ from tests.sensing_scenes import KINECT, NO_HEAD, ConstantOdds, neutral, scene, 
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE, REPORTED
 from toolkit.mocap.clip import PoseClip
 from toolkit.people.detection import HEAD_DISTANCE, Head, connected_surfaces, find_heads, head_score, large_enough
-from toolkit.people.person_network import person_network
 from toolkit.people.view import CoarseCamera, View
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import SimulatedPerson
@@ -21,7 +20,7 @@ HEAD = REPORTED.index("head")
 
 def people_in(view: View, coarse: CoarseCamera) -> list[Head]:
     """Return the heads that the network gives to people."""
-    return [head for head in find_heads(view, coarse, person_network()) if head.score > 0]
+    return [head for head in find_heads(view, coarse) if head.score > 0]
 
 
 def true_head(x: float, distance: float, height: float = 1.2) -> np.ndarray:
@@ -85,41 +84,37 @@ def test_a_head_outside_the_foreground_is_no_candidate():
     depth, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)), **ROOM)
     coarse, view = view_of(depth)
     second = replace(view, foreground=who[:: coarse.step, :: coarse.step] == 2)
-    (head,) = find_heads(second, coarse, person_network())
+    (head,) = find_heads(second, coarse)
     assert beside(head.place, true_head(0.7, 3.0)) < 0.1
-    assert head_score(second, coarse, head.place, person_network()) == head.score
-    assert head_score(second, coarse, true_head(-0.7, 2.6), person_network()) is None
+    assert head_score(second, coarse, head.place) == head.score
+    assert head_score(second, coarse, true_head(-0.7, 2.6)) is None
 
 
 class TwoPeaks:
-    """Person classifier with two peaks of heads in a row of the image, the left one higher."""
+    """Person network with two peaks of heads in a row of the image, the left one higher."""
 
     def __init__(self, row: int, columns: tuple[int, int]) -> None:
         self.row, self.columns = row, columns
 
-    def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.log_odds`."""
-        return np.where(depth > 0, np.float32(1), np.float32(0))
-
-    def heads(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.heads`."""
+    def odds(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """See `PersonNetwork.odds`."""
         peaks = np.full(depth.shape, NO_HEAD, dtype=np.float32)
         peaks[self.row, self.columns] = 3.0, 1.0
-        return peaks
+        return np.where(depth > 0, np.float32(1), np.float32(0)), peaks
 
 
 @pytest.mark.parametrize(("factor", "count"), [(0.7, 1), (1.4, 2)])
 def test_peaks_closer_than_two_heads_are_one_head(factor, count):
-    coarse, view = view_of(np.full(KINECT.shape, 2500, dtype=np.uint16))
-    apart = round(factor * HEAD_DISTANCE * coarse.camera.fx / 2.5)
-    heads = find_heads(view, coarse, TwoPeaks(50, (60, 60 + apart)))
+    apart = round(factor * HEAD_DISTANCE * KINECT.fx / 2 / 2.5)
+    coarse, view = view_of(np.full(KINECT.shape, 2500, dtype=np.uint16), network=TwoPeaks(50, (60, 60 + apart)))
+    heads = find_heads(view, coarse)
     assert len(heads) == count
     assert heads[0].place[0] == pytest.approx((60 - coarse.camera.cx) / coarse.camera.fx * 2.5, abs=0.01)
     assert [head.score for head in heads] == sorted((head.score for head in heads), reverse=True)
 
 
 class Sides(ConstantOdds):
-    """Person classifier with one score for the left half of the image and one for the right half."""
+    """Person network with one score for the left half of the image and one for the right half."""
 
     def __init__(self, left: float, right: float) -> None:
         super().__init__(right)
@@ -127,22 +122,19 @@ class Sides(ConstantOdds):
 
     def _by_side(self, values: np.ndarray) -> np.ndarray:
         left = np.arange(values.shape[1]) < values.shape[1] // 2
-        return np.where(left & (values == self.odds), np.float32(self.left), values)
+        return np.where(left & (values == self.pixels), np.float32(self.left), values)
 
-    def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.log_odds`."""
-        return self._by_side(super().log_odds(depth, camera))
-
-    def heads(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.heads`."""
-        return self._by_side(super().heads(depth, camera))
+    def odds(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """See `PersonNetwork.odds`."""
+        people, heads = super().odds(depth, camera)
+        return self._by_side(people), self._by_side(heads)
 
 
 @pytest.mark.parametrize(("odds", "people"), [(2.0, 2), (-1.0, 1)])
 def test_two_heads_have_two_surfaces_and_that_of_a_rejected_head_has_a_negative_score(odds, people):
     depth_mm, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)))
-    coarse, view = view_of(depth_mm)
-    heads = find_heads(view, coarse, Sides(odds, 3.0))
+    coarse, view = view_of(depth_mm, network=Sides(odds, 3.0))
+    heads = find_heads(view, coarse)
     assert [np.sign(head.place[0]) for head in heads] == [1, -1], "the most probable first"
     assert sum(head.score > 0 for head in heads) == people
     labels = connected_surfaces(view, coarse, [head.place for head in heads])

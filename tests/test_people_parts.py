@@ -95,15 +95,15 @@ def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are
 
 
 @pytest.mark.parametrize(("odds", "peak", "dropped"), [(1.0, 1.0, frozenset()), (-3.0, -1.0, frozenset({1}))])
-def test_a_track_is_furniture_after_repeated_rejections_by_the_classifier(odds, peak, dropped):
+def test_a_track_is_furniture_after_repeated_rejections_by_the_network(odds, peak, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
-    finder = MultiPersonFinder(KINECT, UP, ConstantOdds(odds, peak), room)
+    finder = MultiPersonFinder(KINECT, UP, room, network=ConstantOdds(odds, peak))
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
     assert furniture(finder.evidence) == dropped
     assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
-    again = MultiPersonFinder(KINECT, UP, ConstantOdds(odds, peak), room)
+    again = MultiPersonFinder(KINECT, UP, room, network=ConstantOdds(odds, peak))
     again.restore_state(finder.export_state())
     assert again.evidence == finder.evidence
 

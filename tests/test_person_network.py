@@ -28,7 +28,7 @@ def seen() -> tuple[np.ndarray, np.ndarray, Camera]:
 
 def test_pixels_of_a_person_have_higher_log_odds_than_the_room(seen: tuple[np.ndarray, np.ndarray, Camera]) -> None:
     depth, person, camera = seen
-    odds = person_network.person_network().log_odds(depth, camera)
+    odds, _ = person_network.person_network().odds(depth, camera)
     assert odds.dtype == np.float32 and odds.shape == depth.shape
     assert (odds[person] > 0).mean() > 0.9 and (odds[(depth > 0) & ~person] < 0).mean() > 0.9
 
@@ -38,15 +38,14 @@ def test_log_odds_are_multiples_of_a_step_and_those_of_people_are_zero_without_m
 ) -> None:
     depth, _, camera = seen
     holes = np.where(np.arange(depth.shape[1]) % 7 == 0, np.float32(0), depth)
-    network = person_network.person_network()
-    odds, heads = (output(holes, camera) / person_network.STEP for output in (network.log_odds, network.heads))
+    odds, heads = (image / person_network.STEP for image in person_network.person_network().odds(holes, camera))
     assert (odds[holes == 0] == 0).all() and np.array_equal(odds, np.rint(odds))
     assert heads[holes == 0].any() and np.array_equal(heads, np.rint(heads)) and heads.shape == depth.shape
 
 
 def test_the_log_odds_of_a_head_are_positive_at_the_head_alone(seen: tuple[np.ndarray, np.ndarray, Camera]) -> None:
     depth, person, camera = seen
-    heads = person_network.person_network().heads(depth, camera)
+    _, heads = person_network.person_network().odds(depth, camera)
     top = np.flatnonzero(person.any(axis=1))[0]
     head = np.zeros(person.shape, dtype=bool)
     head[: top + round(0.3 * camera.fy / 2.5)] = True  # metres from the crown to the chin of a tall adult
@@ -57,12 +56,12 @@ def test_a_person_is_found_by_cameras_of_other_sizes_and_focal_lengths(
     seen: tuple[np.ndarray, np.ndarray, Camera],
 ) -> None:
     depth, person, c = seen
-    found = person_network.person_network().log_odds
-    wide = found(depth[1:-5, 7:], Camera(c.fx, c.fy, c.cx - 7, c.cy - 1, c.width - 7, c.height - 6))
+    found = person_network.person_network().odds
+    wide, _ = found(depth[1:-5, 7:], Camera(c.fx, c.fy, c.cx - 7, c.cy - 1, c.width - 7, c.height - 6))
     assert (wide[person[1:-5, 7:]] > 0).mean() > 0.9
     # The same image by a camera of half the focal length: everything is half as far away.
-    half = found(depth * np.float32(0.5), Camera(0.5 * c.fx, 0.5 * c.fy, c.cx, c.cy, c.width, c.height))
-    assert np.abs(half - found(depth, c)).mean() < 0.05
+    half, _ = found(depth * np.float32(0.5), Camera(0.5 * c.fx, 0.5 * c.fy, c.cx, c.cy, c.width, c.height))
+    assert np.abs(half - found(depth, c)[0]).mean() < 0.05
 
 
 def test_features_follow_their_definition() -> None:
@@ -91,8 +90,8 @@ cv2.setNumThreads({threads})
 rng = np.random.default_rng(5)
 depth = np.where(rng.random((120, 160)) < 0.2, 0, rng.uniform(0.5, 6, (120, 160))).astype(np.float32)
 camera = Camera(140.0, 140.0, 79.5, 59.5, 160, 120)
-for output in (person_network().log_odds, person_network().heads):
-    print(hashlib.sha256(output(depth, camera).tobytes()).hexdigest())
+for image in person_network().odds(depth, camera):
+    print(hashlib.sha256(image.tobytes()).hexdigest())
 """
 
 

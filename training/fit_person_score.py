@@ -2,7 +2,7 @@
 
 HELD.npz holds images of `training.room_images` that were not trained on. Each candidate of the package's network is a
 true head if a head lies within `ASIDE` and `ALONG` of it. A logistic regression of the candidate's peak and of the mean
-log-odds of its pixels gives the weights of `toolkit.people.hypothesis.person_score`.
+log-odds of its pixels gives the weights of `toolkit.people.evidence.person_score`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.people.detection import find_heads, peak_and_odds
-from toolkit.people.person_network import person_network
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.sensing_settings import SensingSettings
@@ -34,13 +33,13 @@ def candidates(depths: np.ndarray, heads: np.ndarray) -> tuple[np.ndarray, np.nd
     heads : float32 (K, 8, 3), metres, camera frame, 0 without a person
     """
     camera = Camera(FOCAL, FOCAL, 0.5 * (WIDTH - 1), 0.5 * (HEIGHT - 1), WIDTH, HEIGHT)
-    coarse, network = CoarseCamera(camera, np.array(DEFAULT_UP), SensingSettings(), WIDTH), person_network()
+    coarse = CoarseCamera(camera, np.array(DEFAULT_UP), SensingSettings(), WIDTH)
     rows, truth = [], []
     for depth_mm, places in zip(depths, heads, strict=True):
         depth = coarse.downsampled(depth_mm)
         view = coarse.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
-        for head in find_heads(view, coarse, network, LEAST):
-            rows.append(peak_and_odds(view, coarse, head.place, network))
+        for head in find_heads(view, coarse, LEAST):
+            rows.append(peak_and_odds(view, coarse, head.place))
             away = np.abs(places[places[:, 2] > 0] - coarse.from_level(head.place[None]))
             truth.append(bool(((np.hypot(away[:, 0], away[:, 1]) < ASIDE) & (away[:, 2] < ALONG)).any()))
     return np.array(rows, dtype=np.float64).reshape(-1, 2), np.array(truth, dtype=np.bool_)

@@ -8,7 +8,6 @@ import numpy as np
 
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.multi_person import MultiPersonFinder
-from toolkit.people.person_network import person_network
 from toolkit.people.plausibility import Concern, plausibility
 from toolkit.people.sighting import Sighting
 from toolkit.people.surroundings import Surroundings
@@ -52,7 +51,7 @@ def describe(recording: Recording, sensing: SensingSettings | None = None) -> Fi
     """
     sensing = sensing or SensingSettings()
     surroundings = survey(recording, sensing)
-    finder = MultiPersonFinder(recording.camera, recording.up_camera, person_network(), surroundings, sensing)
+    finder = MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing)
     first_seconds = 3.0
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + first_seconds))
     frames = 45  # maximum number of examined frames

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.kernels.image.growth import FAR, grow, mark_near, mark_seeds
-from toolkit.people.hypothesis import PersonClassifier, person_score
+from toolkit.people.evidence import person_score
 from toolkit.people.view import CoarseCamera, View
 
 HEAD_DISTANCE = 0.25  # m between two heads, shoulder to shoulder and cheek to cheek
@@ -34,7 +34,7 @@ LEAST_PEAK = -1.2
 """Log-odds of a head below which a peak is no candidate: annotated real rooms have 2.5 false ones in a frame."""
 
 
-def find_heads(view: View, coarse: CoarseCamera, classifier: PersonClassifier, least: float = LEAST_PEAK) -> list[Head]:
+def find_heads(view: View, coarse: CoarseCamera, least: float = LEAST_PEAK) -> list[Head]:
     """Return the head candidates in the foreground of a frame, the most probable first, `HEAD_DISTANCE` apart.
 
     `least` is the smallest log-odds of a head at a candidate.
@@ -42,21 +42,21 @@ def find_heads(view: View, coarse: CoarseCamera, classifier: PersonClassifier, l
     import cv2
 
     around = 2  # pixels of the network that a peak exceeds: both cells beside it
-    peaks = classifier.heads(view.depth, coarse.camera)
+    peaks = coarse.head_odds(view.depth)
     largest = cv2.dilate(peaks, np.ones((2 * around + 1, 2 * around + 1), np.uint8))
     rows, columns = np.nonzero((peaks == largest) & (peaks >= least))
     heads: list[Head] = []
     for k in np.argsort(-peaks[rows, columns], kind="stable"):
-        place = _centre(view, coarse, classifier, int(rows[k]), int(columns[k]))
+        place = _centre(view, coarse, int(rows[k]), int(columns[k]))
         if place is None or any(((place - other.place) ** 2).sum() < HEAD_DISTANCE**2 for other in heads):
             continue
-        score = head_score(view, coarse, place, classifier)
+        score = head_score(view, coarse, place)
         if score is not None:
             heads.append(Head(place, score))
     return sorted(heads, key=lambda head: -head.score)
 
 
-def _centre(view: View, coarse: CoarseCamera, classifier: PersonClassifier, row: int, column: int) -> np.ndarray | None:
+def _centre(view: View, coarse: CoarseCamera, row: int, column: int) -> np.ndarray | None:
     """Return the place (3,) of a head whose centre is at a pixel, level frame; None without foreground around it."""
     side = 4  # pixels around the centre: a head at 6 m
     rows, columns = view.depth.shape
@@ -69,28 +69,26 @@ def _centre(view: View, coarse: CoarseCamera, classifier: PersonClassifier, row:
     v, u = np.mgrid[window]
     aside = np.hypot(v - row, u - column) * np.median(depth[measured]) / coarse.camera.fx
     near = measured & (aside < SEED_RADIUS)
-    likely = near & (classifier.log_odds(view.depth, coarse.camera)[window] > 0)
+    likely = near & (coarse.person_odds(view.depth)[window] > 0)
     chosen = next(mask for mask in (likely, near, measured) if mask.any())
     z = float(np.median(depth[chosen]))
     camera = coarse.camera
     return coarse.to_level(np.array([[(column - camera.cx) / camera.fx * z, (row - camera.cy) / camera.fy * z, z]]))[0]
 
 
-def head_score(view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier) -> float | None:
+def head_score(view: View, coarse: CoarseCamera, place: np.ndarray) -> float | None:
     """Return the log-odds of a person with a head at a place (3,), level frame; None without foreground there."""
-    found = peak_and_odds(view, coarse, place, classifier)
+    found = peak_and_odds(view, coarse, place)
     return None if found is None else person_score(*found)
 
 
-def peak_and_odds(
-    view: View, coarse: CoarseCamera, place: np.ndarray, classifier: PersonClassifier
-) -> tuple[float, float] | None:
+def peak_and_odds(view: View, coarse: CoarseCamera, place: np.ndarray) -> tuple[float, float] | None:
     """Return the largest log-odds of a head and the mean log-odds of a person around a place, see `head_score`."""
     near = near_head(view, place) & view.foreground
     if not near.any():
         return None
-    peak = float(classifier.heads(view.depth, coarse.camera)[near].max())
-    return peak, float(classifier.log_odds(view.depth, coarse.camera)[near].mean(dtype=np.float64))
+    peak = float(coarse.head_odds(view.depth)[near].max())
+    return peak, float(coarse.person_odds(view.depth)[near].mean(dtype=np.float64))
 
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Background model learnt from frames with people in them, without an empty frame.
 
 A pixel's background is the farthest depth that lasts. A motionless person's torso would become background, so heads
-that score as people are left out first (`toolkit.people.hypothesis`).
+that score as people are left out first (`toolkit.people.evidence`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from toolkit.io.parts import Parts, whole
 from toolkit.people.detection import connected_surfaces, find_heads, near_head
-from toolkit.people.hypothesis import EvidenceSample, PersonClassifier, log_odds, possible_height
+from toolkit.people.evidence import EvidenceSample, log_odds, possible_height
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.surroundings import Surroundings, room_of, tolerances
 from toolkit.people.view import CoarseCamera, View
@@ -45,20 +45,18 @@ class HeadTrack:
 def learnt(
     frames: Sequence[np.ndarray],
     coarse: CoarseCamera,
-    classifier: PersonClassifier,
     floor: float | None = None,
 ) -> Surroundings:
     """Learn the background from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
 
     `floor` is the y of the floor, metres, level frame, None if unknown.
     """
-    return whole(learnt_parts(frames, coarse, classifier, floor))
+    return whole(learnt_parts(frames, coarse, floor))
 
 
 def learnt_parts(
     frames: Sequence[np.ndarray],
     coarse: CoarseCamera,
-    classifier: PersonClassifier,
     floor: float | None = None,
 ) -> Parts[Surroundings]:
     """Compute the same as `learnt` in parts: two for each frame, and some for all."""
@@ -76,7 +74,7 @@ def learnt_parts(
     seen: list[HeadTrack] = []
     for k in range(len(stack)):
         yield
-        seen += yield from _seen(k, stack, moved, planes, coarse, classifier, floor)
+        seen += yield from _seen(k, stack, moved, planes, coarse, floor)
     yield
     occupied = np.zeros(stack.shape, dtype=np.bool_)
     in_place: list[list[HeadTrack]] = []
@@ -103,7 +101,7 @@ def person_pixels(view: View, connected: np.ndarray, place: np.ndarray, odds: np
     """Return the pixels of the person with a head at `place` (3,), if it is one: bool (h, w).
 
     They are connected to the head, or lie around and below it (legs behind a carried box or a desk), and are nearly as
-    probable as the head. `odds` (h, w) are the log-odds of the classifier.
+    probable as the head. `odds` (h, w) are the log-odds of a person.
     """
     aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
     head_top = 0.3  # m from a head's centre to above its hair
@@ -171,7 +169,6 @@ def _seen(
     moved: np.ndarray,
     planes: list[Plane],
     coarse: CoarseCamera,
-    classifier: PersonClassifier,
     floor: float | None,
 ) -> Parts[list[HeadTrack]]:
     """Return the head candidates of one sample. `moved` bool (K, h, w): surfaces before the rough background."""
@@ -179,10 +176,10 @@ def _seen(
     on = on_planes(depth, coarse.rays, tolerances(depth, coarse), planes)
     view = coarse.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
     least = -2.0  # log-odds of a head: improbable candidates keep the surfaces of furniture apart from people
-    heads = [head for head in find_heads(view, coarse, classifier, least) if possible_height(head.place, floor)]
+    heads = [head for head in find_heads(view, coarse, least) if possible_height(head.place, floor)]
     labels = connected_surfaces(view, coarse, [head.place for head in heads])
     yield
-    odds = classifier.log_odds(depth, coarse.camera)
+    odds = coarse.person_odds(depth)
     found = []
     for k, head in enumerate(heads, start=1):
         sample = EvidenceSample(head.score, share_of(moved[frame], near_head(view, head.place) & view.foreground))

@@ -17,7 +17,6 @@ from toolkit.io.parts import Parts
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.learning import FEWEST, learnt_parts
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
-from toolkit.people.person_network import person_network
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting, WrappedFinder
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings, first_look
@@ -60,7 +59,7 @@ def live_finder(first: Recording, sensing: SensingSettings, people: int | None) 
     if cut_out:
         return find_people(first, sensing, most=people)
     most = MOST_PEOPLE if people in (None, 1) else people
-    finder = MultiPersonFinder(first.camera, first.up_camera, person_network(), look, sensing, most)
+    finder = MultiPersonFinder(first.camera, first.up_camera, look, sensing, most)
     height = floor_height(first)
     learning = RoomLearningFinder(finder, sensing, first, None if height is None else -height)
     return FirstPersonFinder(learning) if people == 1 else learning
@@ -118,7 +117,7 @@ class RoomLearningFinder(WrappedFinder):
         self._samples.append(self._finder.coarse.downsampled(self._filter.checked(depth_mm)))
         if len(self._samples) in LEARNED_AFTER:
             finder = self._finder
-            self._learning = learnt_parts(list(self._samples), finder.coarse, finder.classifier, self._floor)
+            self._learning = learnt_parts(list(self._samples), finder.coarse, self._floor)
 
     def _learn(self, learning: Parts[Surroundings]) -> None:
         """Compute the next part, and use the room after the last one."""

@@ -26,11 +26,11 @@ from toolkit.people.detection import (
     near_head,
     share_out,
 )
-from toolkit.people.evidence import Evidence
-from toolkit.people.hypothesis import EvidenceSample, PersonClassifier, log_odds, possible_height
+from toolkit.people.evidence import Evidence, EvidenceSample, log_odds, possible_height
 from toolkit.people.known_people import KnownPeople, match_heads
 from toolkit.people.learning import share_of
 from toolkit.people.newcomers import Newcomers
+from toolkit.people.person_network import PersonNetwork
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
@@ -53,10 +53,10 @@ class MultiPersonFinder:
     ----------
     camera : camera of the raw frames, lens distortion included
     up_camera : (3,), the vertical in the camera frame
-    classifier : person classifier
     surroundings : background model; None decides with the first frame
     sensing : settings of the depth filter
     most : maximum number of tracked people
+    network : finds people in single frames; None = the network of the package
 
     Attributes
     ----------
@@ -68,24 +68,24 @@ class MultiPersonFinder:
         self,
         camera: Camera,
         up_camera: np.ndarray,
-        classifier: PersonClassifier,
         surroundings: Surroundings | None = None,
         sensing: SensingSettings | None = None,
         most: int = MOST_PEOPLE,
+        network: PersonNetwork | None = None,
     ) -> None:
         sensing = sensing or SensingSettings()
-        self._made_of = camera, up_camera, sensing, most
+        self._made_of = camera, up_camera, sensing, most, network
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
-        self.coarse = CoarseCamera(self._polisher.flat_camera, up_camera, sensing)
+        self.coarse = CoarseCamera(self._polisher.flat_camera, up_camera, sensing, network=network)
         self._surroundings = surroundings
-        self.classifier = classifier
         self._known = KnownPeople(self.coarse, most)
         self._newcomers = Newcomers()
         self._labels = np.zeros(self.coarse.camera.shape, dtype=np.int32)
         self._depth = np.zeros(self.coarse.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
         self._fine = np.zeros(camera.shape, dtype=np.int32)
+        self._detected = -1e9  # before every timestamp
 
     def find(
         self,
@@ -126,8 +126,11 @@ class MultiPersonFinder:
         present = self._known.present(timestamp, predicted)
         alone = surroundings.cut_out and not self.people  # what is measured is people, even without a probable head
         any_peak = -3.0  # log-odds of a head, of a person who lies
-        found = find_heads(view, self.coarse, self.classifier, any_peak if alone else LEAST_PEAK)
-        found = [head for head in found if possible_height(head.place, surroundings.floor)]
+        found: list[Head] = []
+        if self._due(present, predicted, surroundings, timestamp):
+            self._detected = timestamp
+            found = find_heads(view, self.coarse, any_peak if alone else LEAST_PEAK)
+            found = [head for head in found if possible_height(head.place, surroundings.floor)]
         heads = [head.place for head in found]
         matched = match_heads(present, heads, timestamp)
         for k, i in matched.items():
@@ -159,14 +162,26 @@ class MultiPersonFinder:
         self._look_at(view, heads_seen, timestamp)
         return surroundings
 
+    def _due(
+        self,
+        present: Sequence[KnownPerson],
+        predicted: Mapping[int, PredictedBody],
+        surroundings: Surroundings,
+        timestamp: float,
+    ) -> bool:
+        """Return True if heads are to be detected in a frame: now and then, where each person has a verified body."""
+        followed = bool(present) and all(person.borne_out and person.id in predicted for person in present)
+        detect_again = 0.1  # seconds between two detections while all people are followed by their bodies
+        return not (surroundings.known and followed and 0 <= timestamp - self._detected < detect_again)
+
     def use_room(self, surroundings: Surroundings) -> None:
         """Use what was learned about the room in the frames that follow."""
         self._surroundings = surroundings
 
     def redetect(self) -> MultiPersonFinder:
         """Return a finder for the same room, see `PeopleFinder.redetect`."""
-        camera, up_camera, sensing, most = self._made_of
-        return MultiPersonFinder(camera, up_camera, self.classifier, self._surroundings, sensing, most)
+        camera, up_camera, sensing, most, network = self._made_of
+        return MultiPersonFinder(camera, up_camera, self._surroundings, sensing, most, network)
 
     @property
     def people(self) -> list[KnownPerson]:
@@ -187,17 +202,23 @@ class MultiPersonFinder:
             "newcomers": self._newcomers.export_state(),
             "labels": self._labels,
             "depth": self._depth,
+            "detected": self._detected,
             "surroundings": None if self._surroundings is None else self._surroundings.export_state(),
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Restore a state, see `PeopleFinder.restore_state`."""
         shape = self.coarse.camera.shape
-        columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
+        columns = {
+            "labels": Column("i", shape, 0, 1e6),
+            "depth": Column("f", shape, 0, 1e3),
+            "detected": Column("f", (), -1e12, 1e12),
+        }
         check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
         self._known.restore_state(state["people"])
         self._newcomers.restore_state(state["newcomers"])
         self._labels, self._depth = state["labels"], state["depth"]
+        self._detected = float(state["detected"])
         if not set(np.unique(self._labels).tolist()) <= {0, *(person.id for person in self.people)}:
             raise TrackError(f"the state of the people finder labels people who are not in it; {HINT}")
         kept = state["surroundings"]
@@ -213,7 +234,7 @@ class MultiPersonFinder:
             self._surroundings = surroundings
         foreground = surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse))
         if not surroundings.known:
-            foreground &= self.classifier.log_odds(depth, coarse.camera) > 0
+            foreground &= coarse.person_odds(depth) > 0
         return coarse.view(depth, foreground, surroundings.unclaimed), surroundings
 
     def _seeds(
@@ -326,7 +347,7 @@ class MultiPersonFinder:
         for person in self.people:
             if person.id in heads and timestamp - person.looked >= look_again:
                 head = heads[person.id]
-                score = head_score(view, self.coarse, head, self.classifier) or 0.0
+                score = head_score(view, self.coarse, head) or 0.0
                 self._known.keep(person.with_sample(score, _rests(view, head, surroundings), timestamp))
 
     def _updated(

@@ -1,4 +1,4 @@
-"""Person classifier: log-odds of a person and of a head in each pixel of a coarse depth image, by a small network.
+"""Person network: log-odds of a person and of a head in each pixel of a coarse depth image, by a small network.
 
 A U-Net of depthwise separable convolutions; `docs/models.md` describes its training and its errors, `training/` holds
 the scripts. Its sums are exact (`toolkit.sensing.exact_network`), so that the log-odds are the same to the bit
@@ -33,27 +33,32 @@ _LOGARITHMS = np.array([0.0, *(round(_UNIT * math.log(z)) for z in _DEPTHS[1:])]
 
 
 class PersonNetwork:
-    """A person classifier, that of the package unless another file is named; see `hypothesis.PersonClassifier`."""
+    """A person network, that of the package unless another file is named.
+
+    Raises
+    ------
+    ModelError
+        The installed OpenCV cannot run it.
+    """
 
     def __init__(self, path: Path = ASSET) -> None:
         self._net = ExactNetwork(path, SHAPE, ("log_odds",))
-        self._last: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
-    def log_odds(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.log_odds`; the result of the last image is kept."""
-        return self._of(depth, camera)[1]
+    def odds(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Return the log-odds of a person and of a head's centre in the pixels of a depth image.
 
-    def heads(self, depth: np.ndarray, camera: Camera) -> np.ndarray:
-        """See `PersonClassifier.heads`; the result of the last image is kept."""
-        return self._of(depth, camera)[2]
+        Both are multiples of 1/64, so that their sums are exact in any order.
 
-    def _of(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        last = self._last
-        if last is None or last[0] is not depth:
-            last = self._last = depth, *self._computed(depth, camera)
-        return last
+        Parameters
+        ----------
+        depth : float32 (h, w), a whole coarse image, metres along z, 0 = no measurement
+        camera : its camera
 
-    def _computed(self, depth: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        Returns
+        -------
+        Log-odds that pixels show a person and not a room, 0 without measurement, and log-odds of a head's centre, with
+        a peak at each head: float32 (h, w) each.
+        """
         height, width = depth.shape
         multiple = 16  # divides height and width of the input
         rows, columns = (-(-size // multiple) * multiple for size in depth.shape)
@@ -91,11 +96,5 @@ def features(millimetres: np.ndarray) -> np.ndarray:
 
 @cache
 def person_network() -> PersonNetwork:
-    """Load the network of the package once.
-
-    Raises
-    ------
-    ModelError
-        The installed OpenCV cannot run it.
-    """
+    """Load the network of the package once."""
     return PersonNetwork()

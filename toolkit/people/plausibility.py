@@ -19,7 +19,6 @@ from toolkit.io.errors import PlausibilityWarning
 from toolkit.people.connection import FASTEST, HELD, connected
 from toolkit.people.detection import LEAST_CUT_OUT, find_heads
 from toolkit.people.learning import share_of
-from toolkit.people.person_network import person_network
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import CoarseCamera, View
@@ -194,7 +193,7 @@ def _places(depth: np.ndarray, coarse: CoarseCamera) -> tuple[list[np.ndarray], 
         large = [k for k in range(1, count + 1) if areas[k] >= LEAST_CUT_OUT]
         places = [np.median(view.points[labels == k], axis=0) for k in large]
         return places, places
-    heads = find_heads(view, coarse, person_network())
+    heads = find_heads(view, coarse)
     return [head.place for head in heads], [head.place for head in heads if head.score >= SURE_IN_ROOM]
 
 
@@ -229,7 +228,7 @@ def person_evidence(
         cut_out += surroundings.cut_out
         if (stature := _stature(depth, view.points)) is not None:
             statures.append(stature)
-        scores.append(max([0.0, *(head.score for head in find_heads(view, coarse, person_network()))]))
+        scores.append(max([0.0, *(head.score for head in find_heads(view, coarse))]))
     return PersonEvidence(
         float(np.mean(scores)) if scores else 0.0,
         float(np.median(statures)) if statures else None,

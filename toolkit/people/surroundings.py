@@ -11,7 +11,6 @@ import numpy as np
 from toolkit.io.archives import Column
 from toolkit.io.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
-from toolkit.people.person_network import person_network
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import CoarseCamera
@@ -119,7 +118,7 @@ def is_cut_out(depth: np.ndarray, coarse: CoarseCamera) -> bool:
     labels, count, areas = surfaces(view, coarse, np.zeros(depth.shape, dtype=np.int32))
     headless = np.ones(count + 1, dtype=np.bool_)
     headless[0] = False
-    for head in find_heads(view, coarse, person_network()):
+    for head in find_heads(view, coarse):
         headless[labels[near_head(view, head.place)]] = False
     largest_headless = 1.5  # m^2 of surfaces without a head where only people are measured: a lying, wide adult
     if areas[headless].sum() > largest_headless:

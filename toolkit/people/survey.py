@@ -12,7 +12,6 @@ from toolkit.io.errors import SegmentationError
 from toolkit.people.connection import HELD
 from toolkit.people.learning import camera_moved, learnt, rooms_differ
 from toolkit.people.multi_person import MOST_PEOPLE, MultiPersonFinder
-from toolkit.people.person_network import person_network
 from toolkit.people.selected_person import SelectedPersonFinder, meant_person
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.single_person import SinglePersonSegmenter
@@ -41,7 +40,7 @@ def find_people(
     sensing = sensing or SensingSettings()
     surroundings = survey(recording, sensing)
     most = MOST_PEOPLE if most is None else most
-    return MultiPersonFinder(recording.camera, recording.up_camera, person_network(), surroundings, sensing, most)
+    return MultiPersonFinder(recording.camera, recording.up_camera, surroundings, sensing, most)
 
 
 def find_person(recording: Recording, sensing: SensingSettings | None = None) -> PeopleFinder:
@@ -57,7 +56,7 @@ def find_person(recording: Recording, sensing: SensingSettings | None = None) ->
     if mode in ("person", "seed") or (mode == "auto" and recording.background is None):
         room = survey(recording, sensing)
         if not room.cut_out:
-            finder = MultiPersonFinder(recording.camera, recording.up_camera, person_network(), room, sensing)
+            finder = MultiPersonFinder(recording.camera, recording.up_camera, room, sensing)
             return SelectedPersonFinder(finder, meant_person(recording, finder.redetect(), sensing))
     return SinglePersonSegmenter.of(recording, sensing)
 
@@ -105,7 +104,7 @@ def survey(recording: Recording, sensing: SensingSettings) -> Surroundings:
             "people, track the parts before and after as two recordings",
             recording.name,
         )
-    room = learnt(frames, coarse, person_network(), floor)
+    room = learnt(frames, coarse, floor)
     return replace(room, floor=floor)
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.people.detection import connected_surfaces, find_heads
 from toolkit.people.floor import LARGEST_TILT, Floor, find_floor, find_known_floor
-from toolkit.people.person_network import person_network
 from toolkit.people.structure import find_planes
 from toolkit.people.surroundings import first_look, tolerances
 from toolkit.people.view import CoarseCamera
@@ -113,7 +112,7 @@ def people_axes(depth: np.ndarray, coarse: CoarseCamera) -> list[tuple[np.ndarra
     surroundings = first_look(depth, coarse)
     foreground = surroundings.foreground(depth, coarse.rays, tolerances(depth, coarse))
     view = coarse.view(depth, foreground, surroundings.still)
-    heads = [head.place for head in find_heads(view, coarse, person_network()) if head.score > 0]
+    heads = [head.place for head in find_heads(view, coarse) if head.score > 0]
     labels = connected_surfaces(view, coarse, heads)
     axes = []
     elongated = 2.2  # length over width of a standing person with the arms down

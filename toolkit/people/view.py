@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.kernels import linear
+from toolkit.people.person_network import PersonNetwork, person_network
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.sensing_settings import SensingSettings
 
@@ -38,6 +39,7 @@ class CoarseCamera:
     up_camera : (3,), the vertical in the camera frame
     sensing : its `near` and `far` bound measured depth
     width : approximate width of the coarse frames, pixels
+    network : finds people in them; None = the network of the package
 
     Attributes
     ----------
@@ -49,12 +51,21 @@ class CoarseCamera:
     quantisation : metres at 1 m, growing with the square of the distance
     """
 
-    def __init__(self, camera: Camera, up_camera: np.ndarray, sensing: SensingSettings, width: int = 160) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        up_camera: np.ndarray,
+        sensing: SensingSettings,
+        width: int = 160,
+        network: PersonNetwork | None = None,
+    ) -> None:
         self.step = max(1, round(camera.width / width))
         self.camera = camera.subsampled(self.step)
         self.rays = self.camera.rays()
         self.rotation = level_rotation(up_camera)
         self.up = self.rotation[1].copy()
+        self._network = network
+        self._last: tuple[np.ndarray, tuple[np.ndarray, np.ndarray]] | None = None
         self._near, self._far = sensing.near, sensing.far
         self.quantisation = sensing.quantisation
         ones = np.ones((*self.camera.shape, 1))
@@ -87,6 +98,20 @@ class CoarseCamera:
     def view(self, depth: np.ndarray, foreground: np.ndarray, still: np.ndarray) -> View:
         """Return a coarse frame with its points."""
         return View(depth, self._directions * depth[..., None], foreground, still)
+
+    def person_odds(self, depth: np.ndarray) -> np.ndarray:
+        """Return the log-odds of a person in the pixels of a coarse frame, see `PersonNetwork.odds`."""
+        return self._odds(depth)[0]
+
+    def head_odds(self, depth: np.ndarray) -> np.ndarray:
+        """Return the log-odds of a head in the pixels of a coarse frame, see `PersonNetwork.odds`."""
+        return self._odds(depth)[1]
+
+    def _odds(self, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return both; those of the last frame are kept."""
+        if self._last is None or self._last[0] is not depth:
+            self._last = depth, (self._network or person_network()).odds(depth, self.camera)
+        return self._last[1]
 
     def area(self, depth: np.ndarray) -> float:
         """Return the area of coarse pixels with these depths, square metres, as if each faced the camera."""

@@ -10,7 +10,6 @@ from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.scene import Scene
 from toolkit.landmarks.graph import Workspace
 from toolkit.people.detection import find_heads
-from toolkit.people.person_network import person_network
 from toolkit.people.sighting import Sighting
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import Camera
@@ -116,6 +115,6 @@ class UpperViewer:
         """Return the height of the most probable head in a depth image (h, w), metres, level frame."""
         seen = depth > 0
         view = self._coarse.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
-        heads = find_heads(view, self._coarse, person_network())
+        heads = find_heads(view, self._coarse)
         top = 0.12  # distance from the middle of a head to its crown, metres
         return float(heads[0].place[1]) + top if heads else None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, ConstantOdds, scene
-from toolkit.people.hypothesis import EvidenceSample, log_odds, person_score
+from toolkit.people.evidence import EvidenceSample, log_odds, person_score
 from toolkit.people.learning import learnt, person_pixels
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.newcomers import Newcomers
@@ -39,19 +39,18 @@ def test_the_person_score_grows_with_the_log_odds_of_the_head_and_of_its_pixels(
     assert person_score(-3.0, -3.0) < 0 < person_score(3.0, 3.0)
 
 
-def coarse_camera_of(camera=KINECT):
-    return CoarseCamera(camera, UP, SensingSettings())
+def coarse_camera_of(network=None):
+    return CoarseCamera(KINECT, UP, SensingSettings(), network=network)
 
 
 def downsampled(frames):
     return [coarse_camera_of().downsampled(depth) for depth in frames]
 
 
-def test_a_motionless_sitter_is_background_unless_the_classifier_disagrees():
+def test_a_motionless_sitter_is_background_unless_the_network_disagrees():
     frames = downsampled([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
-    coarse = coarse_camera_of()
-    furniture, person = (learnt(frames, coarse, ConstantOdds(odds)) for odds in (-1.0, 2.0))
-    v, u = coarse.camera.height // 2, coarse.camera.width // 2
+    furniture, person = (learnt(frames, coarse_camera_of(ConstantOdds(odds))) for odds in (-1.0, 2.0))
+    v, u = furniture.background.shape[0] // 2, furniture.background.shape[1] // 2
     assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15)
     assert person.background[v, u] == 0.0
     assert person.still[v, u], "a chair's back that flows together with them is found by it"
@@ -66,20 +65,21 @@ def test_a_person_who_moves_in_place_with_a_head_measured_at_times_is_no_backgro
         if k >= 10:
             depth[: int(v.min() + 0.3 * np.ptp(v))] = 0
         frames.append(depth)
-    room = learnt(downsampled(frames), coarse_camera_of(), ConstantOdds(2.0))
+    room = learnt(downsampled(frames), coarse_camera_of(ConstantOdds(2.0)))
     camera = coarse_camera_of().camera
     assert room.background[camera.height // 2, camera.width // 2] == 0.0
 
 
 class Likes(ConstantOdds):
-    """Classifier with a positive score at some coarse pixels, bool (h, w), and a negative one at all others."""
+    """Network with a positive score at some coarse pixels, bool (h, w), and a negative one at all others."""
 
     def __init__(self, where):
         super().__init__(2.0)
         self.where = where
 
-    def log_odds(self, depth, camera):
-        return np.where(depth > 0, np.where(self.where, np.float32(2), np.float32(-3)), np.float32(0))
+    def odds(self, depth, camera):
+        people = np.where(depth > 0, np.where(self.where, np.float32(2), np.float32(-3)), np.float32(0))
+        return people, super().odds(depth, camera)[1]
 
 
 def seated_on_a_block():
@@ -94,9 +94,9 @@ def seated_on_a_block():
     return downsampled([depth] * 12), own, block
 
 
-def test_a_motionless_surface_beside_a_person_is_background_if_the_classifier_rejects_it():
+def test_a_motionless_surface_beside_a_person_is_background_if_the_network_rejects_it():
     frames, own, block = seated_on_a_block()
-    one, two = (learnt(frames, coarse_camera_of(), classifier) for classifier in (ConstantOdds(2.0), Likes(own)))
+    one, two = (learnt(frames, coarse_camera_of(network)) for network in (ConstantOdds(2.0), Likes(own)))
     assert (one.background[block] == 0).mean() > 0.7, "the block flows together with them"
     assert (two.background[block] > 0).mean() > 0.7 and (two.background[own] == 0).mean() > 0.7
     assert two.owned[own].mean() > 0.7 and two.resting[own].mean() > 0.7 and not two.resting[two.background > 0].any()
@@ -117,16 +117,16 @@ def test_a_person_has_likely_pixels_that_are_connected_or_below_the_head():
     assert found[own].all() and not found[block].any()
 
 
-def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_classifier():
+def test_a_tracked_person_in_an_unknown_room_is_kept_despite_the_network():
     frames = [scene(KINECT, ((0.1 * k, 2.5),), **ROOM)[0] for k in range(8)]
-    classifier = ConstantOdds(2.0)
-    followed = MultiPersonFinder(KINECT, UP, classifier)
+    network = ConstantOdds(2.0)
+    followed = MultiPersonFinder(KINECT, UP, network=network)
     assert len(followed.find(frames[0], 0.0, {})) == 1
-    classifier.odds, classifier.peak = 0.125, -1.0
+    network.pixels, network.peak = 0.125, -1.0
     for k, depth in enumerate(frames):
         assert [s.id for s in followed.find(depth, 0.1 * (k + 1), {})] == [1]
         assert followed.people[0].head[0] == pytest.approx(0.1 * k, abs=0.05)
-    assert not MultiPersonFinder(KINECT, UP, classifier).find(frames[-1], 0.0, {})
+    assert not MultiPersonFinder(KINECT, UP, network=network).find(frames[-1], 0.0, {})
 
 
 def test_a_desk_that_people_pass_is_no_part_of_them():
@@ -137,17 +137,17 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
         desk = np.s_[150:220, 150:200]
         depth[desk] = np.where(depth[desk] < 2500, depth[desk], 2500)
         frames.append(depth)
-    room = learnt(downsampled(frames), coarse_camera_of(), ConstantOdds(0.5))
+    room = learnt(downsampled(frames), coarse_camera_of(ConstantOdds(0.5)))
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.5, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
 
-def test_the_classifier_rejects_furniture_in_a_still():
+def test_the_network_rejects_furniture_in_a_still():
     depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
     for odds, count in ((2.0, 1), (-2.0, 0)):
-        classifier = ConstantOdds(odds)
-        assert len(MultiPersonFinder(KINECT, UP, classifier).find(depth, 0.0, {})) == count
-        assert classifier.calls > 0
+        network = ConstantOdds(odds)
+        assert len(MultiPersonFinder(KINECT, UP, network=network).find(depth, 0.0, {})) == count
+        assert network.calls > 0
 
 
 HEAD = np.array([0.2, 0.1, -2.5])
