@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.optimize import minimize_scalar
+from scipy.spatial.transform import Rotation
 
+from toolkit.inertial.synchronise import Signal, correlations
 from toolkit.io.errors import RecordingError
 
 RATE = 100.0
@@ -56,8 +58,8 @@ def resampled(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarr
     return out.reshape(len(at), *values.shape[1:])
 
 
-def speeds(times: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a common clock (S,) from the first time on, and the smoothed speeds (S, J), m/s, of points (T, J, 3).
+def speeds(times: np.ndarray, points: np.ndarray) -> Signal:
+    """Return the smoothed speeds (S, J), m/s, of points (T, J, D), `RATE` a second from the first time on.
 
     Speeds do not depend on the coordinate axes, so two recordings can be synchronised before they are aligned.
     """
@@ -69,7 +71,8 @@ def speeds(times: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarra
     with np.errstate(invalid="ignore", divide="ignore"):
         smooth = gaussian_filter1d(filled, SMOOTHING * RATE, axis=0) / weight
     smooth[~known] = np.nan
-    return at, np.linalg.norm(np.gradient(smooth, 1.0 / RATE, axis=0), axis=2)
+    found = np.linalg.norm(np.gradient(smooth, 1.0 / RATE, axis=0), axis=2)
+    return Signal(found, np.isfinite(found), float(at[0]))
 
 
 def synchronise(
@@ -79,44 +82,29 @@ def synchronise(
 
     Parameters
     ----------
-    times, points : (T,), (T, J, 3), the track
-    other_times, other_points : (S,), (S, J, 3), the same joints by the other system
+    times, points : (T,), (T, J, D), the track
+    other_times, other_points : (S,), (S, J, D), the same joints, or angles, by the other system
 
     Raises
     ------
     RecordingError
         No lag gives `LEAST_OVERLAP` and a sufficient correlation: no movement, another movement, or no overlap in time.
     """
-    own_at, own = speeds(times, points)
-    other_at, other = speeds(other_times, other_points)
+    own, other = speeds(times, points), speeds(other_times, other_points)
     shortest = int(LEAST_OVERLAP * RATE)
-    best, lag, found = -1.0, 0, -1.0
-    for shift in range(shortest - len(other), len(own) - shortest + 1):
-        a = own[max(shift, 0) : shift + len(other)]
-        b = other[max(-shift, 0) : max(-shift, 0) + len(a)]
-        a = a[: len(b)]
-        correlation = _correlation(a, b)
-        # A short overlap correlates by chance: the lower end of its confidence interval decides (Fisher).
-        spread = 1.0 / np.sqrt(max(len(a) * SMOOTHING, 2.0))
-        score = correlation - spread
-        if score > best:
-            best, lag, found = score, shift, correlation
+    lags = np.arange(shortest - len(other), len(own) - shortest + 1)
+    found = correlations(other, own, lags, shortest)
+    overlap = np.minimum(len(own), lags + len(other)) - np.maximum(lags, 0)
+    # A short overlap correlates by chance: the lower end of its confidence interval decides (Fisher).
+    scores = found - 1.0 / np.sqrt(np.maximum(overlap * SMOOTHING, 2.0))
+    best = int(np.nanargmax(scores)) if np.isfinite(scores).any() else 0
     least_correlation = 0.5  # of speeds; below it two recordings do not show the same movement
-    if best < 0 or found < least_correlation:
+    if not np.isfinite(scores).any() or found[best] < least_correlation:
         raise RecordingError(
             "the marker file and the track do not show the same movement at any lag; check that both are of one trial, "
             "or give --lag SECONDS if no person moves"
         )
-    return float(own_at[0] + lag / RATE - other_at[0]), float(found)
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    known = np.isfinite(a) & np.isfinite(b)
-    if known.sum() < LEAST_OVERLAP * RATE:
-        return -1.0
-    x, y = a[known] - a[known].mean(), b[known] - b[known].mean()
-    scale = np.sqrt((x**2).sum() * (y**2).sum())
-    return float((x * y).sum() / scale) if scale > 0 else -1.0
+    return float(own.start + lags[best] / RATE - other.start), float(found[best])
 
 
 def refined_lag(
@@ -161,8 +149,6 @@ def _mirrored_residual(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def _kabsch(a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    share = weights / weights.sum()
-    middle_a, middle_b = share @ a, share @ b
-    u, _, vt = np.linalg.svd((a - middle_a).T @ ((b - middle_b) * share[:, None]))
-    rotation = vt.T @ np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))]) @ u.T
+    middle_a, middle_b = (np.average(points, axis=0, weights=weights) for points in (a, b))
+    rotation = Rotation.align_vectors(b - middle_b, a - middle_a, weights)[0].as_matrix()
     return rotation, middle_b - rotation @ middle_a

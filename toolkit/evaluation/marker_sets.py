@@ -48,13 +48,11 @@ class JointCentres:
     Attributes
     ----------
     set_name : marker set
-    times : float64 (T,), seconds
     points : float64 (T, 20, 3), metres, axes of the file; NaN where a joint is not defined or a marker is missing
     on_skin : bool (20,), True where a single marker on the skin stands for the joint centre
     """
 
     set_name: str
-    times: np.ndarray
     points: np.ndarray
     on_skin: np.ndarray
 
@@ -160,7 +158,7 @@ def _centres(recording: MarkerRecording, marker_set: MarkerSet) -> JointCentres:
         left, right = hip_centres(*corners)
         points[:, REPORTED.index("left_hip")], points[:, REPORTED.index("right_hip")] = left, right
         points[:, REPORTED.index("pelvis")] = (left + right) / 2
-    return JointCentres(marker_set.name, recording.times, points, on_skin)
+    return JointCentres(marker_set.name, points, on_skin)
 
 
 def hip_centres(

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from toolkit.evaluation.marker_alignment import (
-    RigidAlignment,
-    align,
-    refined_lag,
-    resampled,
-    synchronise,
-)
+from toolkit.evaluation.marker_alignment import RigidAlignment, align, refined_lag, resampled, synchronise
 from toolkit.evaluation.marker_files import MarkerRecording, read_markers
-from toolkit.evaluation.marker_sets import JointCentres, joint_centres
+from toolkit.evaluation.marker_sets import joint_centres
 from toolkit.evaluation.marker_statistics import (
     AngleAgreement,
     JointAgreement,
@@ -119,53 +114,38 @@ def validate(
     """
     recording = reference if isinstance(reference, MarkerRecording) else read_markers(reference)
     if not recording.labels:
-        found = [_against_angles(person, recording, lag) for person in people]
-        return max(found, key=lambda each: each.correlation if lag is None else -_rms(each))
-    centres = _centres_by_subject(recording, marker_set)
+        by_angles = [_against_angles(person, recording, lag) for person in people]
+        return max(by_angles, key=lambda each: each.correlation if lag is None else -_rms(each))
     found, errors = [], []
-    for person in people:
-        for subject, own in centres.items():
-            try:
-                found.append(_against_joints(person, _subject_alone(recording, subject), own, lag))
-            except RecordingError as error:
-                errors.append(error)
-    if not found:
-        raise errors[0]
-    return min(found, key=lambda each: each.alignment.residual if each.alignment is not None else np.inf)
-
-
-def _subject_alone(recording: MarkerRecording, subject: str) -> MarkerRecording:
-    """Return the recording of one subject, with a note where the file holds several."""
     subjects = sorted(set(recording.subjects))
-    own = recording.of_subject(subject)
-    if len(subjects) < 2:
-        return own
-    return replace(own, notes=(*own.notes, f"the file holds {len(subjects)} subjects; {subject!r} fits best"))
-
-
-def _centres_by_subject(recording: MarkerRecording, marker_set: str | Path | None) -> dict[str, JointCentres]:
-    found, errors = {}, []
-    for subject in sorted(set(recording.subjects)):
+    for person, subject in product(people, subjects):
         try:
-            found[subject] = joint_centres(recording.of_subject(subject), marker_set)
+            found.append(_against_joints(person, recording.of_subject(subject), marker_set, lag))
         except RecordingError as error:
             errors.append(error)
     if not found:
         raise errors[0]
-    return found
+    best = min(found, key=lambda each: each.alignment.residual if each.alignment is not None else np.inf)
+    if len(subjects) < 2:
+        return best
+    note = f"the file holds {len(subjects)} subjects; {best.subject!r} fits best"
+    return replace(best, notes=(*best.notes, note))
 
 
 def _rms(validation: Validation) -> float:
     return float(np.mean([row.rms for row in validation.angles])) if validation.angles else float("inf")
 
 
-def _against_joints(person: Person, recording: MarkerRecording, centres: JointCentres, lag: float | None) -> Validation:
+def _against_joints(
+    person: Person, recording: MarkerRecording, marker_set: str | Path | None, lag: float | None
+) -> Validation:
+    centres = joint_centres(recording, marker_set)
     times, track = person.times, person.joints_level
     correlation = float("nan")
     if lag is None:
-        lag, correlation = synchronise(times, track, centres.times, centres.points)
-        lag = refined_lag(times, track, centres.times, centres.points, lag)
-    moved = resampled(centres.times + lag, centres.points, times)
+        lag, correlation = synchronise(times, track, recording.times, centres.points)
+        lag = refined_lag(times, track, recording.times, centres.points, lag)
+    moved = resampled(recording.times + lag, centres.points, times)
     alignment = align(moved, track)
     reference = alignment.apply(moved)
     shared = np.isfinite(reference).all(axis=2).any(axis=1) & person.there
@@ -174,53 +154,55 @@ def _against_joints(person: Person, recording: MarkerRecording, centres: JointCe
         notes.append("the markers fit far better when mirrored: left and right are exchanged in one of the files")
     if centres.on_skin.any():
         notes.append("joints marked * are one marker on the skin, some centimetres from the joint centre")
-    own_angles, other_angles = three_point_angles(track), three_point_angles(reference)
-    angles = angle_agreement(_only(own_angles, shared), _only(other_angles, shared))
-    curves = {row.angle: (own_angles[row.angle][shared], other_angles[row.angle][shared]) for row in angles}
-    return Validation(
-        person.name, recording.name, centres.set_name, recording.subjects[0] if recording.subjects else "", lag,
-        correlation, alignment, int(shared.sum()), float((person.track.state[shared] == TRACKED).mean()),
-        joint_agreement(track[shared], reference[shared], centres.on_skin), angles,
-        stride_agreement(times[shared], track[shared], reference[shared]), times[shared], curves, tuple(notes),
-    )  # fmt: skip
+    found = _by_angles(
+        person, recording, (lag, correlation), shared, three_point_angles(track), three_point_angles(reference)
+    )
+    return replace(
+        found,
+        marker_set=centres.set_name,
+        subject=recording.subjects[0],
+        alignment=alignment,
+        joints=joint_agreement(track[shared], reference[shared], centres.on_skin),
+        strides=stride_agreement(times[shared], track[shared], reference[shared]),
+        notes=tuple(notes),
+    )
 
 
 def _against_angles(person: Person, recording: MarkerRecording, lag: float | None) -> Validation:
     times, rows = person.times, np.flatnonzero(person.there)
-    own = {name: _placed(values, rows, len(times)) for name, values in coordinates(person, rows).items()}
-    common = [name for name in own if name in recording.angles]
+    ours = coordinates(person, rows)
+    common = [name for name in ours if name in recording.angles]
     if not common:
         raise RecordingError(
             f"{recording.name} has no angle of ours; it has {', '.join(sorted(recording.angles)[:8])}, ours are "
-            f"{', '.join(sorted(own)[:8])}"
+            f"{', '.join(sorted(ours)[:8])}"
         )
+    track = np.full((len(times), len(common)), np.nan)
+    track[rows] = np.column_stack([ours[name] for name in common])
+    theirs = np.column_stack([recording.angles[name] for name in common])
     correlation = float("nan")
-    if lag is None:
-        # Angles on a line stand for points: their speeds are compared as those of joints are.
-        lag, correlation = synchronise(
-            times, _as_points(own, common), recording.times, _as_points(recording.angles, common)
-        )
-    reference = {name: resampled(recording.times + lag, recording.angles[name], times) for name in common}
-    shared = np.isfinite(np.column_stack(list(reference.values()))).any(axis=1) & person.there
-    angles = angle_agreement(_only(own, shared), _only(reference, shared))
-    curves = {row.angle: (own[row.angle][shared], reference[row.angle][shared]) for row in angles}
+    if lag is None:  # the rates of angles are compared as the speeds of joints are
+        lag, correlation = synchronise(times, track[..., None], recording.times, theirs[..., None])
+    reference = resampled(recording.times + lag, theirs, times)
+    shared = np.isfinite(reference).any(axis=1) & person.there
+    own, other = (dict(zip(common, columns.T, strict=True)) for columns in (track, reference))
+    return _by_angles(person, recording, (lag, correlation), shared, own, other)
+
+
+def _by_angles(
+    person: Person,
+    recording: MarkerRecording,
+    clock: tuple[float, float],
+    shared: np.ndarray,
+    track: dict[str, np.ndarray],
+    reference: dict[str, np.ndarray],
+) -> Validation:
+    """Return the comparison of angles (T,) in the shared frames, bool (T,), without joints and strides."""
+    own, other = ({name: values[shared] for name, values in angles.items()} for angles in (track, reference))
+    rows = angle_agreement(own, other)
+    tracked = person.track.state[shared] == TRACKED
     return Validation(
-        person.name, recording.name, "", "", lag, correlation, None, int(shared.sum()),
-        float((person.track.state[shared] == TRACKED).mean()) if shared.any() else 0.0, (), angles, (), times[shared],
-        curves, recording.notes,
+        person.name, recording.name, "", "", *clock, None, len(tracked), float(tracked.mean()) if len(tracked) else 0.0,
+        (), rows, (), person.times[shared], {row.angle: (own[row.angle], other[row.angle]) for row in rows},
+        recording.notes,
     )  # fmt: skip
-
-
-def _placed(values: np.ndarray, rows: np.ndarray, frames: int) -> np.ndarray:
-    out = np.full(frames, np.nan)
-    out[rows] = values
-    return out
-
-
-def _as_points(angles: dict[str, np.ndarray], names: Sequence[str]) -> np.ndarray:
-    columns = np.column_stack([angles[name] for name in names])
-    return np.stack([columns, np.zeros_like(columns), np.zeros_like(columns)], axis=2)
-
-
-def _only(angles: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: values[rows] for name, values in angles.items()}

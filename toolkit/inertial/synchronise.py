@@ -45,11 +45,14 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Signal on a uniform grid: values (N,), known (N,), and `start`, the time of the first value, seconds."""
+    """Signal on a uniform grid: values and known, both (N,) or (N, K), and `start`, seconds of the first row."""
 
     values: np.ndarray
     known: np.ndarray
     start: float
+
+    def __len__(self) -> int:
+        return len(self.values)
 
 
 def synchronise(
@@ -201,19 +204,24 @@ def _summed(
 
 
 def correlations(first: Signal, second: Signal, lags: np.ndarray, least: int) -> np.ndarray:
-    """Return the normalised correlation (L,) of `first[i]` with `second[i + lag]` over the rows known in both.
+    """Return the normalised correlation (L,) of `first[i]` with `second[i + lag]` over the values known in both.
 
-    A lag with fewer than `least` common rows is NaN, and one with a constant signal.
+    A lag with fewer than `least` common values is NaN, and one with a constant signal.
     """
     from scipy.signal import correlate
 
-    known = [signal.known.astype(np.float64) for signal in (first, second)]
-    a, b = (np.where(s.known, s.values - s.values[s.known].mean(), 0.0) for s in (first, second))
-    places = lags + len(a) - 1
-    inside = (places >= 0) & (places < len(a) + len(b) - 1)
+    known, values = [], []
+    for signal in (first, second):
+        centred = np.where(signal.known, signal.values - signal.values[signal.known].mean(), 0.0)
+        known.append(signal.known.astype(np.float64).reshape(len(signal), -1).T)
+        values.append(centred.reshape(len(signal), -1).T)
+    a, b = values
+    places = lags + len(first) - 1
+    inside = (places >= 0) & (places < len(first) + len(second) - 1)
 
     def summed(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.where(inside, correlate(y, x, method="fft")[np.clip(places, 0, len(a) + len(b) - 2)], 0.0)
+        over_columns = sum(correlate(v, u, method="fft") for u, v in zip(x, y, strict=True))
+        return np.where(inside, np.take(over_columns, places, mode="clip"), 0.0)
 
     count = np.maximum(np.rint(summed(*known)), 1.0)
     sum_a, sum_b, squares_a, squares_b = (
