@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from sklearn.metrics import roc_auc_score
 
 from benchmarks._movement import Tracked, tracked_shot
@@ -29,7 +30,6 @@ from tests.support.suite import MOCAP, RATE, takes
 from tests.support.worn_sensors import SensorNoise, simulate_sensors
 from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import subject_body
 from toolkit.evaluation.orientations import THRESHOLDS, frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
@@ -37,7 +37,7 @@ from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import ERROR_DEGREES, Distances, distances
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY
-from toolkit.inertial.synchronise import Clock, synchronise
+from toolkit.inertial.synchronise import Clock, angular_velocity, synchronise
 from toolkit.io.errors import InertialError
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
@@ -86,7 +86,7 @@ def wrong_stretch(motion: TrackedMotion, rng: np.random.Generator) -> TrackedMot
     axes = rng.normal(size=(18, 3))
     turn = np.radians(rng.uniform(40, 120, (18, 1))) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
     rotations = motion.rotations.copy()
-    rotations[start : start + length] = quat.multiply(rotations[start : start + length], quat.exponential(turn))
+    rotations[start : start + length] = rotations[start : start + length] @ Rotation.from_rotvec(turn).as_matrix()
     return replace(motion, rotations=rotations)
 
 
@@ -103,8 +103,8 @@ def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, An
             if max(s.spread for s in found.sensors.values()) < 15.0:
                 continue
             for limb in PAIR:
-                psi = quat.angle(np.array(found.takes["clip"].worlds[limb]), simulated.world)
-                grip = quat.angle(found.mounting(limb), simulated.mounting[limb])
+                psi = (found.takes["clip"].world(limb).inv() * simulated.world).magnitude()
+                grip = (found.mounting(limb).inv() * simulated.mounting[limb]).magnitude()
                 rows.setdefault(f"{method}, {kind}, spread 15 and more", []).append(np.degrees([psi, grip]).tolist())
     table = {}
     for key, errors in rows.items():
@@ -194,7 +194,8 @@ def checked(tracks: Sequence[TrackedTake], pool: np.ndarray, method: str) -> Ite
         found = calibrate([take], CalibrationSettings(method=method, refuse=False))
         take = replace(take, clock=replace(clock, offset=found.takes["take"].offset))
         for curve in distances(found, take):
-            wrong = np.degrees(quat.angle(motion.orientation(curve.limb), true.orientation(curve.limb))) > ERROR_DEGREES
+            apart = motion.orientation(curve.limb).inv() * true.orientation(curve.limb)
+            wrong = np.degrees(apart.magnitude()) > ERROR_DEGREES
             chain = curve.limb.split("_")[0] + ("_leg" if curve.limb.endswith("shin") else "_arm")
             stretches = [Segment(s.start, s.end, curve.limb) for s in segments if s.label == chain]
             yield Checked(curve, wrong, stretches, signals_of(take, found, curve.limb))
@@ -281,15 +282,15 @@ def signals_of(
     def measured(values: np.ndarray) -> np.ndarray:
         own = stream.times[stream.valid]
         columns = [np.interp(moments, own, column, np.nan, np.nan) for column in values[stream.valid].T]
-        return quat.rotate(calibration.mounting(limb), np.stack(columns, axis=1))
+        return calibration.mounting(limb).apply(np.stack(columns, axis=1))
 
     times, orientation = take.motion.times, take.motion.orientation(limb)
-    turned = quat.angular_velocity(orientation, times)
+    turned = angular_velocity(orientation, times)
     path = take.motion.middle(limb)
     pulled = np.gradient(np.gradient(path, times, axis=0), times, axis=0) + [0.0, GRAVITY, 0.0]
     return {
         "rate of turn": (measured(stream.gyro), np.concatenate([turned, turned[-1:]])),
-        "acceleration": (measured(stream.acceleration), quat.rotate(quat.conjugate(orientation), pulled)),
+        "acceleration": (measured(stream.acceleration), orientation.inv().apply(pulled)),
     }
 
 
@@ -316,20 +317,20 @@ def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
     """
     frames = np.arange(640)
     steps = np.stack([np.sin(0.013 * frames), 0.8 * np.sin(0.021 * frames + 1), np.cos(0.017 * frames)], axis=1)
-    inertial = quat.exponential(1.2 * steps)
+    inertial = Rotation.from_rotvec(1.2 * steps)
     error = np.zeros((640, 3))
     error[50:201, 0] = np.radians(70.0) * np.linspace(0, 1, 151)
     error[400:601, 1] = np.radians(110.0) * np.sin(np.linspace(0, np.pi, 201))
-    tracked = quat.multiply(inertial, quat.exponential(error))
+    tracked = inertial * Rotation.from_rotvec(error)
 
-    def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    def distance(a: Rotation, b: Rotation) -> np.ndarray:
         """Return the distance of Eq. 7.17."""
-        return np.degrees(quat.angle(inertial, quat.multiply(quat.multiply(b, tracked), a)))
+        return np.degrees((inertial.inv() * b * tracked * a).magnitude())
 
-    a, b = quat.exponential([1.1, -0.9, 0.7]), quat.exponential([-0.8, 1.3, 0.5])
+    still, a, b = Rotation.identity(), Rotation.from_rotvec([1.1, -0.9, 0.7]), Rotation.from_rotvec([-0.8, 1.3, 0.5])
     curves = {
-        "both offsets right": distance(quat.IDENTITY, quat.IDENTITY),
-        "one wrong": distance(quat.IDENTITY, b),
+        "both offsets right": distance(still, still),
+        "one wrong": distance(still, b),
         "both wrong": distance(a, b),
     }
     return curves, (error == 0.0).all(axis=1)

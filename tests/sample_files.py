@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from tests.container_files import realsense_recording, ros_recording
 from tests.database_helpers import moving_clip, small_database, write_bvh
@@ -14,7 +15,6 @@ from tests.sensing_scenes import TOF, person_alone
 from tests.support.amass import write_amass
 from toolkit.body import k4abt, skeleton
 from toolkit.body.personal import save_body
-from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import ShapeSpace
 from toolkit.inertial.calibration import Calibration, Mounting, TakeClock
 from toolkit.inertial.sensor_files import CSV_COLUMNS
@@ -257,7 +257,7 @@ def body_file(folder: Path) -> Path:
 
 def sensors_file(suffix: str, folder: Path) -> Path:
     times, rng = np.arange(6) / 100, np.random.default_rng(0)
-    turns = quat.exponential(np.arange(6)[:, None] * [0.01, 0.02, 0.03])
+    turns = Rotation.from_rotvec(np.arange(6)[:, None] * [0.01, 0.02, 0.03]).as_quat(scalar_first=True)
     pull = rng.normal(0, 1, (6, 3))
     stream = checked_stream("left_shin", times, rotations=turns, gyro=pull, acceleration=pull)
     if suffix == ".csv":
@@ -272,7 +272,7 @@ def write_csv(path: Path, sensors: Sensors) -> None:
     lines = [",".join(CSV_COLUMNS)]
     for stream in sensors:
         for i in np.flatnonzero(stream.valid):
-            parts = (stream.rotations, stream.gyro, stream.acceleration)
+            parts = (stream.rotations.as_quat(scalar_first=True), stream.gyro, stream.acceleration)
             numbers = [stream.times[i], *(value for part in parts for value in part[i])]
             lines.append(",".join([stream.name, *map(repr, map(float, numbers))]))
     path.write_text("\n".join(lines) + "\n")

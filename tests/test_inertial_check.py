@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from benchmarks.inertial import signals_of
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.run_helpers import run as run_command
 from tests.test_inertial_clock import typed
 from toolkit.body import skeleton
-from toolkit.body.rotations import quaternions as quat
 from toolkit.evaluation.orientations import check_runs, read_truth
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
 from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
@@ -70,7 +70,7 @@ def test_a_twist_of_the_forearm_is_none_of_its_axis():
     motion = motion_of()
     rotations = motion.rotations.copy()
     elbow = skeleton.JOINT_NAMES.index("left_elbow")
-    rotations[60:100, elbow] = quat.multiply(rotations[60:100, elbow], quat.exponential([1.2, 0, 0]))
+    rotations[60:100, elbow] = rotations[60:100, elbow] @ Rotation.from_rotvec([1.2, 0, 0]).as_matrix()
     take = CalibrationSequence(replace(motion, rotations=rotations), simulated.sensors, Clock(simulated.offset))
     found = distances(calibrate([take]), take)[0]
     assert np.nanmedian(found.full[60:100]) > 55
@@ -109,9 +109,8 @@ def test_sensors_without_north_find_their_heading_in_every_run(tmp_path, heading
     calibration = calibrate_runs(
         [write_run(tmp_path / "good", poses_of())], [simulated.sensors], settings=CalibrationSettings(heading=heading)
     )
-    streams = [
-        replace(s, rotations=quat.multiply(quat.exponential([0, 0, 1.0]), s.rotations)) for s in simulated.sensors
-    ]
+    turn = Rotation.from_rotvec([0, 0, 1.0])
+    streams = [replace(s, rotations=turn * s.rotations) for s in simulated.sensors]
     turned = replace(simulated.sensors, streams=tuple(streams))
     (check,) = check_runs([write_run(tmp_path / "bad", wrong_poses())], [turned], calibration=calibration)
     assert (max(np.nanmedian(d.full) for d in check.distances) < 8.0) == (heading == "own")

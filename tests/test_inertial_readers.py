@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.sensor_files import SensorOptions, read_file, read_files
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.errors import InertialError, UsageError
 
-TURNED = quat.exponential(np.array([[0.1, 0.2, 0.3], [0.2, 0.2, 0.3], [0.3, 0.2, 0.3], [0.4, 0.2, 0.3]]))
+TURNS = Rotation.from_rotvec([[0.1, 0.2, 0.3], [0.2, 0.2, 0.3], [0.3, 0.2, 0.3], [0.4, 0.2, 0.3]])
+TURNED = TURNS.as_quat(scalar_first=True)
 
 
 def cells(values) -> str:
@@ -48,7 +49,7 @@ def test_any_csv_is_read_with_its_columns_and_units_declared(tmp_path):
     np.testing.assert_allclose(stream.times, [0, 0.01, 0.02, 0.03])
     np.testing.assert_allclose(stream.gyro[0], [np.pi / 2, 0, 0])
     np.testing.assert_allclose(stream.acceleration[0], [0, 0, GRAVITY])
-    np.testing.assert_allclose(quat.angle(stream.rotations, TURNED), 0.0, atol=1e-5)
+    assert (stream.rotations.inv() * TURNS).magnitude().max() < 1e-5
 
 
 @pytest.mark.parametrize(

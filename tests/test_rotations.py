@@ -48,8 +48,9 @@ def test_exponential_and_logarithm_are_there_and_back_the_shorter_way() -> None:
 def test_the_logarithm_undoes_the_exponential_up_to_a_full_turn(vectors: np.ndarray) -> None:
     q = quaternions.exponential(vectors)
     back = quaternions.logarithm(q)
-    np.testing.assert_allclose(quaternions.angle(quaternions.exponential(back), q), 0.0, atol=1e-7)
-    np.testing.assert_allclose(np.linalg.norm(back, axis=1), Rotation.from_rotvec(vectors).magnitude(), atol=1e-7)
+    np.testing.assert_allclose(
+        (Rotation.from_rotvec(back).inv() * Rotation.from_rotvec(vectors)).magnitude(), 0, atol=1e-7
+    )
     np.testing.assert_allclose(quaternions.logarithm(-q), back, atol=1e-9)
 
 
@@ -64,44 +65,9 @@ def test_vectors_are_turned_and_matrices_have_them_as_columns() -> None:
 @pytest.mark.parametrize("stop", [(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
 def test_the_smallest_turn_brings_one_direction_to_the_other(stop: tuple[float, float, float]) -> None:
     start = np.array([1.0, 0.0, 0.0])
-    q = quaternions.between(start, np.array(stop))
-    assert quaternions.rotate(q, start) == pytest.approx(np.array(stop), abs=1e-12)
-    assert float(quaternions.angle(q, quaternions.IDENTITY)) == pytest.approx(np.arccos(start @ stop))
     turned = matrices.swing(start, np.array(stop))[0]
     assert turned @ start == pytest.approx(np.array(stop), abs=1e-12) and np.linalg.det(turned) == pytest.approx(1.0)
-
-
-def test_neighbours_of_a_sequence_have_one_sign() -> None:
-    smooth = wxyz(about(1, np.linspace(0.0, 6.0, 9)))
-    flipped = smooth * np.where(np.arange(9) % 3 == 1, -1.0, 1.0)[:, None]
-    found = quaternions.continuous(flipped)
-    assert ((found[1:] * found[:-1]).sum(axis=1) > 0.0).all()
-    same_turn(found, about(1, np.linspace(0.0, 6.0, 9)))
-
-
-def test_interpolation_goes_its_share_of_the_shorter_way() -> None:
-    start, turn = wxyz(FIRST), quaternions.exponential(np.array([0.0, 0.8, 0.0]))
-    stop = -quaternions.multiply(start, turn)
-    half = quaternions.interpolate(start, stop, np.full(6, 0.25))
-    assert quaternions.angle(start, half) == pytest.approx(np.full(6, 0.2))
-    assert quaternions.angle(half, stop) == pytest.approx(np.full(6, 0.6))
-
-
-def test_a_mean_counts_by_weights_and_not_by_signs() -> None:
-    q = quaternions.exponential(np.array([[0.0, 0.0, -0.2], [0.0, 0.0, 0.2], [0.0, 0.0, 0.2]]))
-    found = quaternions.mean(q * np.array([[1.0], [-1.0], [1.0]]), np.array([2.0, 1.0, 1.0]))
-    assert float(quaternions.angle(found, quaternions.IDENTITY)) == pytest.approx(0.0, abs=1e-9)
-    heavier = quaternions.mean(q, np.array([0.0, 1.0, 1.0]))
-    assert float(quaternions.angle(heavier, q[1])) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_rate_of_turn_is_per_second_and_in_the_turning_frame() -> None:
-    times = np.array([0.0, 0.5, 0.75])
-    rates = np.array([[0.3, 0.0, 0.2], [0.0, -0.4, 0.0]])
-    q = [wxyz(FIRST[0])]
-    for rate, step in zip(rates, np.diff(times), strict=True):
-        q.append(quaternions.multiply(q[-1], quaternions.exponential(rate * step)))
-    assert quaternions.angular_velocity(np.array(q), times) == pytest.approx(rates)
+    assert Rotation.from_matrix(turned).magnitude() == pytest.approx(np.arccos(start @ stop))
 
 
 def test_compiled_rotations_are_those_of_scipy() -> None:

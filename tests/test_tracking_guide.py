@@ -8,17 +8,16 @@ from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, poses_of, sensors_of, write_run
 from toolkit.body import skeleton
-from toolkit.body.rotations import quaternions as quat
 from toolkit.body.shape import load_body
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
+from toolkit.inertial.guide import InertialGuide
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock
 from toolkit.io.errors import InertialError
 from toolkit.kernels.fit import twists
 from toolkit.sensing.camera import Camera
-from toolkit.tracking.guide import InertialGuide
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
@@ -112,7 +111,7 @@ def test_a_calibrated_guide_gives_limb_directions(placer):
     terms = guide.evidence(float(motion.times[50]), LEVEL)
     assert len(terms) == len(FIVE)
     for term in terms:
-        expected = LEVEL.T @ quat.matrices(motion.rotations[50, term.joint])
+        expected = LEVEL.T @ motion.rotations[50, term.joint]
         axes = [term.axis] if term.axis >= 0 else [0, 1, 2]
         np.testing.assert_allclose(term.rotation[:, axes], expected[:, axes], atol=0.02)
     assert sum(term.axis >= 0 for term in terms) == 2, "of forearms the direction alone counts"

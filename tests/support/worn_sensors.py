@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from toolkit.body.body import Body
-from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.sensor_limbs import TrackedMotion, bone_axis, bone_vector
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream, checked_stream
+from toolkit.inertial.synchronise import angular_velocity
 
-Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
+Y_UP_TO_Z_UP = Rotation.from_rotvec([np.pi / 2, 0.0, 0.0])
 """Rotation from a world with y up to one with z up."""
 
 
@@ -74,16 +75,16 @@ class SimulatedSensors:
     ----------
     sensors : measured streams, on the sensors' clock
     offset, rate : of their clock, `t_sensor = rate * t_camera + offset`
-    world : float64 (4,), `q_G`: level frame to inertial world
-    mounting : part of the body -> float64 (4,), `q_L`: sensor to the part's frame
+    world : `q_G`: level frame to inertial world
+    mounting : part of the body -> `q_L`: sensor to the part's frame
     noise : noise of the sensors
     """
 
     sensors: Sensors
     offset: float
     rate: float
-    world: np.ndarray
-    mounting: dict[str, np.ndarray]
+    world: Rotation
+    mounting: dict[str, Rotation]
     noise: SensorNoise
 
 
@@ -112,9 +113,9 @@ def simulate_sensors(
     rng = np.random.default_rng([seed, 7])
     times = start + np.arange(len(poses)) / frame_rate
     motion = TrackedMotion.of_poses(body, poses, times)
-    world = quat.multiply(Y_UP_TO_Z_UP, quat.exponential([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
+    world = Y_UP_TO_Z_UP * Rotation.from_rotvec([0.0, rng.uniform(-np.pi, np.pi), 0.0])
     clock = (rng.uniform(-1, 1) * noise.offset, 1.0 + 1e-6 * noise.skew * rng.uniform(-1, 1))
-    mounting = {limb: quat.normalised(rng.normal(size=4)) for limb in limbs}
+    mounting = {limb: Rotation.from_quat(rng.normal(size=4), scalar_first=True) for limb in limbs}
     streams = [_measure(motion, limb, world, mounting[limb], clock, noise, rng) for limb in limbs]
     devices = {limb: f"sim{k:02d}" for k, limb in enumerate(limbs)}
     sensors = Sensors(tuple(streams), source={"files": ["simulated"], "devices": devices})
@@ -124,41 +125,39 @@ def simulate_sensors(
 def _measure(
     motion: TrackedMotion,
     limb: str,
-    world: np.ndarray,
-    mounting: np.ndarray,
+    world: Rotation,
+    mounting: Rotation,
     clock: tuple[float, float],
     noise: SensorNoise,
     rng: np.random.Generator,
 ) -> SensorStream:
     """Return one stream; orientations and positions between the poses are splines, and rates their derivatives."""
     from scipy.interpolate import CubicSpline
-    from scipy.spatial.transform import Rotation, RotationSpline
+    from scipy.spatial.transform import RotationSpline
 
     camera = np.arange(motion.times[0], motion.times[-1] + 1e-9, 1.0 / noise.rate)
-    spline = RotationSpline(motion.times, Rotation.from_quat(motion.orientation(limb)[:, [1, 2, 3, 0]]))
-    bone = spline(camera).as_quat()[:, [3, 0, 1, 2]]
+    spline = RotationSpline(motion.times, motion.orientation(limb))
     # position near the far end of the bone, on the skin
     at = 0.7 * bone_vector(motion.body, limb) + 0.04 * np.roll(bone_axis(limb), 1)
-    places = motion.middle(limb) + quat.rotate(motion.orientation(limb), at - 0.5 * bone_vector(motion.body, limb))
+    places = motion.middle(limb) + motion.orientation(limb).apply(at - 0.5 * bone_vector(motion.body, limb))
     acceleration = CubicSpline(motion.times, places)(camera, 2) + [0.0, GRAVITY, 0.0]
     slow = _slow(rng, len(camera), SOFT_SECONDS * noise.rate)
-    soft = quat.exponential(np.radians(noise.soft_tissue / np.sqrt(3.0)) * slow)
-    true = quat.multiply(quat.multiply(quat.multiply(world, bone), soft), mounting)
+    soft = Rotation.from_rotvec(np.radians(noise.soft_tissue / np.sqrt(3.0)) * slow)
+    true = world * spline(camera) * soft * mounting
     walk = np.cumsum(rng.normal(size=len(camera))) * np.radians(noise.heading_walk) / np.sqrt(60.0 * noise.rate)
     tilt = np.append(np.radians(noise.tilt) * rng.normal(size=2), 0.0)
-    wrong = quat.multiply(quat.exponential(walk[:, None] * [0.0, 0.0, 1.0]), quat.exponential(tilt))
-    white = quat.exponential(np.radians(noise.white / np.sqrt(3.0)) * rng.normal(size=(len(camera), 3)))
-    rates = quat.rotate(quat.conjugate(quat.multiply(soft, mounting)), spline(camera, 1))
+    wrong = Rotation.from_rotvec(walk[:, None] * [0.0, 0.0, 1.0]) * Rotation.from_rotvec(tilt)
+    white = Rotation.from_rotvec(np.radians(noise.white / np.sqrt(3.0)) * rng.normal(size=(len(camera), 3)))
+    rates = (soft * mounting).inv().apply(spline(camera, 1))
     if noise.soft_tissue:
-        turned = quat.angular_velocity(quat.multiply(soft, mounting), camera)
+        turned = angular_velocity(soft * mounting, camera)
         rates = rates + np.concatenate([turned, turned[-1:]])
     stream = checked_stream(
         limb,
         clock[1] * camera + clock[0],
-        rotations=quat.multiply(quat.multiply(wrong, true), white),
+        rotations=(wrong * true * white).as_quat(scalar_first=True),
         gyro=rates + noise.gyro * rng.normal(size=rates.shape) + noise.gyro_bias * rng.normal(size=3),
-        acceleration=quat.rotate(quat.conjugate(true), quat.rotate(world, acceleration))
-        + noise.acceleration * rng.normal(size=rates.shape),
+        acceleration=true.inv().apply(world.apply(acceleration)) + noise.acceleration * rng.normal(size=rates.shape),
     )
     return _thinned(stream, noise.lost, rng)
 
@@ -178,8 +177,7 @@ def _thinned(stream: SensorStream, lost: float, rng: np.random.Generator) -> Sen
     for start in np.flatnonzero(rng.random(len(stream)) < lost / 3.0):
         keep[start : start + rng.integers(1, 6)] = False
     keep[[0, -1]] = True
-    return checked_stream(
-        stream.name, stream.times[keep], rotations=None if stream.rotations is None else stream.rotations[keep],
-        gyro=None if stream.gyro is None else stream.gyro[keep],
-        acceleration=None if stream.acceleration is None else stream.acceleration[keep],
+    return replace(
+        stream, times=stream.times[keep], rotations=stream.rotations[keep], gyro=stream.gyro[keep],
+        acceleration=stream.acceleration[keep], valid=stream.valid[keep],
     )  # fmt: skip

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration, Mounting, TakeClock
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.solvers import SynchronisedSegment
 from toolkit.inertial.stream import FREE, Sensors
-from toolkit.inertial.synchronise import Clock
+from toolkit.inertial.synchronise import Clock, parabola
 from toolkit.io.errors import InertialError, UsageError
 
 METHODS, HEADINGS = ("robust", "thesis"), ("shared", "own")
@@ -28,9 +28,8 @@ ROWS = 600
 """Largest number of frames of a segment that are used."""
 
 
-Y_UP: np.ndarray = np.array([0.0, 1.0, 0.0])
-UPRIGHT: np.ndarray = quat.between(Y_UP, np.array([0.0, 0.0, 1.0]))
-"""Rotation (4,) from a world with y up, such as the level frame, to an inertial one, which has z up."""
+UPRIGHT = Rotation.from_rotvec([0.5 * np.pi, 0.0, 0.0])
+"""Rotation from a world with y up, such as the level frame, to an inertial one, which has z up."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,8 @@ class CalibrationSequence:
     sensors: Sensors
     clock: Clock
 
-    def measured(self, sensor: str, lag: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Return orientations of a sensor in the motion's frames, (T, 4), and a bool (T,) mask of known ones."""
+    def measured(self, sensor: str, lag: float = 0.0) -> tuple[Rotation, np.ndarray]:
+        """Return T orientations of a sensor in the motion's frames, and a bool (T,) mask of known ones."""
         inertial, known = self.sensors.named(sensor).at(self.clock.sensor_times(self.motion.times) + lag)
         return inertial, known & self.motion.valid
 
@@ -118,14 +117,13 @@ def segments_of(
 ) -> tuple[list[SynchronisedSegment], list[int]]:
     """Return segments in worlds with y up, and the number of the sequence of each; short ones are skipped."""
     segments, owners, groups = [], [], 0
-    level = quat.conjugate(UPRIGHT)
     for i, take in enumerate(takes):
         for limb in take.sensors.names:
             group = groups if heading == "own" else 0
             segment = take.segment(limb, limbs.index(limb), group)
             if len(segment.inertial) < LEAST_FRAMES:
                 continue
-            segments.append(replace(segment, inertial=quat.multiply(level, segment.inertial)).thinned(ROWS))
+            segments.append(replace(segment, inertial=UPRIGHT.inv() * segment.inertial).thinned(ROWS))
             owners.append(i)
             groups += 1
     if not segments:
@@ -135,10 +133,10 @@ def segments_of(
 
 def _by_heading(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
-) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+) -> tuple[list[dict[str, Rotation]], dict[str, Rotation]]:
     segments, owners = segments_of(takes, limbs, heading)
     groups = max(s.group for s in segments) + 1
-    psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (len(limbs), 1))
+    psis, mountings = np.zeros(groups), [Rotation.identity()] * len(limbs)
     if heading == "own":  # sensors with separate headings are independent
         for k in range(len(limbs)):
             own = [s for s in segments if s.sensor == k]
@@ -148,24 +146,23 @@ def _by_heading(
             psis[numbers], mountings[k] = found, mounting[0]
     else:
         psis, mountings = solvers.heading(segments, groups, len(limbs))
-    worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
+    worlds: list[dict[str, Rotation]] = [{} for _ in takes]
     for segment, i in zip(segments, owners, strict=True):
-        worlds[i][limbs[segment.sensor]] = quat.multiply(UPRIGHT, solvers.yaw(psis[segment.group]))
+        worlds[i][limbs[segment.sensor]] = UPRIGHT * solvers.yaw(psis[segment.group])
     return _filled(worlds, takes), dict(zip(limbs, mountings, strict=True))
 
 
 def _by_thesis(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str]
-) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+) -> tuple[list[dict[str, Rotation]], dict[str, Rotation]]:
     """Return world and mounting of each sensor separately, from all sequences together, which share one world."""
-    worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
+    worlds: list[dict[str, Rotation]] = [{} for _ in takes]
     mountings = {}
     for limb in limbs:
         rng = np.random.default_rng(0)
         own = [(i, take.segment(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
-        segment = SynchronisedSegment(
-            0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own])
-        )
+        inertial, tracked = zip(*((s.inertial, s.tracked) for _, s in own), strict=True)
+        segment = SynchronisedSegment(0, 0, Rotation.concatenate(inertial), Rotation.concatenate(tracked))
         if len(segment.inertial) < LEAST_FRAMES:
             raise InertialError(f"the sensor on {limb} and its track have {len(segment.inertial)} frames in common")
         thinned = segment.thinned(ROWS)
@@ -175,7 +172,7 @@ def _by_thesis(
     return worlds, mountings
 
 
-def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[CalibrationSequence]) -> list[dict[str, np.ndarray]]:
+def _filled(worlds: list[dict[str, Rotation]], takes: Sequence[CalibrationSequence]) -> list[dict[str, Rotation]]:
     """Return the worlds with missing ones copied from another sensor of the sequence, else of any sequence."""
     anywhere = next(world for own in worlds for world in own.values())
     for own, take in zip(worlds, takes, strict=True):
@@ -186,7 +183,7 @@ def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[CalibrationSequ
 
 
 def refined_clock(
-    take: CalibrationSequence, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray]
+    take: CalibrationSequence, worlds: dict[str, Rotation], mountings: dict[str, Rotation]
 ) -> CalibrationSequence:
     """Return the sequence with the clock lag of the smallest calibrated distance.
 
@@ -205,18 +202,15 @@ def refined_clock(
     best = int(costs.argmin())
     if best in (0, len(lags) - 1):
         return take
-    left, middle, right = costs[best - 1 : best + 2]
-    bend = left - 2.0 * middle + right
-    step = 0.5 * (left - right) / bend if bend > 0 else 0.0
-    offset = take.clock.offset + lags[best] + step_size * step
+    offset = take.clock.offset + lags[best] + step_size * parabola(-costs, best)
     return replace(take, clock=replace(take.clock, offset=float(offset)))
 
 
 def _spread(
     takes: Sequence[CalibrationSequence],
     limb: str,
-    worlds: Sequence[dict[str, np.ndarray]],
-    mounting: np.ndarray,
+    worlds: Sequence[dict[str, Rotation]],
+    mounting: Rotation,
     method: str,
 ) -> float:
     """Return the degrees by which the vertical moves in the limb's frame.
@@ -231,13 +225,13 @@ def _spread(
             segment = take.segment(limb)
             agree = solvers.residuals(segment, worlds[i][limb], mounting) < agreement
             parts.append(segment.tracked[agree])
-    tracked = np.concatenate(parts)
+    tracked = Rotation.concatenate(parts)
     if len(tracked) < LEAST_FRAMES:
         return 0.0
     if method == "robust":
-        up = quat.rotate(quat.conjugate(tracked), Y_UP)
+        up = tracked.inv().apply([0.0, 1.0, 0.0])
         return float(np.degrees(np.sqrt(((up - up.mean(axis=0)) ** 2).sum(axis=1).mean())))
-    turns = quat.logarithm(quat.multiply(quat.conjugate(quat.mean(tracked, np.ones(len(tracked)))), tracked))
+    turns = (tracked.mean().inv() * tracked).as_rotvec()
     squares = np.linalg.eigvalsh(np.einsum("ni,nj->ij", turns, turns) / len(turns))
     return float(np.degrees(np.sqrt(max(squares[1], 0.0))))
 
@@ -245,8 +239,8 @@ def _spread(
 def _assessed(
     takes: Sequence[CalibrationSequence],
     limb: str,
-    worlds: Sequence[dict[str, np.ndarray]],
-    mounting: np.ndarray,
+    worlds: Sequence[dict[str, Rotation]],
+    mounting: Rotation,
     spreads: dict[str, float],
     shared: bool,
     settings: CalibrationSettings,
@@ -299,6 +293,6 @@ def _assessed(
     )  # fmt: skip
 
 
-def _plain(q: np.ndarray) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(value) for value in (-q if q[0] < 0 else q))
+def _plain(rotation: Rotation) -> tuple[float, float, float, float]:
+    w, x, y, z = rotation.as_quat(canonical=True, scalar_first=True).tolist()
     return w, x, y, z

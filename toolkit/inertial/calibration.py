@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from toolkit.inertial.stream import Sensors
 from toolkit.io.errors import InertialError
@@ -54,6 +55,10 @@ class TakeClock:
     offset: float
     worlds: dict[str, tuple[float, float, float, float]]
 
+    def world(self, limb: str) -> Rotation:
+        """Return `q_G` of a sensor."""
+        return Rotation.from_quat(self.worlds[limb], scalar_first=True)
+
 
 @dataclass(frozen=True)
 class Calibration:
@@ -79,9 +84,9 @@ class Calibration:
         """Parts of the body with an accepted calibration."""
         return tuple(limb for limb, sensor in self.sensors.items() if sensor.status != REFUSED)
 
-    def mounting(self, limb: str) -> np.ndarray:
-        """Return `q_L` (4,) of a sensor."""
-        return np.array(self.sensors[limb].mounting)
+    def mounting(self, limb: str) -> Rotation:
+        """Return `q_L` of a sensor."""
+        return Rotation.from_quat(self.sensors[limb].mounting, scalar_first=True)
 
     def check_placement(self, sensors: Sensors) -> None:
         """Raise InertialError if the sensors are not the calibrated ones, each on its part of the body."""

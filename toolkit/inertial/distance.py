@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import UPRIGHT, CalibrationSequence, segments_of
 from toolkit.inertial.calibration import Calibration
@@ -57,18 +57,18 @@ class ErrorSegment:
     kind: str
 
 
-def worlds_of(calibration: Calibration, take: CalibrationSequence) -> dict[str, np.ndarray]:
+def worlds_of(calibration: Calibration, take: CalibrationSequence) -> dict[str, Rotation]:
     """Return `q_G` of every sensor in a sequence: the shared one, or a heading for each sensor.
 
     A sensor without north has another heading in each recording; its mounting is constant.
     """
     if calibration.heading == "shared":
-        return {limb: np.array(q) for other in calibration.takes.values() for limb, q in other.worlds.items()}
+        return {limb: other.world(limb) for other in calibration.takes.values() for limb in other.worlds}
     limbs = tuple(calibration.sensors)
     segments, _ = segments_of([take], limbs, "own")
-    mountings = np.array([calibration.mounting(limb) for limb in limbs])
+    mountings = [calibration.mounting(limb) for limb in limbs]
     return {
-        limbs[segment.sensor]: quat.multiply(UPRIGHT, solvers.yaw(solvers.heading_given([segment], mountings)))
+        limbs[segment.sensor]: UPRIGHT * solvers.yaw(solvers.heading_given([segment], mountings))
         for segment in segments
     }
 
@@ -92,24 +92,17 @@ def distances(calibration: Calibration, take: CalibrationSequence) -> list[Dista
     return found
 
 
-def measured_limb(
-    limb: str, take: CalibrationSequence, world: np.ndarray, mounting: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the measured orientations of a limb in the level frame, (T, 4), and a bool (T,) mask of known ones."""
-    inertial, known = take.measured(limb)
-    return quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting)), known
-
-
-def _distances(limb: str, take: CalibrationSequence, world: np.ndarray, mounting: np.ndarray) -> Distances:
+def _distances(limb: str, take: CalibrationSequence, world: Rotation, mounting: Rotation) -> Distances:
     motion = take.motion
     tracked = motion.orientation(limb)
-    said, known = measured_limb(limb, take, world, mounting)
+    inertial, known = take.measured(limb)
+    measured = world.inv() * inertial * mounting.inv()
     axis = bone_axis(limb)
-    cosine = (quat.rotate(said, axis) * quat.rotate(tracked, axis)).sum(axis=1)
+    cosine = (measured.apply(axis) * tracked.apply(axis)).sum(axis=1)
     return Distances(
         limb,
         motion.times,
-        np.where(known, np.degrees(quat.angle(said, tracked)), np.nan),
+        np.where(known, np.degrees((measured.inv() * tracked).magnitude()), np.nan),
         np.where(known, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan),
     )
 

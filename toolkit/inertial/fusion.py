@@ -9,10 +9,13 @@ heading is free.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import accumulate
+from operator import mul
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from toolkit.body.rotations import quaternions as quat
+from toolkit.body.rotations.matrices import swing
 from toolkit.inertial.stream import FREE, Sensors, SensorStream
 from toolkit.io.errors import InertialError
 
@@ -51,19 +54,15 @@ def fused(stream: SensorStream) -> SensorStream:
     rows = np.flatnonzero(stream.valid)
     times, gyro = stream.times[rows], stream.gyro[rows]
     free = integrated(times, gyro - gyroscope_bias(times, gyro))
-    q = quat.multiply(_upright(free, times, stream.acceleration[rows]), free)
-    rotations = np.tile(quat.IDENTITY, (len(stream), 1))
-    rotations[rows] = quat.continuous(q)
+    rotations = Rotation.identity(len(stream))
+    rotations[rows] = _upright(free, times, stream.acceleration[rows]) * free
     return replace(stream, rotations=rotations, origin=FREE)
 
 
-def integrated(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
-    """Return the orientations (N, 4) of a sensor in the frame of its first row, from its rates (N, 3), rad/s."""
-    turns = quat.exponential(0.5 * (gyro[1:] + gyro[:-1]) * np.diff(times)[:, None])
-    found = [quat.IDENTITY]
-    for turn in turns:
-        found.append(quat.multiply(found[-1], turn))
-    return quat.normalised(np.array(found))
+def integrated(times: np.ndarray, gyro: np.ndarray) -> Rotation:
+    """Return the N orientations of a sensor in the frame of its first row, from its rates (N, 3), rad/s."""
+    turns = Rotation.from_rotvec(0.5 * (gyro[1:] + gyro[:-1]) * np.diff(times)[:, None])
+    return Rotation.concatenate(list(accumulate(turns, mul, initial=Rotation.identity())))
 
 
 def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
@@ -81,16 +80,13 @@ def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
     return np.median(means[still], axis=0) if still.any() else np.zeros(3)
 
 
-def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Return the rotations (N, 4) of the integrated frame that align gravity with z."""
+def _upright(free: Rotation, times: np.ndarray, acceleration: np.ndarray) -> Rotation:
+    """Return the N rotations of the integrated frame that align gravity with z."""
     # Seconds, standard deviation of the low-pass of gravity: longer than a motion, shorter than the drift.
     gravity_seconds = 1.5
-    up = _smoothed(quat.rotate(free, acceleration), gravity_seconds / float(np.median(np.diff(times))))
+    up = _smoothed(free.apply(acceleration), gravity_seconds / float(np.median(np.diff(times))))
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
-    world_up = np.array([0.0, 0.0, 1.0])
-    half = np.concatenate([1.0 + up[:, 2:], np.cross(up, world_up)], axis=1)
-    half[np.linalg.norm(half, axis=1) < 1e-6] = (0.0, 1.0, 0.0, 0.0)
-    return quat.normalised(half)
+    return Rotation.from_matrix(swing(up, np.array([0.0, 0.0, 1.0])))
 
 
 def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:

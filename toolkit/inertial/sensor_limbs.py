@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import BONE_AXIS, Body
-from toolkit.body.rotations import quaternions as quat
 from toolkit.io.errors import InertialError
 from toolkit.tracks import TRACKED, RunInfo, Track
 
@@ -60,7 +60,7 @@ class TrackedMotion:
     ----------
     name : name of the run
     times : float64 (T,), seconds, increasing
-    rotations : float64 (T, 18, 4), of the joints' frames, level frame
+    rotations : float64 (T, 18, 3, 3), of the joints' frames, level frame
     origins : float64 (T, 18, 3), of the joints, level frame, metres
     valid : bool (T,), frames with a tracked person
     body : body of the motion
@@ -84,7 +84,7 @@ class TrackedMotion:
         return cls(
             name,
             np.asarray(times, np.float64),
-            quat.from_matrices(np.array([p.rotations for p in placed])),
+            np.array([p.rotations for p in placed]),
             np.array([p.origins for p in placed]),
             np.ones(len(placed), dtype=bool) if valid is None else np.asarray(valid, dtype=bool),
             body,
@@ -108,11 +108,10 @@ class TrackedMotion:
         motion = cls.of_poses(info.body(), track.pose, track.timestamps, valid, Path(run).name)
         return replace(motion, sensors_sha256=info.sensors_sha256)
 
-    def orientation(self, limb: str) -> np.ndarray:
-        """Return the orientation of a part of the body, level frame: float64 (T, 4)."""
-        return self.rotations[:, joint_of(limb)]
+    def orientation(self, limb: str) -> Rotation:
+        """Return the T orientations of a part of the body, level frame."""
+        return Rotation.from_matrix(self.rotations[:, joint_of(limb)])
 
     def middle(self, limb: str) -> np.ndarray:
         """Return the path of the midpoint of a part of the body, level frame: float64 (T, 3), metres."""
-        j = joint_of(limb)
-        return self.origins[:, j] + quat.rotate(self.rotations[:, j], 0.5 * bone_vector(self.body, limb))
+        return self.origins[:, joint_of(limb)] + self.orientation(limb).apply(0.5 * bone_vector(self.body, limb))

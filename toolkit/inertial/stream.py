@@ -1,20 +1,21 @@
 """Sensor streams, and the canonical file of sensors.
 
 `sensors.npz` holds `names` (S,), per sensor k `times_k`, `rotations_k`, `gyro_k`, `acceleration_k` (absent if not
-measured) and `valid_k`, and for all `source` (JSON). The inertial world has z up.
+measured) and `valid_k`, and for all `source` (JSON). Quaternions are `w, x, y, z`. The inertial world has z up.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
 
-from toolkit.body.rotations import quaternions as quat
 from toolkit.io.archives import load_archive, save_archive
 from toolkit.io.errors import InertialError
 from toolkit.io.typed_values import TypedReader
@@ -39,7 +40,7 @@ class SensorStream:
     ----------
     name : part of the body of `sensor_limbs.PARTS`; before placement the device's id
     times : float64 (N,), seconds, strictly increasing
-    rotations : float64 (N, 4) or None, sensor to inertial world
+    rotations : N rotations or None, sensor to inertial world; the identity in invalid rows
     gyro : float64 (N, 3) or None, rad/s in the sensor's frame
     acceleration : float64 (N, 3) or None, m/s2 in the sensor's frame, gravity included
     valid : bool (N,), valid rows
@@ -48,7 +49,7 @@ class SensorStream:
 
     name: str
     times: np.ndarray
-    rotations: np.ndarray | None = None
+    rotations: Rotation | None = None
     gyro: np.ndarray | None = None
     acceleration: np.ndarray | None = None
     valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
@@ -72,23 +73,19 @@ class SensorStream:
         """Longest time without a valid row, seconds."""
         return float(np.diff(self.times[self.valid]).max(initial=0.0))
 
-    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return orientations (M, 4) at other times by spherical interpolation, and a bool (M,) mask of known ones."""
+    @cached_property
+    def _slerp(self) -> Slerp:
         if self.rotations is None:
             raise InertialError(f"sensor {self.name} has no orientation; fuse its gyroscope and accelerometer first")
-        known, low, share = self._places(times)
-        rows = np.flatnonzero(self.valid)
-        start, stop = self.rotations[rows[low]], self.rotations[rows[np.minimum(low + 1, len(rows) - 1)]]
-        return quat.interpolate(start, stop, share), known
+        return Slerp(self.times[self.valid], self.rotations[self.valid])
 
-    def _places(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the positions of times among the valid rows: known (M,), row before (M,), fraction to the next."""
+    def at(self, times: np.ndarray) -> tuple[Rotation, np.ndarray]:
+        """Return M rotations at other times by spherical interpolation, and a bool (M,) mask of known ones."""
         own = self.times[self.valid]
-        low = np.clip(np.searchsorted(own, times, side="right") - 1, 0, max(len(own) - 2, 0))
-        step = own[np.minimum(low + 1, len(own) - 1)] - own[low]
-        share = np.clip((times - own[low]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
-        inside = (times >= own[0] - 1e-9) & (times <= own[-1] + 1e-9)
-        return inside & (step <= LONGEST_SENSOR_GAP + 1e-9), low, share
+        after = np.clip(np.searchsorted(own, times, side="right"), 1, len(own) - 1)
+        known = (times >= own[0] - 1e-9) & (times <= own[-1] + 1e-9)
+        known &= own[after] - own[after - 1] <= LONGEST_SENSOR_GAP + 1e-9
+        return self._slerp(np.clip(times, own[0], own[-1])), known
 
 
 def checked_stream(
@@ -98,9 +95,12 @@ def checked_stream(
     rotations: np.ndarray | None = None,
     gyro: np.ndarray | None = None,
     acceleration: np.ndarray | None = None,
+    valid: np.ndarray | None = None,
     origin: str = DEVICE,
 ) -> SensorStream:
     """Return a stream with invalid rows marked, duplicates removed, lengths and order checked.
+
+    `rotations` are quaternions (N, 4). Rows that are False in `valid` (N,) are invalid beside those that are found so.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def checked_stream(
     keep = _kept_rows(name, times)
     times = times[keep]
     present = {key: values[keep] for key, values in arrays.items() if values is not None}
-    valid = np.isfinite(times)
+    valid = np.ones(len(times), dtype=bool) if valid is None else np.asarray(valid, dtype=bool)[keep]
     for key, values in present.items():
         fine = np.isfinite(values).all(axis=1)
         if key in ("rotations", "acceleration"):  # an accelerometer without any value is missing
@@ -140,12 +140,14 @@ def checked_stream(
                 "check which columns hold w, x, y and z"
             )
         valid &= unit
-        present["rotations"] = np.where(valid[:, None], quat.normalised(present["rotations"]), quat.IDENTITY)
     if valid.sum() < 2:
         raise InertialError(f"sensor {name} has {int(valid.sum())} usable rows of {len(valid)}; at least 2 are needed")
-    for key, values in present.items():
-        present[key] = np.where(np.isfinite(values), values, 0.0)
-    return SensorStream(name, times, valid=valid, origin=origin, **present)
+    quaternions = present.pop("rotations", None)
+    turns = None
+    if quaternions is not None:
+        turns = Rotation.from_quat(np.where(valid[:, None], quaternions, [1.0, 0.0, 0.0, 0.0]), scalar_first=True)
+    finite = {key: np.where(np.isfinite(values), values, 0.0) for key, values in present.items()}
+    return SensorStream(name, times, turns, valid=valid, origin=origin, **finite)
 
 
 def _kept_rows(name: str, times: np.ndarray) -> np.ndarray:
@@ -206,9 +208,9 @@ class Sensors:
         arrays: dict[str, Any] = {"names": np.array(self.names, dtype=np.str_)}
         for k, stream in enumerate(self.streams):
             arrays[f"times_{k}"], arrays[f"valid_{k}"] = stream.times, stream.valid
-            for key in ("rotations", "gyro", "acceleration"):
-                if (values := getattr(stream, key)) is not None:
-                    arrays[f"{key}_{k}"] = values
+            turns = None if stream.rotations is None else stream.rotations.as_quat(scalar_first=True)
+            columns = {"rotations": turns, "gyro": stream.gyro, "acceleration": stream.acceleration}
+            arrays |= {f"{key}_{k}": values for key, values in columns.items() if values is not None}
         origins = {stream.name: stream.origin for stream in self.streams if stream.rotations is not None}
         arrays["source"] = np.array(json.dumps({**self.source, "orientation": origins}))
         save_archive(path, arrays)
@@ -246,13 +248,5 @@ class _Source:
 
 
 def _stored_stream(name: str, k: int, arrays: dict[str, np.ndarray], origin: str) -> SensorStream:
-    stream = checked_stream(
-        name,
-        arrays[f"times_{k}"],
-        rotations=arrays.get(f"rotations_{k}"),
-        gyro=arrays.get(f"gyro_{k}"),
-        acceleration=arrays.get(f"acceleration_{k}"),
-        origin=origin,
-    )
-    stored = np.asarray(arrays.get(f"valid_{k}", np.ones(len(stream), dtype=bool)), dtype=bool)
-    return replace(stream, valid=stream.valid & stored) if len(stored) == len(stream) else stream
+    columns = {key: arrays.get(f"{key}_{k}") for key in ("rotations", "gyro", "acceleration", "valid")}
+    return checked_stream(name, arrays[f"times_{k}"], origin=origin, **columns)

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from toolkit.body.rotations import quaternions as quat
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
 from toolkit.io.errors import InertialError
@@ -123,7 +123,7 @@ def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
     if stream.acceleration is not None:
         vectors = stream.acceleration
         if stream.rotations is not None:  # filter the vectors in a fixed frame, as for the track
-            vectors = quat.rotate(stream.rotations, vectors)
+            vectors = stream.rotations.apply(vectors)
         signals.append(_size(stream.times[stream.valid], vectors[stream.valid], smoothing))
     return signals
 
@@ -131,9 +131,9 @@ def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
 def track_signals(motion: TrackedMotion, limb: str, smoothing: float) -> list[Signal]:
     """Return the same signals of a tracked part of the body."""
     times = motion.times[motion.valid]
-    turned = quat.continuous(motion.orientation(limb)[motion.valid])
+    turned = motion.orientation(limb)[motion.valid]
     middles = 0.5 * (times[1:] + times[:-1])
-    signals = [_size(middles, quat.angular_velocity(turned, times), smoothing)]
+    signals = [_size(middles, angular_velocity(turned, times), smoothing)]
     grid, path, known = on_grid(times, motion.middle(limb)[motion.valid])
     if len(grid) > 4:
         smooth = _low_passed(path, smoothing)
@@ -150,7 +150,12 @@ def _angular_velocity(stream: SensorStream) -> tuple[np.ndarray, np.ndarray]:
     if stream.gyro is not None:
         return times, stream.gyro[stream.valid]
     assert stream.rotations is not None  # a stream has one or the other
-    return 0.5 * (times[1:] + times[:-1]), quat.angular_velocity(stream.rotations[stream.valid], times)
+    return 0.5 * (times[1:] + times[:-1]), angular_velocity(stream.rotations[stream.valid], times)
+
+
+def angular_velocity(rotations: Rotation, times: np.ndarray) -> np.ndarray:
+    """Return the rate of turn (N - 1, 3) between neighbours of N rotations, rad/s, turning frame (thesis, Eq. A.14)."""
+    return (rotations[:-1].inv() * rotations[1:]).as_rotvec() / np.diff(times)[:, None]
 
 
 def _angular_speed(stream: SensorStream) -> tuple[np.ndarray, np.ndarray]:

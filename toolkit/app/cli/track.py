@@ -85,8 +85,8 @@ class SensorGuideOptions:
                 f"inertial sensors belong to one recording, not to {len(recordings)}; track the recordings one by one"
             )
         from toolkit.inertial.calibration import Calibration
+        from toolkit.inertial.guide import InertialGuide
         from toolkit.inertial.workflow import load_sensors
-        from toolkit.tracking.guide import InertialGuide
 
         sensors = load_sensors(self.inertial)
         return InertialGuide(sensors, Calibration.load(self.calibration), recordings[0].stem)
