@@ -12,8 +12,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.evaluation.marker_files import read_markers
 from toolkit.io.errors import UsageError
-from toolkit.motion.angles import COLUMNS, joint_angles
-from toolkit.motion.opensim_coordinates import coordinates
+from toolkit.motion.angles import COLUMNS, coordinates, joint_angles
 from toolkit.output.export.angles import marker_set
 from toolkit.output.export.document import DECIMALS, export_json
 from toolkit.output.export.opensim import body_mass, solve, virtual_markers

@@ -23,7 +23,7 @@ from toolkit.evaluation.marker_statistics import (
     three_point_angles,
 )
 from toolkit.io.errors import RecordingError
-from toolkit.motion.opensim_coordinates import coordinates
+from toolkit.motion.angles import coordinates
 from toolkit.tracks import TRACKED
 from toolkit.tracks.runs import Person
 

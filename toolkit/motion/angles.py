@@ -14,6 +14,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.tracks.runs import Person
 
 ISB_AXES: np.ndarray = np.column_stack([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """X, Y, Z of the ISB as columns in the body frame (left, up, front)."""
@@ -103,10 +104,7 @@ def joint_angles(body: Body, poses: np.ndarray, known: np.ndarray) -> Angles:
     degrees, locked = np.full((len(poses), len(COLUMNS)), np.nan), np.zeros((len(poses), len(JOINTS)), dtype=bool)
     first = 0
     for number, joint in enumerate(JOINTS):
-        child = rotations[joint.child]
-        relative = child if not joint.parent else rotations[joint.parent].transpose(0, 2, 1) @ child
-        if joint.joint.startswith("left_"):
-            relative = SAGITTAL @ relative @ SAGITTAL
+        relative = relative_rotations(rotations, joint.parent, joint.child, left=joint.joint.startswith("left_"))
         angles, singular = sequence_angles(relative, joint.sequence, known)
         named = [i for i, motion in enumerate(joint.motions) if motion]
         degrees[:, first : first + len(named)] = np.degrees(angles * joint.signs)[:, named]
@@ -124,6 +122,12 @@ def segment_rotations(body: Body, poses: np.ndarray) -> dict[str, np.ndarray]:
     return found
 
 
+def relative_rotations(rotations: dict[str, np.ndarray], parent: str, child: str, *, left: bool) -> np.ndarray:
+    """Return the rotations (T, 3, 3) of a segment in its parent ("": the ground), mirrored for the left side."""
+    relative = rotations[child] if not parent else rotations[parent].transpose(0, 2, 1) @ rotations[child]
+    return SAGITTAL @ relative @ SAGITTAL if left else relative
+
+
 def _hanging(joint: str) -> np.ndarray:
     """Return the rotation (3, 3) from the neutral pose with hanging arms to the T-pose of the skeleton."""
     if not joint.endswith(("shoulder", "elbow", "wrist")):
@@ -138,43 +142,58 @@ def sequence_angles(rotations: np.ndarray, sequence: str, known: np.ndarray) -> 
     Of the two equivalent triples, the one with the second angle in its usual range is returned (-90 to 90 degrees for
     ZXY, -180 to 0 for YXY). The other angles are continuous over the known frames; the rest is NaN.
     """
+    from scipy.spatial.transform import Rotation
+
     rows, out = np.flatnonzero(known), np.full((len(rotations), 3), np.nan)
     locked = np.zeros(len(rotations), dtype=bool)
     if not len(rows):
         return out, locked
     turned = rotations[rows]
-    first, near = (_first_of_zxy if sequence == "ZXY" else _first_of_yxy)(turned)
+    if sequence == "ZXY":
+        first, locking, axis = np.arctan2(-turned[:, 0, 1], turned[:, 1, 1]), turned[:, 2, 1], 2
+    else:
+        first, locking, axis = np.arctan2(-turned[:, 0, 1], -turned[:, 2, 1]), turned[:, 1, 1], 1
+    near = np.abs(locking) > np.cos(GIMBAL_LOCK)
     locked[rows] = near
-    first = _held(first, near, rows)
-    axis = 2 if sequence == "ZXY" else 1
-    rest = _about(axis, -first) @ turned  # = second about X, third about Y
+    first = np.zeros(len(rows)) if near.all() else np.interp(rows, rows[~near], np.unwrap(first[~near]))
+    # What is left is the second angle about X and the third about Y.
+    rest = Rotation.from_rotvec(-first[:, None] * np.eye(3)[axis]).as_matrix() @ turned
     second = np.arctan2(rest[:, 2, 1], rest[:, 1, 1])
     third = np.unwrap(np.arctan2(rest[:, 0, 2], rest[:, 0, 0]))
     out[rows] = np.column_stack([first, second, third])
     return out, locked
 
 
-def _first_of_zxy(turned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.arctan2(-turned[:, 0, 1], turned[:, 1, 1]), np.abs(turned[:, 2, 1]) > np.cos(GIMBAL_LOCK)
+def coordinates(person: Person, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Compute the coordinates of OpenSim's generic full-body model (Rajagopal 2016).
 
+    `rows` (N,) are frames of the person. The result is name -> float64 (N,), degrees or metres.
+    """
+    poses = person.track.pose[rows]
+    turned, known = segment_rotations(person.body, poses), np.ones(len(rows), dtype=bool)
 
-def _first_of_yxy(turned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.arctan2(-turned[:, 0, 1], -turned[:, 2, 1]), np.abs(turned[:, 1, 1]) > np.cos(GIMBAL_LOCK)
+    def angles(parent: str, child: str, *, left: bool = False) -> np.ndarray:
+        relative = relative_rotations(turned, parent, child, left=left)
+        return np.degrees(sequence_angles(relative, "ZXY", known)[0])
 
-
-def _held(angle: np.ndarray, near: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return the angle without jumps, interpolated in time where it is locked."""
-    if near.all():
-        return np.zeros(len(angle))
-    sure = np.flatnonzero(~near)
-    return np.interp(rows, rows[sure], np.unwrap(angle[sure]))
-
-
-def _about(axis: int, angle: np.ndarray) -> np.ndarray:
-    """Return the rotations (T, 3, 3) about one coordinate axis."""
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    out = np.zeros((len(angle), 3, 3))
-    out[:, axis, axis] = 1.0
-    out[:, i, i] = out[:, j, j] = np.cos(angle)
-    out[:, i, j], out[:, j, i] = -np.sin(angle), np.sin(angle)
-    return out
+    pelvis = angles("", "root")
+    hips = poses[:, skeleton.ROOT_POSITION] @ ISB_AXES
+    generic_stature = 1.70  # metres, of that model (Rajagopal 2016)
+    # Metres, ISB axes: from the origin of the generic model's pelvis (between its spines) to the middle of its hips.
+    pelvis_to_hips = np.array([-0.0563, -0.0786, 0.0])
+    place = hips - turned["root"] @ pelvis_to_hips * person.body.height / generic_stature
+    found = dict(zip(("pelvis_tilt", "pelvis_list", "pelvis_rotation"), pelvis.T, strict=True))
+    found |= dict(zip(("pelvis_tx", "pelvis_ty", "pelvis_tz"), place.T, strict=True))
+    for side in ("right", "left"):
+        s, left = side[0], side == "left"
+        hip, shoulder = angles("root", f"{side}_hip", left=left), angles("thorax", f"{side}_shoulder", left=left)
+        ankle = angles(f"{side}_knee", f"{side}_ankle", left=left)
+        found |= dict(zip((f"hip_flexion_{s}", f"hip_adduction_{s}", f"hip_rotation_{s}"), hip.T, strict=True))
+        found[f"knee_angle_{s}"] = -angles(f"{side}_hip", f"{side}_knee", left=left)[:, 0]
+        found |= dict(zip((f"ankle_angle_{s}", f"subtalar_angle_{s}"), ankle[:, :2].T, strict=True))
+        found |= dict(zip((f"arm_flex_{s}", f"arm_add_{s}", f"arm_rot_{s}"), shoulder.T, strict=True))
+        found[f"elbow_flex_{s}"] = angles(f"{side}_shoulder", f"{side}_elbow", left=left)[:, 0]
+    found |= dict(
+        zip(("lumbar_extension", "lumbar_bending", "lumbar_rotation"), angles("root", "thorax").T, strict=True)
+    )
+    return found

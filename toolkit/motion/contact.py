@@ -16,10 +16,6 @@ from toolkit.tracks.runs import Person
 ENTER_SPEED = 0.30
 """Metres a second along the ground below which the slower point of a sole begins a contact."""
 
-GAUSSIAN_RADIUS = 4.0
-"""Radius of a truncated Gaussian, standard deviations (SciPy's default)."""
-
-
 ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
 
 
@@ -49,6 +45,8 @@ def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, know
 
     `known` is bool (T,).
     """
+    from scipy.ndimage import binary_propagation
+
     found = np.zeros((len(times), 2), dtype=bool)
     enter_height = 0.05  # metres above the ground below which the lower point of a sole begins a contact
     leave_height = 0.09  # metres above which it ends the contact
@@ -62,7 +60,7 @@ def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, know
         for side in range(2):
             enter = (heights[:, side] < enter_height) & (speeds[:, side] < ENTER_SPEED)
             stay = (heights[:, side] < leave_height) & (speeds[:, side] < leave_speed)
-            found[span, side] = without_short(hysteresis(enter, stay), shortest)
+            found[span, side] = without_short(binary_propagation(enter, mask=enter | stay), shortest)
     return found
 
 
@@ -80,14 +78,9 @@ def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarra
     """Return values (T, ...) filtered by a Gaussian of `seconds`, without a shift in time."""
     if len(times) < 2 or not seconds > 0:
         return values
-    deviation = seconds / typical_step(times)  # frames
-    reach = int(GAUSSIAN_RADIUS * deviation + 0.5)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
-    padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="symmetric")
-    out = np.zeros(values.shape)
-    for k, weight in enumerate(weights / weights.sum()):
-        out += weight * padded[k : k + len(values)]
-    return out
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(values, seconds / typical_step(times), axis=0, mode="reflect")
 
 
 def typical_step(times: np.ndarray) -> float:
@@ -141,14 +134,6 @@ def ground_of(people: Sequence[Person]) -> tuple[float, str]:
         if found:
             return min(found), "where the feet rest" if watched else "guessed"
     return 0.0, "guessed"
-
-
-def hysteresis(enter: np.ndarray, stay: np.ndarray) -> np.ndarray:
-    """Return a bool (T,) mask: each run of `stay` that contains a frame of `enter`."""
-    held = np.zeros(len(enter), dtype=bool)
-    for span in spans(stay | enter):
-        held[span] = enter[span].any()
-    return held
 
 
 def without_short(flags: np.ndarray, shortest: int) -> np.ndarray:

@@ -15,7 +15,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole, soles
 from toolkit.io.spans import spans
-from toolkit.motion.contact import GAUSSIAN_RADIUS, frames_in, smoothed, typical_step
+from toolkit.motion.contact import frames_in, smoothed, typical_step
 from toolkit.tracks import TRACKED
 from toolkit.tracks.runs import Person
 
@@ -80,7 +80,8 @@ def _still_body(body: Body, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
 def _pairs(times: np.ndarray, seconds: float) -> Iterator[tuple[slice, slice, float]]:
     """Yield all pairs of frames at one time shift, with the Gaussian weight of that shift."""
     step, count = typical_step(times), len(times)
-    reach = min(count - 1, round(GAUSSIAN_RADIUS * seconds / step))
+    radius = 4.0  # standard deviations at which a Gaussian is truncated (SciPy's default)
+    reach = min(count - 1, round(radius * seconds / step))
     for shift in range(-reach, reach + 1):
         here = slice(max(0, -shift), count - max(0, shift))
         there = slice(max(0, shift), count - max(0, -shift))

@@ -8,8 +8,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.io.files import save_text
-from toolkit.motion.angles import COLUMNS, JOINTS, joint_angles
-from toolkit.motion.opensim_coordinates import coordinates
+from toolkit.motion.angles import COLUMNS, JOINTS, coordinates, joint_angles
 from toolkit.tracks import STATE_NAMES
 from toolkit.tracks.runs import Person
 
