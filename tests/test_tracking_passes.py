@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from tests.sensing_scenes import TOF
 from tests.support.misled import wrong_pose
 from tests.support.solo import Solo
-from toolkit.app.pipeline import TrackerRecipe, person_pass, second, track_recording
+from toolkit.app.pipeline import TrackerRecipe, second, track_recording
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
@@ -64,7 +64,7 @@ from toolkit.tracking.stature import (  # fmt: skip
     statures_of,
     too_small,
 )
-from toolkit.tracking.trajectory_choice import SWITCH_COST, Direction, Step, TrajectoryStore, better_parts, result_of
+from toolkit.tracking.trajectory_choice import SWITCH_COST, Direction, Step, better_parts, result_of
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracks.runs import load_people
 from toolkit.tracks.track_writer import row_type
@@ -232,19 +232,19 @@ def second_pass(
     tracker: HybridTracker,
     sightings: SightingFile,
     first_pass: np.ndarray,
-    folder: Path,
     keyframes: tuple[int, ...] = (12,),
     *,
     relearned: bool = False,
-) -> tuple[BidirectionalTracker, TrajectoryStore]:
-    """Return the second pass over the person of a recording, and the store of its steps."""
+) -> dict[int, Step]:
+    """Return the steps of the second pass over the person of a recording."""
     recording, frames = open_recording(take), len(first_pass)
     stretches = (Stretch(0, frames - 1, keyframes),)
     plan = Plan(load_body("slim_male"), stretches, np.zeros((frames, 2)), relearned)
-    trajectory = TrajectoryStore(folder / "trajectory", len(tracker.stage_names), len(tracker.source_names))
     rotation, seen = level_rotation(recording.up_camera), sightings.of(1)
-    both = tracker.bidirectional(recording.camera, rotation, seen, recording.timestamps, trajectory, plan, first_pass)
-    return both, trajectory
+    both = tracker.bidirectional(recording.camera, rotation, seen, recording.timestamps, plan, first_pass)
+    for _ in both.run():
+        pass
+    return both.trajectory
 
 
 def worst(path: Path, joints: Iterable[np.ndarray]) -> float:
@@ -255,16 +255,14 @@ def worst(path: Path, joints: Iterable[np.ndarray]) -> float:
 
 @pytest.mark.parametrize("wrong", [slice(0, 0), slice(0, 9), slice(8, 16)], ids=["right", "at the start", "within"])
 def test_what_went_wrong_in_the_first_pass_is_found_backwards(
-    wrong: slice, take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
+    wrong: slice, take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     first, followed, follow = turned(right, wrong, take), list[int](), FrameDetector.follow
     monkeypatch.setattr(
         FrameDetector, "follow", lambda self, frame, *inputs: followed.append(frame) or follow(self, frame, *inputs)
     )
-    both, trajectory = second_pass(take, tracker, sightings, first, tmp_path)
-    for _ in both.run():
-        pass
+    trajectory = second_pass(take, tracker, sightings, first)
     errors = [worst(take, rows) for rows in (first["joints"], (trajectory[f].result.joints for f in range(len(first))))]
     assert errors[1] < 0.08 and (errors[0] > 0.25) == (wrong.stop > 0)
     frames = len(first)
@@ -272,7 +270,7 @@ def test_what_went_wrong_in_the_first_pass_is_found_backwards(
 
 
 def test_a_keyframe_detection_is_followed_in_both_directions_if_both_trajectories_are_wrong(
-    take: Path, bundled_database: Path, sightings: SightingFile, right: np.ndarray, tmp_path: Path,
+    take: Path, bundled_database: Path, sightings: SightingFile, right: np.ndarray,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     without_network = HybridSettings(hypotheses=("local", "extrema"), sizes=(-0.6, 0.4))
@@ -291,23 +289,17 @@ def test_a_keyframe_detection_is_followed_in_both_directions_if_both_trajectorie
     cost = FrameDetector.cost
     monkeypatch.setattr(FrameDetector, "redetect", detected)
     monkeypatch.setattr(FrameDetector, "cost", priced)
-    for number, keyframes in enumerate(((), (16,))):
-        folder = tmp_path / str(number)
-        folder.mkdir()
-        both, trajectory = second_pass(take, tracker, sightings, first, folder, keyframes)
-        for _ in both.run():
-            pass
+    for keyframes in ((), (16,)):
+        trajectory = second_pass(take, tracker, sightings, first, keyframes)
         joints = [trajectory[f].result.joints for f in range(len(first))]
         assert (worst(take, joints) < 0.08) == bool(keyframes)
 
 
 def test_with_a_body_learnt_again_the_forward_trajectory_begins_in_a_keyframe(
-    take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray, tmp_path: Path
+    take: Path, tracker: HybridTracker, sightings: SightingFile, right: np.ndarray
 ) -> None:
     first = turned(right, slice(0, None), take)
-    both, trajectory = second_pass(take, tracker, sightings, first, tmp_path, (3, 12), relearned=True)
-    for _ in both.run():
-        pass
+    trajectory = second_pass(take, tracker, sightings, first, (3, 12), relearned=True)
     steps = [trajectory[f] for f in range(len(first))]
     assert np.isinf([step.rival_cost for step in steps[:3]]).all() and np.isfinite(steps[-1].rival_cost)
     assert worst(take, (step.result.joints for step in steps)) < 0.08
@@ -330,7 +322,7 @@ def test_a_jump_is_followed_from_the_side_from_which_it_was_not_passed(
         for f, (own, side) in enumerate(zip(joints, sides, strict=True))
     }
     both = BidirectionalTracker.__new__(BidirectionalTracker)
-    both._trajectory, both._plan = steps, SimpleNamespace(stretches=(Stretch(0, 3, (0,)),))  # type: ignore[assignment]
+    both.trajectory, both._plan = steps, SimpleNamespace(stretches=(Stretch(0, 3, (0,)),))  # type: ignore[assignment]
     assume(abs(gap - moved - 100 * JUMP) > 0.5)
     expected = set()
     if gap - moved > 100 * JUMP:
@@ -418,7 +410,6 @@ def test_more_poses_are_refined_of_a_still_than_of_a_frame_among_others(
 def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     killed_after: int, take: Path, tracker: HybridTracker, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(person_pass, "MEMORY_SECONDS", 0.0)
     run, follow = tmp_path / "run", FrameDetector.follow
 
     def dies(self: FrameDetector, frame: int, state: PersonState, direction: Direction) -> Detection:

@@ -14,7 +14,6 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database import canonical
 from toolkit.fitting.shape import ShapeSettings
-from toolkit.io.errors import TrackError
 from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
@@ -23,7 +22,6 @@ from toolkit.tracking.planning import (
     CHECKED,
     MOMENT_GAP,
     SURVEYED,
-    Plan,
     Planner,
     Stretch,
     Survey,
@@ -174,13 +172,3 @@ def test_sizes_are_searched_for_a_person_who_is_cut_off_in_every_keyframe_or_who
     top = BODY.height - 1.0 + above  # the floor is at -1
     plan = planned(np.arange(0, 60), np.ones(400), whole=whole, top=top, relearn=relearn)[0].plan
     assert len(searched) == learnt and plan is not None and plan.relearned == bool(learnt)
-
-
-def test_a_plan_comes_back_from_its_export_and_one_of_another_recording_is_refused() -> None:
-    stretches = Stretch(0, 119, (50, 110)), Stretch(200, 299, (210,))
-    plan = Plan(BODY, stretches, np.full((400, 2), 0.5), relearned=True)
-    again = Plan.restore(plan.export(), 400)
-    assert again.stretches == stretches and again.relearned and (again.heading == plan.heading).all()
-    for frames, wrong in ((300, plan), (399, plan), (400, replace(plan, stretches=(Stretch(0, 400, (3,)),)))):
-        with pytest.raises(TrackError):
-            Plan.restore(wrong.export(), frames)

@@ -1,4 +1,4 @@
-"""Stored data of an unfinished second pass: sightings and trajectories, read back to the bit and without trust."""
+"""Stored sightings of an unfinished second pass, read back to the bit and without trust."""
 
 import zlib
 from collections.abc import Callable
@@ -8,15 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
 from toolkit.io.errors import OutputError, TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.tracking.sightings import ENTRY, HEADER, SightingFile, StoredSighting
-from toolkit.tracking.trajectory_choice import Step, TrajectoryStore
-from toolkit.tracks import TRACKED, FrameResult
-from toolkit.tracks.track_writer import row_type
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 
@@ -86,7 +82,7 @@ def test_sightings_of_a_killed_run_go_on_after_its_last_checkpoint(tmp_path: Pat
 
 
 @pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
-@pytest.mark.parametrize("name", ["sightings.index", "sightings.data", "way_1", "folder"])
+@pytest.mark.parametrize("name", ["sightings.index", "sightings.data", "folder"])
 def test_nothing_of_a_second_pass_is_written_through_a_link(
     tmp_path: Path, link: Callable[[Path, Path], None], name: str
 ) -> None:
@@ -100,7 +96,6 @@ def test_nothing_of_a_second_pass_is_written_through_a_link(
         link(folder / name, thesis)
     with pytest.raises(OutputError, match="is a link|another name"):
         SightingFile(folder, CAMERA)
-        TrajectoryStore(folder / "way_1", stages=2, sources=2)
     assert thesis.read_text() == "years" and not list(tmp_path.glob("elsewhere/*"))
 
 
@@ -146,38 +141,3 @@ def test_a_sighting_that_this_camera_cannot_have_seen_is_one_sentence(tmp_path: 
 def test_an_empty_sighting_is_kept_too() -> None:
     nobody = Sighting(1, np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA)
     assert_same(StoredSighting.unpacked(StoredSighting.of(nobody).packed(), 1, CAMERA).sighting(), nobody)
-
-
-def a_step(number: int) -> Step:
-    pose, joints = np.full(skeleton.POSE_SIZE, float(number)), np.full((20, 3), number, dtype=np.float32)
-    confidence, observed = np.full(20, 0.25, dtype=np.float32), np.arange(20) % 2 == 0
-    return Step(FrameResult(pose, joints, confidence, TRACKED, 1, np.ones(2, np.float32), observed), 0.01 * number)
-
-
-def test_a_trajectory_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
-    way = TrajectoryStore(tmp_path / "way", stages=2, sources=2)
-    for frame in (5, 2, 9, 2):
-        way[frame] = a_step(frame)
-    assert [frame for frame in range(12) if way.get(frame) is not None] == [2, 5, 9]
-    assert way[9].cost == 0.09 and way[5].result.pose[0] == 5.0 and way[2].result.observed.tolist()[:2] == [True, False]
-    np.testing.assert_array_equal(way.packed(way[5]), way.packed(a_step(5)))
-    with pytest.raises(TrackError, match="lacks frame 3"):
-        way[3]
-    way.close()
-
-
-@pytest.mark.parametrize(("field", "value"), [("source", 9), ("pose", np.nan), ("joints", np.inf)])
-def test_a_foreign_trajectory_file_is_one_sentence(tmp_path: Path, field: str, value: float) -> None:
-    way = TrajectoryStore(tmp_path / "way", stages=2, sources=2)
-    way[0] = a_step(0)
-    row = way.packed(a_step(1))
-    way.close()
-    numbers = [("cost", "<f8"), ("rival_cost", "<f8"), ("direction", "i1"), ("continues", "?"), ("known", "?")]
-    kind = np.dtype([("row", row_type(2)), *numbers])
-    odd = np.frombuffer(row.tobytes(), dtype=kind).copy()
-    odd["row"][field] = value
-    with pytest.raises(TrackError):
-        TrajectoryStore(tmp_path / "way", stages=2, sources=2).put_back(1, np.frombuffer(odd.tobytes(), np.uint8))
-    odd.tofile(tmp_path / "way")
-    with pytest.raises(TrackError):
-        TrajectoryStore(tmp_path / "way", stages=2, sources=2)

@@ -13,32 +13,23 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state, numbered
-from toolkit.io.errors import TrackError
+from toolkit.io.parts import Parts
 from toolkit.kernels import linear
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.frame_detection import NOTHING_FOUND, Detection, FrameDetector
 from toolkit.tracking.planning import Plan, Stretch
 from toolkit.tracking.sightings import PersonSightings
-from toolkit.tracking.state import PersonState, State
-from toolkit.tracking.trajectory_choice import Direction, Step, TrajectoryStore, apart, better_parts, result_of
+from toolkit.tracking.state import PersonState
+from toolkit.tracking.trajectory_choice import Direction, Step, apart, better_parts, result_of
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 JUMP = 0.05
 """Metres, mean over the joints, by which a step has to exceed those beside it to be a jump."""
 REPAIRED_SHARE = 0.5
 """Frames that are followed through jumps, per frame in sight, at most."""
-_STATE = {
-    "leg": Column("iu", (), 0),
-    "merged": Column("b", ()),
-    "jumps": Column("iu", ("jumps", 2), -1, optional=True),
-    "left": Column("iu", (), 0),
-}
 
 
 @dataclass(frozen=True)
@@ -85,10 +76,13 @@ class BidirectionalTracker:
     follower : follows with the person's own body
     seen : the person's sightings
     timestamps : float64 (T,), seconds, of all frames of the recording
-    trajectory : receives the steps
     plan : body, stretches and keyframes
     stages : names of the follower's stages
     first_pass : rows (T,) of the first pass, with the track's columns
+
+    Attributes
+    ----------
+    trajectory : steps by frame, of all frames in sight after `run`
     """
 
     def __init__(
@@ -96,7 +90,6 @@ class BidirectionalTracker:
         follower: Follower,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        trajectory: TrajectoryStore,
         plan: Plan,
         stages: tuple[str, ...],
         first_pass: np.ndarray,
@@ -104,61 +97,20 @@ class BidirectionalTracker:
         self._detector = FrameDetector(follower, plan.body, seen, timestamps, stages, plan.heading)
         self._objective = follower.objective
         self._timestamps, self._first_pass = timestamps, first_pass
-        self._trajectory, self._plan = trajectory, plan
-        self._leg, self._frame, self._state = 0, -1, follower.state
-        self._merged = False
-        self._jumps: list[Jump] | None = None
-        self._left = int(REPAIRED_SHARE * sum(s.last + 1 - s.first for s in plan.stretches))
-        self._pending: dict[int, Step] = {}
+        self._plan = plan
+        self.trajectory: dict[int, Step] = {}
         self._detections: dict[int, Detection] = {}
         self._forward: dict[int, FrameResult] = {}
 
-    def run(self) -> Iterator[bool]:
-        """Run the second pass as a generator. Yields True when the caller should write a checkpoint."""
-        if not self._merged:
-            legs = [leg for stretch in self._plan.stretches for leg in self._legs(stretch)]
-            while self._leg < len(legs):
-                yield from self._followed(legs[self._leg])
-                self._leg, self._frame = self._leg + 1, -1
-            for stretch in self._plan.stretches:
-                self._pending |= self._better_forward(stretch)
-            self._merged = True
-            yield from self._put()
-        if self._jumps is None:
-            self._jumps = self._jumps_left()
-            yield True
-        while self._jumps and self._left:
-            yield from self._repaired(self._jumps[0])
-            yield from self._put()
-
-    def export_state(self) -> State:
-        """Return all that the rest depends on besides sightings, plan and trajectory."""
-        jumps = self._jumps
-        return {
-            "leg": self._leg,
-            "frame": self._frame,
-            "state": self._state.export(),
-            "merged": self._merged,
-            "jumps": None if jumps is None else np.array([(j.frame, j.direction.value) for j in jumps]).reshape(-1, 2),
-            "left": self._left,
-            "pending": {str(frame): self._trajectory.packed(step) for frame, step in self._pending.items()},
-        }
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Continue from what `export_state` gave; raises TrackError for anything else."""
-        frames = len(self._timestamps)
-        check_state(state, {**_STATE, "frame": Column("iu", (), -1, frames)}, ("state", "pending"), "second pass")
-        pending, jumps = numbered(state["pending"], "trajectory"), state["jumps"]
-        known = np.empty((0, 2), dtype=np.int64) if jumps is None else jumps
-        if max([*pending, *known[:, 0].tolist()], default=-1) >= frames or (np.abs(known[:, 1]) != 1).any():
-            raise TrackError(f"the second pass is of another recording; {HINT}")
-        self._leg, self._frame, self._merged, self._left = (state[k] for k in ("leg", "frame", "merged", "left"))
-        self._state = PersonState.restore(state["state"])
-        if self._plan.relearned and not self._merged:
-            self._leg, self._frame = 0, -1  # the forward trajectory is in memory only
-        self._jumps = None if jumps is None else [Jump(frame, Direction(sign)) for frame, sign in jumps.tolist()]
-        for frame, packed in pending.items():
-            self._trajectory.put_back(frame, packed)
+    def run(self) -> Iterator[None]:
+        """Run the second pass, a frame at a time: the caller may stop in between."""
+        for stretch in self._plan.stretches:
+            for leg in self._legs(stretch):
+                yield from self._followed(leg)
+            self.trajectory |= self._better_forward(stretch)
+        left = int(REPAIRED_SHARE * len(self.trajectory))
+        for jump in self._jumps_left():
+            left -= yield from self._repaired(jump, left)
 
     def _legs(self, stretch: Stretch) -> list[Leg]:
         """Return the frames to follow: all backwards; before that forwards from the best keyframe with a new body."""
@@ -177,21 +129,20 @@ class BidirectionalTracker:
             self._detections[frame] = self._detector.redetect(frame, Direction.BACKWARD)
         return self._detections[frame]
 
-    def _followed(self, leg: Leg) -> Iterator[bool]:
-        """Follow a leg, from where it was left."""
-        for frame in leg.frames if self._frame < 0 else range(self._frame, leg.frames.stop, leg.direction.value):
+    def _followed(self, leg: Leg) -> Iterator[None]:
+        """Follow a leg."""
+        state = None
+        for frame in leg.frames:
             if leg.direction is Direction.FORWARD:
-                begins = frame == leg.start
-                found = self._detected(frame) if begins else self._followed_or_detected(leg, frame, self._state)
+                found = self._detected(frame) if state is None else self._followed_or_detected(leg, frame, state)
                 self._forward[frame] = found.step.result
             else:
-                state = self._state_of_rival(frame) if frame == leg.start else self._state
-                found = self._followed_or_detected(leg, frame, state)
+                found = self._followed_or_detected(leg, frame, state or self._state_of_rival(frame))
                 cost, result = self._cost_of_rival(frame, found), self._doubted(found.step.result, self._rival(frame))
-                self._trajectory[frame] = replace(found.step, result=result, direction=leg.direction, rival_cost=cost)
+                self.trajectory[frame] = replace(found.step, result=result, direction=leg.direction, rival_cost=cost)
                 self._detections.pop(frame, None)
-            self._frame, self._state = frame + leg.direction.value, found.followed.state
-            yield False
+            state = found.followed.state
+            yield
 
     def _followed_or_detected(self, leg: Leg, frame: int, state: PersonState) -> Detection:
         """Follow to a frame; in a keyframe, return the detection if it is another pose that explains more."""
@@ -239,7 +190,7 @@ class BidirectionalTracker:
         """Return the steps of the forward trajectory on the cheapest path through both trajectories."""
         frames, entries = range(stretch.first, stretch.last + 1), []
         for f in frames:
-            second = self._trajectory[f]
+            second = self.trajectory[f]
             other = self._rival(f) or second.result
             gap = 0.0 if second.result.state == EMPTY else apart(other, second.result)
             entries.append((second.rival_cost, second.cost, gap))
@@ -249,7 +200,7 @@ class BidirectionalTracker:
 
     def _forward_step(self, frame: int) -> Step:
         """Return the step of the forward trajectory in a frame that was followed backwards."""
-        step = self._trajectory[frame]
+        step = self.trajectory[frame]
         result = self._doubted(self._rival(frame) or step.result, step.result)
         result = replace(result, stage_ms=step.result.stage_ms)
         return Step(result, step.rival_cost, rival_cost=step.rival_cost)
@@ -258,11 +209,11 @@ class BidirectionalTracker:
         """Return the jumps of the trajectory, the largest first, each from the side from which it was not passed."""
         found: list[tuple[float, Jump]] = []
         for stretch in self._plan.stretches:
-            steps = (self._trajectory[f] for f in range(stretch.first, stretch.last + 1))
+            steps = (self.trajectory[f] for f in range(stretch.first, stretch.last + 1))
             moved = np.array([0.0, *(apart(a.result, b.result) for a, b in pairwise(steps)), 0.0])
             excesses = moved[1:-1] - np.maximum(moved[:-2], moved[2:])
             for k in np.flatnonzero(excesses >= JUMP).tolist():
-                excess, before, after = excesses[k], *(self._trajectory[stretch.first + i] for i in (k, k + 1))
+                excess, before, after = excesses[k], *(self.trajectory[stretch.first + i] for i in (k, k + 1))
                 if EMPTY in (before.result.state, after.result.state) or _continues(before, after):
                     continue
                 if before.direction is Direction.BACKWARD:
@@ -271,18 +222,20 @@ class BidirectionalTracker:
                     found.append((-excess, Jump(stretch.first + k + 1, Direction.BACKWARD)))
         return [jump for _, jump in sorted(found, key=lambda entry: entry[0])]
 
-    def _repaired(self, jump: Jump) -> Iterator[bool]:
-        """Follow through a jump until the trajectory is met again; what is better of it becomes pending."""
+    def _repaired(self, jump: Jump, most: int) -> Parts[int]:
+        """Follow through a jump until the trajectory is met again, and keep the better steps; return the number of
+        frames, at most `most`.
+        """
         stretch = next(s for s in self._plan.stretches if s.first <= jump.frame <= s.last)
-        frames = Leg(stretch, jump.frame, jump.direction).frames[1:][: self._left]
-        state = self._detector.state_at(jump.frame, self._trajectory[jump.frame].result.pose)
+        frames = Leg(stretch, jump.frame, jump.direction).frames[1:][:most]
+        state = self._detector.state_at(jump.frame, self.trajectory[jump.frame].result.pose)
         steps: dict[int, Step] = {}
         differed = float(self._timestamps[jump.frame])
         agreed = 0.04  # metres, mean over the joints: the trajectories have met
         agreed_seconds = 0.5  # seconds for which they have to agree
         for frame in frames:
             found = self._detector.follow(frame, state, jump.direction)
-            known = self._trajectory[frame].result
+            known = self.trajectory[frame].result
             state, steps[frame] = (
                 found.followed.state,
                 replace(found.step, result=self._doubted(found.step.result, known)),
@@ -292,30 +245,21 @@ class BidirectionalTracker:
                 differed = moment
             elif abs(moment - differed) > agreed_seconds:
                 break
-            yield False
+            yield
         if steps:
-            self._pending = self._better_of(steps, stretch, jump)
-        assert self._jumps is not None
-        self._jumps, self._left = self._jumps[1:], self._left - len(steps)
+            self.trajectory |= self._better_of(steps, stretch, jump)
+        return len(steps)
 
     def _better_of(self, steps: Mapping[int, Step], stretch: Stretch, jump: Jump) -> dict[int, Step]:
         """Return the steps behind a jump on the cheapest path through them and the trajectory."""
         frames = sorted(steps)
-        known = {f: self._trajectory[f] for f in frames}
+        known = {f: self.trajectory[f] for f in frames}
         gaps = [apart(known[f].result, steps[f].result) for f in frames]
         forward = jump.direction is Direction.FORWARD
         ends = forward or frames[0] == stretch.first, not forward or frames[-1] == stretch.last
         costs = np.array([[known[f].cost, steps[f].cost] for f in frames])
         chosen = better_parts(costs[:, 0], costs[:, 1], np.array(gaps), ends)
         return {f: steps[f] for f, better in zip(frames, chosen, strict=True) if better}
-
-    def _put(self) -> Iterator[bool]:
-        """Put the pending steps into the trajectory; a checkpoint before that makes it one event."""
-        if self._pending:
-            yield True
-        for frame, step in self._pending.items():
-            self._trajectory[frame] = step
-        self._pending = {}
 
 
 def _continues(before: Step, after: Step) -> bool:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.shape import ShapeSettings
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state
-from toolkit.io.errors import TrackError
 from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.body_learning import FollowedBody, RateLimiter
@@ -22,7 +18,6 @@ from toolkit.tracking.follower import Follower, StepContext
 from toolkit.tracking.frame_detection import NOTHING_FOUND, FrameDetector
 from toolkit.tracking.heading import directions_faced, directions_walked, heading, heading_disagreement, weighed
 from toolkit.tracking.sightings import PersonSightings
-from toolkit.tracking.state import State, body_of, body_state
 from toolkit.tracking.stature import StatureBelief, height_stood, is_refuted, statures_of
 from toolkit.tracking.trajectory_choice import Direction
 from toolkit.tracks import TRACKED
@@ -33,12 +28,6 @@ MOMENT_GAP = 1.0
 """Seconds between the frames with most visible joints on which sizes are tried; at most half of the time in view."""
 CHECKED = 5.0
 """Seconds of each stretch; its frame with most visible joints is a keyframe."""
-
-
-_PLAN = {
-    "stretches": Column("iu", ("stretches", 2), 0), "keyframes": Column("iu", ("keyframes",), 0),
-    "heading": Column("f", ("frames", 2), -1.0, 1.0), "relearned": Column("b", ()),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -72,31 +61,6 @@ class Plan:
     stretches: tuple[Stretch, ...]
     heading: np.ndarray
     relearned: bool = False
-
-    def export(self) -> State:
-        """Return the plan as plain arrays, numbers and text."""
-        rows = [(stretch.first, stretch.last) for stretch in self.stretches]
-        keyframes = [frame for stretch in self.stretches for frame in stretch.keyframes]
-        return {
-            "body": body_state(self.body),
-            "stretches": np.array(rows, dtype=np.int64).reshape(-1, 2),
-            "keyframes": np.array(keyframes, dtype=np.int64),
-            "heading": self.heading,
-            "relearned": self.relearned,
-        }
-
-    @classmethod
-    def restore(cls, state: Mapping[str, Any], frames: int) -> Plan:
-        """Return the plan that `export` gave for a recording of `frames`; raises TrackError for anything else."""
-        check_state(state, _PLAN, ("body",), "plan")
-        keyframes = state["keyframes"]
-        stretches = tuple(
-            Stretch(first, last, tuple(keyframes[(keyframes >= first) & (keyframes <= last)].tolist()))
-            for first, last in state["stretches"].tolist()
-        )
-        if len(state["heading"]) != frames or not all(s.first <= s.last < frames and s.keyframes for s in stretches):
-            raise TrackError(f"the second pass is of another recording; {HINT}")
-        return cls(body_of(state["body"]), stretches, state["heading"], state["relearned"])
 
 
 @dataclass(frozen=True, eq=False)

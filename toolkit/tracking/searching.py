@@ -31,7 +31,6 @@ from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
 from toolkit.tracking.tracker_protocol import TrackerSettings, Wanted
 from toolkit.tracking.tracking_settings import FollowerSettings
-from toolkit.tracking.trajectory_choice import TrajectoryStore
 
 
 class SearchingSettings(TrackerSettings, FollowerSettings, Protocol):
@@ -166,14 +165,13 @@ class SearchingTracker(ABC):
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        trajectory: TrajectoryStore,
         plan: Plan,
         first_pass: np.ndarray,
     ) -> BidirectionalTracker:
         """See `TwoPassTracker.bidirectional`."""
         maker = self if len(timestamps) > 1 else self.of_still()
         follower = maker.follower(camera, level_rotation, plan.body)
-        return BidirectionalTracker(follower, seen, timestamps, trajectory, plan, self.stage_names, first_pass)
+        return BidirectionalTracker(follower, seen, timestamps, plan, self.stage_names, first_pass)
 
     def assembled(
         self,

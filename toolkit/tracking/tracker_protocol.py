@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from toolkit.tracking.passes import BidirectionalTracker
     from toolkit.tracking.planning import Plan, Planner
     from toolkit.tracking.sightings import PersonSightings
-    from toolkit.tracking.trajectory_choice import TrajectoryStore
 
 Wanted = Literal["none", "offered", "required"]
 
@@ -228,7 +227,6 @@ class TwoPassTracker(Tracker, Protocol):
         level_rotation: np.ndarray,
         seen: PersonSightings,
         timestamps: np.ndarray,
-        trajectory: TrajectoryStore,
         plan: Plan,
         first_pass: np.ndarray,
     ) -> BidirectionalTracker:

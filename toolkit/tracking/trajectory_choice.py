@@ -1,4 +1,4 @@
-"""Trajectories of one person: their steps on disk, and the selection between two of them.
+"""Trajectories of one person: their steps, and the selection between two of them.
 
 A trajectory is a row of the track for each frame, found by following the person forwards or backwards in time.
 """
@@ -8,15 +8,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum
-from pathlib import Path
 
 import numpy as np
 
-from toolkit.io.checkpoint import HINT
-from toolkit.io.errors import OutputError, TrackError
-from toolkit.io.safe_open import open_file
 from toolkit.tracks import FrameResult
-from toolkit.tracks.track_writer import check_rows, row_type
 
 SWITCH_COST = 1.0
 """Cost of a switch between two trajectories per metre between them: ten frames in which the better one is 3 cm nearer
@@ -49,92 +44,6 @@ class Step:
     direction: Direction = Direction.FORWARD
     continues: bool = True
     rival_cost: float = math.inf
-
-
-class TrajectoryStore:
-    """Steps of one trajectory on disk, in any order of the frames.
-
-    Parameters
-    ----------
-    path : made if it is missing
-    stages : number of timed stages of a row
-    sources : number of possible sources of a row
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    TrackError
-        What is there holds what no tracker writes.
-    """
-
-    def __init__(self, path: Path, stages: int, sources: int) -> None:
-        numbers = [("cost", "<f8"), ("rival_cost", "<f8"), ("direction", "i1"), ("continues", "?"), ("known", "?")]
-        self._type = np.dtype([("row", row_type(stages)), *numbers])
-        self._path = path
-        try:
-            open_file(path, "a+b", inside=True).close()
-            self._file = open_file(path, "r+b", inside=True, buffering=0)
-            steps = self._file.read()
-        except OSError as error:
-            raise OutputError(f"cannot write {path}: {error.strerror or error}; free some space") from error
-        self._sources = sources
-        self._check(np.frombuffer(steps, dtype=self._type, count=len(steps) // self._type.itemsize))
-
-    def _check(self, steps: np.ndarray) -> None:
-        """Raise TrackError for a row that no tracker writes: a file may be damaged or foreign."""
-        check_rows(steps["row"][steps["known"]], self._sources, str(self._path))
-
-    def packed(self, step: Step) -> np.ndarray:
-        """Return a step as uint8 (N,), as stored on disk."""
-        record = np.zeros((), dtype=self._type)
-        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
-            record["row"][name] = getattr(step.result, name)
-        record["cost"], record["rival_cost"], record["known"] = step.cost, step.rival_cost, True
-        record["direction"], record["continues"] = step.direction.value, step.continues
-        return np.frombuffer(record.tobytes(), dtype=np.uint8)
-
-    def unpacked(self, packed: np.ndarray) -> Step:
-        """Return a step from `packed`."""
-        record = np.frombuffer(packed.tobytes(), dtype=self._type)[0]
-        direction = Direction.BACKWARD if record["direction"] < 0 else Direction.FORWARD
-        costs = float(record["cost"]), float(record["rival_cost"])
-        return Step(result_of(record["row"]), costs[0], direction, bool(record["continues"]), costs[1])
-
-    def __setitem__(self, frame: int, step: Step) -> None:
-        try:
-            self._file.seek(frame * self._type.itemsize)
-            self._file.write(self.packed(step).tobytes())
-        except OSError as error:
-            raise OutputError(
-                f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
-            ) from error
-
-    def put_back(self, frame: int, packed: np.ndarray) -> None:
-        """Set a frame's step from `packed` of an interrupted run; raises TrackError for anything else."""
-        step = np.asarray(packed)
-        if step.dtype != np.uint8 or step.shape != (self._type.itemsize,):
-            raise TrackError(f"{self._path} cannot take step {frame}; {HINT}")
-        self._check(np.frombuffer(step.tobytes(), dtype=self._type))
-        self[frame] = self.unpacked(step)
-
-    def get(self, frame: int) -> Step | None:
-        """Return the step of a frame; None without one."""
-        self._file.seek(frame * self._type.itemsize)
-        data = self._file.read(self._type.itemsize)
-        if len(data) < self._type.itemsize or not np.frombuffer(data, dtype=self._type)[0]["known"]:
-            return None
-        return self.unpacked(np.frombuffer(data, dtype=np.uint8))
-
-    def __getitem__(self, frame: int) -> Step:
-        step = self.get(frame)
-        if step is None:
-            raise TrackError(f"{self._path} lacks frame {frame}; {HINT}")
-        return step
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
 
 def result_of(row: np.void) -> FrameResult:

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from toolkit.app.pipeline.earlier import sightings_before
 from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_run_file, info_of, tracks_of_same_run
 from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source, name_of
-from toolkit.app.pipeline.person_pass import MEMORY_SECONDS
 from toolkit.app.pipeline.run_summary import RunSummary, summarised, track_warnings
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.second import SecondPass
@@ -44,6 +43,9 @@ if TYPE_CHECKING:
     from toolkit.app.pipeline.events import EventStream
 
 logger = logging.getLogger(__name__)
+
+MEMORY_SECONDS = 2.0
+"""Interval between two stored states of the first pass, seconds; a killed run loses at most this much of its work."""
 
 
 class Job(NamedTuple):

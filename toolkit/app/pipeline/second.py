@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, wait
 from contextlib import ExitStack, closing
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, PersonTask, follow_in_worker
+from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, Followed, PersonTask, follow_in_worker
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body.body import Body
@@ -24,11 +25,9 @@ from toolkit.io.workers import Task
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.person import PREDICTED
-from toolkit.tracking.planning import Plan
 from toolkit.tracking.sightings import SightingFile, StoredSighting
 from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.tracker_protocol import TwoPassTracker
-from toolkit.tracking.trajectory_choice import TrajectoryStore
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 FOLDER = "second"
@@ -93,8 +92,6 @@ class SecondPass:
         with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
             for frame, kept in sorted(before, key=lambda seen: seen[0]):
                 file.append(frame, [kept.sighting()])
-        for path in self._folder.glob("person_*.npz"):
-            path.unlink()
         self.bodies, self.evidence, self._finished = dict(bodies), dict(evidence), set()
         self._keep()
 
@@ -124,13 +121,16 @@ class SecondPass:
         for task in tasks:
             if task.person in self._finished:
                 continue
-            plan = None
-            for step in task.run(self._tracker):
-                done, plan = step
-                report(frames * len(self._finished) + done, frames * len(people))
+            parts = task.run(self._tracker)
+            for done in count():
+                try:
+                    next(parts)
+                except StopIteration as ended:
+                    self._put_in_place(task, ended.value)
+                    break
+                report(frames * len(self._finished) + min(done, frames - 1), frames * len(people))
                 if stop.is_set():
                     return False
-            self._put_in_place(task, plan)
         if stop.is_set():
             return False
         shutil.rmtree(self._folder)
@@ -156,10 +156,9 @@ class SecondPass:
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
         (self._folder / STOP_FILE).unlink(missing_ok=True)
-        count = min(self._workers, len(tasks))
         longest = sorted(tasks, key=lambda task: -np.count_nonzero(task.first_pass["state"] == TRACKED))
         # A pool of its own: joblib keeps the reusable one for itself.
-        with ProcessPoolExecutor(count, env=dict.fromkeys(THREADS, "1")) as pool:
+        with ProcessPoolExecutor(min(self._workers, len(tasks)), env=dict.fromkeys(THREADS, "1")) as pool:
             running = {pool.submit(Task.of(follow_in_worker), task, self._recipe): task for task in longest}
             try:
                 while running:
@@ -169,38 +168,35 @@ class SecondPass:
                     for future in wait(running, timeout=0.2, return_when=FIRST_COMPLETED).done:
                         task = running.pop(future)
                         try:
-                            plan, done = future.result()
+                            followed, done = future.result()
                         except TerminatedWorkerError:
                             continue
                         if done:
-                            self._put_in_place(task, plan)
+                            self._put_in_place(task, followed)
             except BaseException:
                 (self._folder / STOP_FILE).touch()  # the others end, too
                 raise
 
-    def _put_in_place(self, task: PersonTask, plan: Plan | None) -> None:
+    def _put_in_place(self, task: PersonTask, followed: Followed | None) -> None:
         """Replace the rows and the body of a person who is done."""
         person = task.person
-        if plan is not None:  # otherwise too little was seen: the rows of the first pass stay
-            with closing(task.trajectory(self._tracker)) as trajectory:
-                self._sink.replace(person, self._rows(person, trajectory))
-            self.bodies[person] = plan.body
+        if followed is not None:  # otherwise too little was seen: the rows of the first pass stay
+            self._sink.replace(person, self._rows(person, followed.rows))
+            self.bodies[person] = followed.body
         self._finished.add(person)
         self._keep()
 
-    def _rows(self, person: int, trajectory: TrajectoryStore) -> Iterator[tuple[FrameResult, float]]:
+    def _rows(self, person: int, rows: Mapping[int, FrameResult]) -> Iterator[tuple[FrameResult, float]]:
         """Return all rows of a person; frames out of view repeat the last pose, earlier ones the first."""
         spent = self._sink.past(person)["stage_ms"]
         predicted = self._tracker.source_names.index(PREDICTED)
-        known = next(step for step in map(trajectory.get, range(len(self._timestamps))) if step is not None)
-        last = replace(known.result, source=predicted, **_nothing(known.result))
+        last = rows[min(rows)]
         for frame, moment in enumerate(self._timestamps.tolist()):
-            step = trajectory.get(frame)
-            if step is None:
-                yield replace(last, stage_ms=spent[frame]), moment
+            if frame in rows:
+                last = rows[frame]
+                yield replace(last, stage_ms=last.stage_ms + spent[frame]), moment
             else:
-                yield replace(step.result, stage_ms=step.result.stage_ms + spent[frame]), moment
-                last = replace(step.result, source=predicted, **_nothing(step.result))
+                yield replace(last, source=predicted, stage_ms=spent[frame], **_nothing(last)), moment
 
     def _keep(self) -> None:
         state = {
