@@ -3,21 +3,18 @@
 import numpy as np
 import pytest
 
-from tests.poses import pose_at
+from tests.poses import pose_at, upper_body_depth
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.errors import SettingsError
 from toolkit.io.typed_values import TypedReader
-from toolkit.kernels.fit import particles as kernel
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.trackers.lopez2011 import filter as room
-from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage, mean_cost
+from toolkit.trackers.lopez2011.costs import ParticleFrame, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
-from toolkit.trackers.lopez2011.filter import UpperFilter
-from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.filter import ParticleSettings, UpperFilter, diffusion
 from toolkit.trackers.lopez2011.initial import initial_pose, place_hands
-from toolkit.trackers.lopez2011.proposals import diffusion
 from toolkit.trackers.lopez2011.sizing import shoulder_breadth, sized_body
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
@@ -38,13 +35,11 @@ def pose_of(**angles: float) -> np.ndarray:
 
 
 def depth_of(upper: UpperBody, pose: np.ndarray) -> np.ndarray:
-    depth = np.empty(CAMERA.shape)
-    kernel.draw(pose, upper.whole, np.array(CAMERA.intrinsics), depth)
-    return depth.astype(np.float32)
+    return upper_body_depth(upper.body, pose, CAMERA, LEVEL)
 
 
 def frame_of(depth: np.ndarray, candidates: np.ndarray = NOTHING) -> ParticleFrame:
-    return ParticleFrame(ParticleImage.of(depth, None, CAMERA, 160), candidates)
+    return ParticleFrame.of(depth[::2, ::2], None, CAMERA.subsampled(2), candidates)
 
 
 def hands_off(upper: UpperBody, found: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -113,7 +108,7 @@ def test_the_estimate_is_what_both_arms_layers_explain_best(upper: UpperBody, mo
     monkeypatch.setattr(room, "SHARPNESS", 0.0)
     layers = iter([np.array([3.0, 0.0, 1.0, 3.0]), np.array([0.0, 3.0, 1.0, 3.0])])
     monkeypatch.setattr(room, "costs_of_arm", lambda *_: next(layers))
-    monkeypatch.setattr(filtering.proposals, "move_arm", lambda _, poses, *__, **___: np.zeros(len(poses), dtype=bool))
+    monkeypatch.setattr(filtering, "move_arm", lambda _, poses, *__, **___: np.zeros(len(poses), dtype=bool))
     particles = np.stack([pose_of(root_tx=0.01 * k) for k in range(4)])
     frame, rng = frame_of(depth_of(upper, pose_of())), np.random.default_rng(0)
     found = filtering.arms(upper, particles, pose_of(), frame, 1 / 30, rng)

@@ -8,14 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fitting_helpers import Fit
-from tests.poses import pose_at
+from tests.poses import pose_at, upper_body_depth
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import body_facing
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.refiner import Refiner
 from toolkit.io.parts import whole
-from toolkit.kernels.fit import particles as kernel
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
@@ -26,7 +25,6 @@ from toolkit.trackers.hybrid.initial_pose import (
     facing_elsewhere,
     other_ways_round,
 )
-from toolkit.trackers.lopez2011.upper import UpperBodies
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.arm_search import ArmSettings, NetworkArms
 from toolkit.tracking.search.search_protocol import Hypothesis, ScoredHypothesis
@@ -36,7 +34,6 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 BODY = load_body()
 FIT = Fit(BODY, CAMERA, LEVEL, FittingSettings())
-BODIES = UpperBodies(LEVEL)
 KINEMATICS = Refiner(FIT.placer, FittingSettings(), FIT.refiner.pose_terms, terms=())
 ARMS = NetworkArms(FIT.objective, FIT.refiner, KINEMATICS, ArmSettings())
 HAND = skeleton.REPORTED.index("left_hand")
@@ -52,11 +49,10 @@ FORWARD = pose_of(left_elbow_ry=-1.6, right_elbow_ry=1.6, left_shoulder_rz=-0.9,
 
 def observed(pose: np.ndarray) -> Observation:
     """Return a frame of a person in a pose, without legs."""
-    depth = np.empty(CAMERA.shape)
-    kernel.draw(pose, BODIES.of(BODY).whole, np.array(CAMERA.intrinsics), depth)
+    depth = upper_body_depth(BODY, pose, CAMERA, LEVEL)
     observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, None)
     state = PersonState.begin(BODY, sized=True, seed=0)
-    return Observation(observer, Cloud.from_depth(depth.astype(np.float32), CAMERA, LEVEL), 0.0, state)
+    return Observation(observer, Cloud.from_depth(depth, CAMERA, LEVEL), 0.0, state)
 
 
 def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:

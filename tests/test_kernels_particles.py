@@ -1,16 +1,17 @@
-"""Cost of particles against separately drawn images and ray casting; resampling."""
+"""Cost of particles against ray casting; resampling; inverse kinematics."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.poses import upper_body_depth
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
+from toolkit.fitting.placed import Placer, balls_of
 from toolkit.kernels.fit import aiming, particles
-from toolkit.kernels.fit.particles import Tile
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.raycast import cast
+from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_of
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -30,88 +31,46 @@ def some_pose(rng: np.random.Generator) -> np.ndarray:
     return pose
 
 
-def tile_of(seen: np.ndarray, window: tuple[int, int, int, int] = (10, 110, 20, 150)) -> Tile:
-    part = seen[window[0] : window[1], window[2] : window[3]]
-    return Tile(
-        seen.astype(np.float32),
-        np.array(SMALL.intrinsics),
-        np.array(window),
-        max(int((part > 0).sum()), 1),
-        0.1,
-        40.0,
-        20.0,
-    )
-
-
-def plain_cost(drawn: np.ndarray, tile: Tile) -> float:
-    """Return Eq. 3's first two terms from whole images."""
-    v0, v1, u0, u1 = tile.window
-    drawn, seen = drawn[v0:v1, u0:u1], tile.seen[v0:v1, u0:u1].astype(np.float64)
+def plain_cost(drawn: np.ndarray, seen: np.ndarray, window: tuple[slice, slice]) -> float:
+    """Return Eq. 3's first two terms from whole images, with weights 40 and 20 and a cap of 0.1 m."""
+    drawn, seen = drawn[window], seen[window]
     measured, there, known = seen > 0, drawn > 0, ~np.isnan(seen)
-    squares = np.minimum((drawn - seen) ** 2, tile.cap**2) / tile.cap**2
+    squares = np.minimum((drawn - seen) ** 2, 0.01) / 0.01
     c_d = np.where(measured & there, squares, np.where(measured, 1.0, 0.0))
     c_f = (measured != there) & known
-    return float((tile.depth * c_d + tile.silhouette * c_f).sum() / tile.pixels)
+    return float((40.0 * c_d + 20.0 * c_f).sum() / measured.sum())
 
 
-def drawn_balls(balls: np.ndarray, radii: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return balls cast one after the other over an image, each by all rays."""
+def plain_picture(upper: UpperBody, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the drawn trunk with the arms as balls cast by rays, and the centres of all balls."""
+    body, balls = upper.body, balls_of(upper.body)
+    arms = [name for arm in skeleton.ARMS for name in arm[1:]]
+    depth = upper_body_depth(body, pose, SMALL, LEVEL, [*skeleton.LEGS, *arms])
+    placed = Placer(body, SMALL, LEVEL).place(body, pose)
+    centres = placed.origins[balls.joint] + np.einsum("bij,bj->bi", placed.rotations[balls.joint], balls.offset)
     v, u = np.indices(depth.shape)
     rays = np.stack([(u - SMALL.cx) / SMALL.fx, (v - SMALL.cy) / SMALL.fy, np.ones(depth.shape)], axis=2)
     a, nearest = (rays**2).sum(axis=2), np.where(depth > 0, depth, np.inf)
-    for ball, radius in zip(balls, radii, strict=True):
-        b = rays @ ball
-        within = b**2 - a * (ball @ ball - radius**2)
-        if ball[2] - radius > particles.NEAREST:
-            nearest = np.where(within > 0, np.minimum(nearest, (b - np.sqrt(np.maximum(within, 0))) / a), nearest)
-    return np.where(np.isinf(nearest), 0.0, nearest)
+    for row in np.flatnonzero(np.isin(balls.joint, [skeleton.JOINT_NAMES.index(name) for name in arms])):
+        b = rays @ centres[row]
+        within = b**2 - a * (centres[row] @ centres[row] - balls.radius[row] ** 2)
+        nearest = np.where(within > 0, np.minimum(nearest, (b - np.sqrt(np.maximum(within, 0))) / a), nearest)
+    return np.where(np.isinf(nearest), 0.0, nearest), centres
 
 
-def test_a_drawn_rig_is_the_mesh_as_rays_see_it(upper: UpperBody) -> None:
-    pose = some_pose(np.random.default_rng(1))
-    depth = np.empty(SMALL.shape)
-    particles.draw(pose, upper.whole, np.array(SMALL.intrinsics), depth)
-    body = upper.body
-    drawn = ~np.isin(
-        body.part,
-        [skeleton.JOINT_NAMES.index(n) for n in skeleton.JOINT_NAMES if "hip" in n or "knee" in n or "ankle" in n],
-    )
-    faces = body.faces[drawn[body.faces].all(axis=1)]
-    hits = cast(body.vertex_positions(pose) @ LEVEL, faces, SMALL).depth.reshape(SMALL.shape)
-    both = (depth > 0) & (hits > 0)
-    assert both.sum() > 2000 and ((depth > 0) == (hits > 0)).mean() > 0.995
-    # faces seen from behind, at the cut through the hips, are drawn by rays only
-    assert np.quantile(np.abs(depth - hits)[both], 0.999) < 1e-4
-
-
-def test_arms_over_a_base_cost_as_much_as_the_whole_drawn_image(upper: UpperBody) -> None:
-    rng = np.random.default_rng(2)
+def test_a_particle_costs_what_its_picture_and_its_overlaps_cost(upper: UpperBody) -> None:
+    rng, balls = np.random.default_rng(2), balls_of(upper.body)
     poses = np.array([some_pose(rng) for _ in range(4)])
-    seen = np.empty(SMALL.shape)
-    particles.draw(some_pose(rng), upper.whole, np.array(SMALL.intrinsics), seen)
+    seen = upper_body_depth(upper.body, some_pose(rng), SMALL, LEVEL).astype(np.float64)
     seen[90:, :] = np.nan
-    tile = tile_of(seen)
-    bases, base_of = np.empty((2, *SMALL.shape)), np.array([0, 1, 1, 0])
-    particles.draw_bases(poses[:2], upper.trunk, tile, bases)
-    balls = np.empty((4, len(upper.trunk.radii), 3))
-    particles.place_balls(poses, upper.trunk, balls)
-    rows = np.concatenate(upper.of_arm)
-    balls, radii = np.ascontiguousarray(balls[:, rows]), upper.trunk.radii[rows]
-    balls[3, 0] = [0.0, 0.0, 0.01]  # at the camera: not drawn
-    costs = np.empty(4)
-    particles.overlay_costs(balls, radii, base_of, bases, tile, costs)
-    for n in range(4):
-        assert costs[n] == pytest.approx(plain_cost(drawn_balls(balls[n], radii, bases[base_of[n]]), tile), abs=1e-6)
-
-
-def test_the_cost_of_a_trunk_is_that_of_its_picture(upper: UpperBody) -> None:
-    rng = np.random.default_rng(4)
-    seen, drawn = np.empty(SMALL.shape), np.empty(SMALL.shape)
-    particles.draw(some_pose(rng), upper.whole, np.array(SMALL.intrinsics), seen)
-    tile, pose, costs = tile_of(seen), some_pose(rng), np.empty(1)
-    particles.trunk_costs(pose[None], upper.whole, tile, costs)
-    particles.draw(pose, upper.whole, tile.intrinsics, drawn)
-    assert costs[0] == pytest.approx(plain_cost(drawn, tile), abs=1e-6)
+    frame = ParticleFrame(seen, np.array(SMALL.intrinsics), np.empty((0, 3)))
+    for pose, cost in zip(poses, costs_of(upper, poses, frame, np.array([10, 110, 20, 150])), strict=True):
+        picture, centres = plain_picture(upper, pose)
+        first, second = upper.contacts.pairs.T
+        apart = np.linalg.norm(centres[first] - centres[second], axis=1) / (balls.radius[first] + balls.radius[second])
+        overlap = 10.0 * (np.maximum(0.8 - apart, 0.0) ** 2).sum()
+        expected = plain_cost(picture, seen, (slice(10, 110), slice(20, 150)))
+        assert cost == pytest.approx(expected + overlap, rel=1e-3)  # float32 depth
 
 
 @given(

@@ -6,22 +6,22 @@ Eq. 3 and 4 are held against theirs in test_kernels_particles.py, the fork in te
 import numpy as np
 import pytest
 
-from tests.test_fitting_particles import CAMERA, LEVEL, pose_of
+from tests.test_fitting_particles import LEVEL, depth_of, frame_of, pose_of
 from toolkit.app.config import load_settings
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.kernels.fit import particles as kernel
-from toolkit.trackers.lopez2011.costs import (
-    ParticleFrame,
-    ParticleImage,
-    costs_of_arm,
-    costs_of_trunks,
-    trunk_pictures,
-)
+from toolkit.trackers.lopez2011.costs import costs_of_arm, costs_of_trunks
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
-from toolkit.trackers.lopez2011.filter import UpperFilter, resampled
+from toolkit.trackers.lopez2011.filter import (  # fmt: skip
+    NEAR_SCALE,
+    ROOT_DIFFUSION,
+    SPREAD,
+    TRUNK_ENTRIES,
+    UpperFilter,
+    candidate_weights,
+    resampled,
+)
 from toolkit.trackers.lopez2011.initial import initial_pose, place_hands
-from toolkit.trackers.lopez2011.proposals import NEAR_SCALE, ROOT_DIFFUSION, SPREAD
 from toolkit.trackers.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.trackers.lopez2011.upper import UpperBodies, UpperBody
 
@@ -34,15 +34,9 @@ def upper() -> UpperBody:
     return UpperBodies(LEVEL).of(load_body())
 
 
-def frame_of(upper: UpperBody, pose: np.ndarray, candidates: np.ndarray) -> ParticleFrame:
-    depth = np.empty(CAMERA.shape)
-    kernel.draw(pose, upper.whole, np.array(CAMERA.intrinsics), depth)
-    return ParticleFrame(ParticleImage.of(depth.astype(np.float32), None, CAMERA, PARTICLES.columns), candidates)
-
-
 def test_all_particles_but_one_diffuse_by_one_gaussian() -> None:
     poses = np.zeros((4000, skeleton.POSE_SIZE))
-    UpperFilter(PARTICLES).proposals.move_trunk(poses, 1 / 30, np.random.default_rng(0))
+    UpperFilter(PARTICLES).diffuse(poses, TRUNK_ENTRIES, 1 / 30, np.random.default_rng(0))
     halves = poses[1:2001, 0].std(), poses[2001:, 0].std()
     assert not poses[0].any() and halves == pytest.approx([ROOT_DIFFUSION[0]] * 2, rel=0.1)
 
@@ -59,7 +53,7 @@ def test_equation_1_particles_go_on_by_the_exponential_of_their_costs() -> None:
 def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -> None:
     poses = np.stack([pose_of(), pose_of(left_elbow_ry=-1.0)])
     candidates = np.concatenate([place_hands(upper, poses[0]), [[0.5, 0.9, -1.2]]])  # the first are fixed by the hands
-    found = UpperFilter(PARTICLES).proposals.candidate_weights(upper, poses, 0, candidates)
+    found = candidate_weights(upper, poses, 0, candidates)
     for pose, weights in zip(poses, found, strict=True):
         gaps = np.linalg.norm(candidates - place_hands(upper, pose)[0], axis=1)
         expected = 1.0 / np.exp(gaps**2 / NEAR_SCALE**2)  # 1 / f of the squared distance
@@ -70,8 +64,7 @@ def test_equation_6_half_of_the_arms_reach_for_candidates_and_the_others_diffuse
     pose = pose_of(left_elbow_ry=-0.8)
     target = place_hands(upper, pose)[:1] + [0.05, 0.05, 0.0]
     poses = np.repeat(pose[None], PARTICLES.count, axis=0)
-    proposals = UpperFilter(PARTICLES).proposals
-    aimed = proposals.move_arm(upper, poses, 0, frame_of(upper, pose, target), 1 / 30, np.random.default_rng(0))
+    aimed = UpperFilter(PARTICLES).move_arm(upper, poses, 0, target, 1 / 30, np.random.default_rng(0))
     off = np.linalg.norm(np.array([place_hands(upper, one)[0] for one in poses]) - target, axis=1)
     assert 0.4 < aimed.mean() <= 1.0 - PARTICLES.alpha
     assert np.sqrt((off[aimed] ** 2).mean()) == pytest.approx(np.sqrt(3) * SPREAD, rel=0.15)
@@ -83,16 +76,14 @@ def test_equation_7_scores_a_first_pose_of_inverse_kinematics(upper: UpperBody) 
     head = skeleton.END_EFFECTORS.index("head")
     wanted = np.stack([upper.body.end_effector_positions(truth)[head], *place_hands(upper, truth)])
     effectors = Effectors(wanted, wanted.mean(axis=0), tuple(wanted[:, None]))
-    frame = frame_of(upper, truth, wanted)
+    frame = frame_of(depth_of(upper, truth), wanted)
     first = initial_pose(upper, effectors, Fork(0, 1, 2), frame)
     reached = np.stack([upper.body.end_effector_positions(first.pose)[head], *place_hands(upper, first.pose)])
     gaps = np.linalg.norm(reached - wanted, axis=1) / SPREAD
     # "We average the costs of all the three partitions", each around its own joints alone.
     around = frame._replace(candidates=np.empty((0, 3)))
     layers = [costs_of_trunks(upper, first.pose[None], first.pose, around)[0]]
-    trunk, own = trunk_pictures(upper, first.pose[None], frame), np.zeros(1, dtype=np.int64)
-    for side in range(2):
-        layers += [costs_of_arm(upper, first.pose[None], side, first.pose, around, own, trunk)[0]]
+    layers += [costs_of_arm(upper, first.pose[None], side, first.pose, around)[0] for side in range(2)]
     assert min(layers) > 0.0
     assert first.score == pytest.approx(-0.5 * (gaps**2).mean() - np.mean(layers), abs=1e-9)
     assert np.linalg.norm(reached - wanted, axis=1).max() < 0.05

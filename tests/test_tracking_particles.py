@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.poses import pose_at
+from tests.poses import pose_at, upper_body_depth
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.kernels.fit import aiming
-from toolkit.kernels.fit import particles as kernel
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.trackers.lopez2011.tracker import ParticleFollower, ParticleTracker, ParticleTrackerSettings
@@ -33,9 +32,7 @@ def pose_of(turn: float = 0.0, **angles: float) -> np.ndarray:
 
 
 def sighting_of(pose: np.ndarray, camera: Camera = CAMERA) -> Sighting:
-    depth = np.empty(camera.shape)
-    kernel.draw(pose, UPPER.whole, np.array(camera.intrinsics), depth)
-    return Sighting(1, depth.astype(np.float32), None, camera)
+    return Sighting(1, upper_body_depth(UPPER.body, pose, camera, LEVEL), None, camera)
 
 
 def of_depth(depth: np.ndarray) -> Sighting:

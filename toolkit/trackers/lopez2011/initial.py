@@ -10,9 +10,9 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.kernels import linear
 from toolkit.kernels.fit import aiming
-from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_of_both_arms, mean_cost
+from toolkit.trackers.lopez2011.costs import ParticleFrame, costs_of, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, Fork
-from toolkit.trackers.lopez2011.proposals import SPREAD
+from toolkit.trackers.lopez2011.filter import SPREAD
 from toolkit.trackers.lopez2011.upper import UpperBody, aimed_all_round
 
 
@@ -72,4 +72,4 @@ def _best_arm(upper: UpperBody, pose: np.ndarray, side: int, target: np.ndarray,
     anything = aiming.Aim(SPREAD, 0.0, -np.inf)
     swivels = 24  # number of swivels of an arm (15 degrees apart)
     poses = aimed_all_round(pose, upper.arms[side], target, swivels, anything)
-    return poses[int(costs_of_both_arms(upper, poses, frame).argmin())] if len(poses) else pose
+    return poses[int(costs_of(upper, poses, frame).argmin())] if len(poses) else pose

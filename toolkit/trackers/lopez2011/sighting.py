@@ -8,16 +8,15 @@ import numpy as np
 
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.scene import Scene
-from toolkit.landmarks.graph import Workspace
+from toolkit.io.errors import SettingsError
 from toolkit.people.detection import find_heads
 from toolkit.people.sighting import Sighting
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.sensing_settings import SensingSettings
-from toolkit.trackers.lopez2011.costs import ParticleFrame, ParticleImage
-from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_effectors
-from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.costs import ParticleFrame
+from toolkit.trackers.lopez2011.effectors import Effectors
 
 
 class Limits(NamedTuple):
@@ -33,22 +32,16 @@ class UpperSighting:
     Attributes
     ----------
     cloud : level frame
-    image : image that poses are weighed in
     unobserved : bool (h, w), pixels of the cloud without information about the upper body, or None
     points : measured pixels of the person in the whole sighting
     """
 
-    def __init__(self, cloud: Cloud, unobserved: np.ndarray | None, points: int, settings: ParticleSettings) -> None:
+    def __init__(self, cloud: Cloud, unobserved: np.ndarray | None, points: int) -> None:
         self.cloud, self.unobserved, self.points = cloud, unobserved, points
-        self.image = ParticleImage.of(cloud.depth, unobserved, cloud.camera, settings.columns)
-
-    def effectors(self, settings: EffectorSettings, workspace: Workspace) -> Effectors:
-        """Return the candidates for head and hands."""
-        return find_effectors(self.cloud, settings, workspace)
 
     def frame(self, effectors: Effectors) -> ParticleFrame:
         """Return the frame of the filter."""
-        return ParticleFrame(self.image, effectors.points)
+        return ParticleFrame.of(self.cloud.depth, self.unobserved, self.cloud.camera, effectors.points)
 
     def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
         """Return the scene of the local optimisation."""
@@ -62,13 +55,20 @@ class UpperViewer:
     ----------
     camera : camera of the sightings
     level_rotation : R_level_camera, float64 (3, 3)
-    settings : width of the images
+    columns : maximum width of the images, pixels
     limits : bounds of the used points
+
+    Raises
+    ------
+    SettingsError
+        The image has fewer columns than `columns`, the setting `particles.columns`.
     """
 
-    def __init__(self, camera: Camera, level_rotation: np.ndarray, settings: ParticleSettings, limits: Limits) -> None:
-        self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
-        self._step = max(1, camera.width // settings.columns)
+    def __init__(self, camera: Camera, level_rotation: np.ndarray, columns: int, limits: Limits) -> None:
+        if columns > camera.width:
+            raise SettingsError(f"particles.columns is {columns}, finer than the image with {camera.width} columns")
+        self._level_rotation, self._limits = level_rotation, limits
+        self._step = camera.width // columns
         self._camera = camera.subsampled(self._step)
         self._coarse = CoarseCamera(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 
@@ -91,7 +91,7 @@ class UpperViewer:
                 depth = depth.copy()
                 unobserved.reshape(-1)[below], depth.reshape(-1)[below] = True, 0.0
                 cloud = Cloud.from_depth(depth, self._camera, self._level_rotation)
-        return UpperSighting(cloud, unobserved, points, self._settings)
+        return UpperSighting(cloud, unobserved, points)
 
     def _beyond(self, points: np.ndarray, crown: float) -> np.ndarray:
         """Return which of `points` (N, 3), level frame, are not part of an upper body: bool (N,).

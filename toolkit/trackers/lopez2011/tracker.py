@@ -21,9 +21,8 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.trackers.lopez2011.costs import ParticleFrame, mean_cost
-from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_fork
-from toolkit.trackers.lopez2011.filter import UpperFilter
-from toolkit.trackers.lopez2011.filter_settings import ParticleSettings
+from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_effectors, find_fork
+from toolkit.trackers.lopez2011.filter import ParticleSettings, UpperFilter
 from toolkit.trackers.lopez2011.initial import initial_pose
 from toolkit.trackers.lopez2011.sighting import Limits, UpperSighting, UpperViewer
 from toolkit.trackers.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
@@ -95,7 +94,7 @@ class ParticleFollower(FollowedPerson):
         self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray, state: PersonState
     ) -> None:
         small = camera.subsampled(max(1, camera.width // settings.particles.columns))
-        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles.columns, settings.limits)
         self._bodies = UpperBodies(level_rotation)
         self.filtering = UpperFilter(settings.particles)
         placer = Placer(state.body, small, level_rotation)
@@ -116,7 +115,7 @@ class ParticleFollower(FollowedPerson):
         if seen is None or seen.points < max(self.settings.smallest_person, 1):
             self.state = replace(self.state, previous=None, timestamp=timestamp)
             return replace(self.predicted_row(self.state, EMPTY), stage_ms=clock.milliseconds)
-        effectors = seen.effectors(self.settings.effectors, self._workspace)
+        effectors = find_effectors(seen.cloud, self.settings.effectors, self._workspace)
         clock.record("detect")
         state, rng = self.state, self.rng(self.state)
         if state.centre is not None and not connected(state.centre, effectors.source, state.elapsed(timestamp)):
@@ -210,7 +209,7 @@ class MeasuredBody:
 
     def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
         self._settings = settings
-        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles.columns, settings.limits)
         self._seen: list[UpperSighting] = []
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
@@ -241,7 +240,7 @@ class MeasuredBody:
         for seen in self._seen:
             breadth = shoulder_breadth(seen.cloud)
             breadths += [] if breadth is None else [breadth]
-            effectors = seen.effectors(settings, workspace)
+            effectors = find_effectors(seen.cloud, settings, workspace)
             fork = find_fork(effectors, settings)
             if fork is not None:
                 lengths = [arm_length(effectors.paths[row]) for row in (fork.left_hand, fork.right_hand)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,8 +10,11 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.placed import balls_of
+from toolkit.fitting.terms import SOFT
+from toolkit.kernels import linear
 from toolkit.kernels.fit.aiming import Aim, ArmRig, aim_arms
-from toolkit.kernels.fit.particles import Rig
+from toolkit.kernels.fit.particles import Contacts
+from toolkit.kernels.fit.swarm import Figure
 from toolkit.kernels.fit.swivel import ArmBones
 
 TRUNK = ("root", "lumbar", "thorax", "cervical", "left_clavicle", "right_clavicle")
@@ -30,18 +32,26 @@ class UpperBody:
     Attributes
     ----------
     body : whose
-    whole, trunk : drawn meshes with and without arms
+    from_level : R_camera_level, float64 (3, 3)
+    figure : drawn model: the mesh of trunk and head, and the balls of both arms
+    contacts : balls of the upper body that must not overlap
     arms : left and right
-    of_arm : indices of the rig's balls for each arm
-    apart : pairs of balls (K, 2) that a pose can bring together
     """
 
     body: Body
-    whole: Rig
-    trunk: Rig
+    from_level: np.ndarray
+    figure: Figure
+    contacts: Contacts
     arms: tuple[ArmRig, ArmRig]
-    of_arm: tuple[np.ndarray, np.ndarray]
-    apart: np.ndarray
+
+    def camera_joints(self, pose: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Return the reported joints `rows` (K,) of a pose (P,): float64 (K, 3), camera frame, metres."""
+        return linear.rotated(self.body.joint_positions(pose)[rows], self.from_level.T)
+
+    def arm_joints(self, side: int, pose: np.ndarray) -> np.ndarray:
+        """Return shoulder, elbow, wrist and hand of one arm of a pose (P,): float64 (4, 3), camera frame, metres."""
+        names = [f"{skeleton.SIDES[side]}_{name}" for name in ("shoulder", "elbow", "wrist", "hand")]
+        return self.camera_joints(pose, np.array([skeleton.REPORTED.index(name) for name in names]))
 
 
 class UpperBodies:
@@ -58,49 +68,22 @@ class UpperBodies:
 
     def _of(self, body: Body) -> UpperBody:
         """Return the upper body of `body`."""
-        legs = {skeleton.JOINT_NAMES.index(name) for name in skeleton.LEGS}
-        trunk = {skeleton.JOINT_NAMES.index(name) for name in TRUNK}
-        upper = set(range(len(skeleton.JOINT_NAMES))) - legs
-        whole = _rig_of(body, upper, self._from_level)
+        legs, trunk = ([skeleton.JOINT_NAMES.index(name) for name in names] for names in (skeleton.LEGS, TRUNK))
+        drawn = np.isin(body.part, trunk)
+        used, faces = np.unique(body.faces[drawn[body.faces].all(axis=1)], return_inverse=True)
         balls = balls_of(body)
-        rows = np.flatnonzero(~np.isin(balls.joint, sorted(legs)))
-        place = np.full(len(balls.joint), -1)
-        place[rows] = np.arange(len(rows))
-        apart = place[balls.apart]
-        arms = [[skeleton.JOINT_NAMES.index(name) for name in arm] for arm in skeleton.ARMS]
-        of_arm = tuple(np.flatnonzero(np.isin(whole.ball_joint, arm)) for arm in arms)
+        arm = ~np.isin(balls.joint, legs + trunk)
         left, right = (arm_of(side, body) for side in skeleton.SIDES)
-        return UpperBody(
-            body=body,
-            whole=whole,
-            trunk=_rig_of(body, trunk, self._from_level),
-            arms=(left, right),
-            of_arm=(of_arm[0], of_arm[1]),
-            apart=apart[(apart >= 0).all(axis=1)],
-        )
-
-
-def _rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
-    """Return the drawn part of a body with most skinning weight on `joints`, and the balls of the upper body."""
-    drawn = np.isin(body.part, sorted(joints))
-    faces = body.faces[drawn[body.faces].all(axis=1)]
-    used, compact = np.unique(faces, return_inverse=True)
-    balls = balls_of(body)
-    upper = ~np.isin(balls.joint, [skeleton.JOINT_NAMES.index(name) for name in skeleton.LEGS])
-    return Rig(
-        parents=skeleton.PARENTS,
-        rest=body.joints,
-        dof_joint=skeleton.DOF_JOINT,
-        dof_axis=skeleton.DOF_AXIS,
-        vertices=np.ascontiguousarray(body.vertices[used]),
-        skin_joints=np.ascontiguousarray(body.skin_joints[used]),
-        skin_weights=np.ascontiguousarray(body.skin_weights[used]),
-        faces=compact.reshape(faces.shape).astype(np.int64),
-        ball_joint=balls.joint[upper],
-        ball_offset=np.ascontiguousarray(balls.offset[upper]),
-        radii=balls.radius[upper],
-        from_level=from_level,
-    )
+        figure = Figure(
+            skeleton.PARENTS, skeleton.DOF_JOINT, skeleton.DOF_AXIS, body.joints,
+            balls.joint[arm], balls.offset[arm], balls.radius[arm],
+            body.vertices[used], body.skin_joints[used], body.skin_weights[used],
+            faces.reshape(-1, 3).astype(np.int64),
+        )  # fmt: skip
+        pairs = balls.apart[~np.isin(balls.joint[balls.apart], legs).any(axis=1)]
+        overlap_weight = 10.0  # weight of squared overlaps in units of the ball radii (`lambda_3`)
+        contacts = Contacts(balls.joint, balls.offset, balls.radius, pairs, SOFT, overlap_weight)
+        return UpperBody(body, self._from_level, figure, contacts, (left, right))
 
 
 def arm_of(side: str, body: Body) -> ArmRig:
