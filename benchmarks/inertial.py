@@ -31,10 +31,9 @@ from tests.support.worn_sensors import SensorNoise, simulate_sensors
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
-from toolkit.evaluation.orientations import THRESHOLDS, frame_scores
+from toolkit.evaluation.orientations import ERROR_DEGREES, THRESHOLDS, Distances, distances, frame_scores
 from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import ERROR_DEGREES, Distances, distances
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY
 from toolkit.inertial.synchronise import Clock, angular_velocity, synchronise

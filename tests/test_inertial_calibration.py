@@ -82,7 +82,7 @@ def test_the_solver_with_a_vertical_is_the_least_squares_one():
     rng = np.random.default_rng(3)
     mountings = random_turns(rng, 2)
     segments = [replace(strand_of(rng, solvers.yaw(0.7), mountings[k], 150, noise=3.0), sensor=k) for k in range(2)]
-    psis, found = solvers.heading(segments, 1, 2)
+    psis, found = solvers.heading(segments)
     scale = float(solvers.SCALES[-1])
 
     def left(x):
@@ -106,10 +106,10 @@ def test_a_calibration_without_noise_is_exact_for_every_offset(seed):
     rng = np.random.default_rng(seed)
     psi, mounting = rng.uniform(-np.pi, np.pi), random_turns(rng, 1)[0]
     segment = strand_of(rng, solvers.yaw(psi), mounting, count=40)
-    psis, found = solvers.heading([segment], 1, 1)
+    psis, found = solvers.heading([segment])
     assert degrees_between(solvers.yaw(psis[0]), solvers.yaw(psi)) < 1e-3
     assert degrees_between(found[0], mounting) < 1e-3
-    assert abs(solvers.heading_given([segment], [mounting]) - psis[0]) % (2 * np.pi) < 1e-3
+    assert abs(solvers.heading_given([segment], {0: mounting}) - psis[0]) % (2 * np.pi) < 1e-3
 
 
 def test_turning_the_world_changes_q_g_alone_and_turning_the_sensor_q_l_alone():
@@ -237,5 +237,5 @@ def test_the_vertical_of_all_sequences_starts_a_calibration(seed):
         SynchronisedSegment(0, g, solvers.yaw(psi) * own * mounting, own)
         for g, (psi, own) in enumerate(zip(psis, tracked, strict=True))
     ]
-    for psi, found in zip(psis, solvers.by_vertical(segments, 4, 1), strict=True):
+    for psi, found in zip(psis, solvers.by_vertical(segments).values(), strict=True):
         assert degrees_between(solvers.yaw(psi), solvers.yaw(found)) < 1e-2

@@ -13,9 +13,8 @@ from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, w
 from tests.run_helpers import run as run_command
 from tests.test_inertial_clock import typed
 from toolkit.body import skeleton
-from toolkit.evaluation.orientations import check_runs, read_truth
+from toolkit.evaluation.orientations import TWIST, Distances, check_runs, distances, errors_of, read_truth, runs_above
 from toolkit.inertial.calibrate import CalibrationSequence, calibrate
-from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
 from toolkit.inertial.workflow import calibrate_runs
 from toolkit.io.errors import InertialError

@@ -7,7 +7,7 @@ magnetic world or one for each, so a single tilt determines all offsets. Frames 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,10 +69,10 @@ class CalibrationSequence:
         inertial, known = self.sensors.named(sensor).at(self.clock.sensor_times(self.motion.times) + lag)
         return inertial, known & self.motion.valid
 
-    def segment(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> SynchronisedSegment:
+    def segment(self, limb: str, lag: float = 0.0, group: Hashable = None) -> SynchronisedSegment:
         """Return the orientations of a sensor and of its part of the body in frames where both are known."""
         inertial, known = self.measured(limb, lag)
-        return SynchronisedSegment(number, group, inertial[known], self.motion.orientation(limb)[known])
+        return SynchronisedSegment(limb, group, inertial[known], self.motion.orientation(limb)[known])
 
 
 def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSettings | None = None) -> Calibration:
@@ -99,9 +99,20 @@ def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSetting
             worlds, mountings = _by_heading(takes, limbs, heading)
             if settings.refine_clock:
                 takes = [refined_clock(take, worlds[i], mountings) for i, take in enumerate(takes)]
-    spreads = {limb: _spread(takes, limb, worlds, mountings[limb], settings.method) for limb in limbs}
-    shared = heading == "shared" and settings.method == "robust"
-    sensors = {limb: _assessed(takes, limb, worlds, mountings[limb], spreads, shared, settings) for limb in limbs}
+    found = {limb: _residuals(takes, worlds, limb, mountings[limb]) for limb in limbs}
+    agreement = np.radians(20.0)  # largest residual of a frame in which sensor and track agree
+    spreads = {limb: _spread(tracked[angles < agreement], settings.method) for limb, (angles, tracked) in found.items()}
+    sensors = {}
+    for limb, (angles, _) in found.items():
+        # A shared heading is determined by the best of all sensors.
+        shared = heading == "shared" and settings.method == "robust"
+        inliers = float((solvers.weights_of(angles, float(solvers.SCALES[-1])) > 0.5).mean()) if len(angles) else 0.0
+        median, p90 = np.quantile(np.degrees(angles), (0.5, 0.9)).tolist() if len(angles) else (0.0, 0.0)
+        spread = max(spreads.values()) if shared else spreads[limb]
+        status, reason = _status(len(angles), median, inliers, spread, settings)
+        device = next((take.sensors.devices[limb] for take in takes if limb in take.sensors.devices), "")
+        mounting = _plain(mountings[limb])
+        sensors[limb] = Mounting(mounting, status, reason, spreads[limb], median, p90, inliers, device)
     if all(sensor.status == REFUSED for sensor in sensors.values()):
         reasons = "; ".join(f"{limb}: {sensor.reason}" for limb, sensor in sensors.items())
         raise InertialError(f"no sensor can be calibrated ({reasons})")
@@ -112,44 +123,47 @@ def calibrate(takes: Sequence[CalibrationSequence], settings: CalibrationSetting
     return Calibration(settings.method, heading, sensors, clocks)
 
 
-def segments_of(
-    takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
-) -> tuple[list[SynchronisedSegment], list[int]]:
-    """Return segments in worlds with y up, and the number of the sequence of each; short ones are skipped."""
-    segments, owners, groups = [], [], 0
+def segments_of(takes: Sequence[CalibrationSequence], heading: str) -> list[SynchronisedSegment]:
+    """Return segments in worlds with y up; short ones are skipped."""
+    segments = []
     for i, take in enumerate(takes):
         for limb in take.sensors.names:
-            group = groups if heading == "own" else 0
-            segment = take.segment(limb, limbs.index(limb), group)
-            if len(segment.inertial) < LEAST_FRAMES:
-                continue
-            segments.append(replace(segment, inertial=UPRIGHT.inv() * segment.inertial).thinned(ROWS))
-            owners.append(i)
-            groups += 1
+            segment = take.segment(limb, group=_group(i, limb, heading))
+            if len(segment.inertial) >= LEAST_FRAMES:
+                segments.append(replace(segment, inertial=UPRIGHT.inv() * segment.inertial).thinned(ROWS))
     if not segments:
         raise InertialError("no sensor and its track have ten frames in common; check clocks and gaps")
-    return segments, owners
+    return segments
+
+
+def _group(take: int, limb: str, heading: str) -> Hashable:
+    return (take, limb) if heading == "own" else None
 
 
 def _by_heading(
     takes: Sequence[CalibrationSequence], limbs: Sequence[str], heading: str
 ) -> tuple[list[dict[str, Rotation]], dict[str, Rotation]]:
-    segments, owners = segments_of(takes, limbs, heading)
-    groups = max(s.group for s in segments) + 1
-    psis, mountings = np.zeros(groups), [Rotation.identity()] * len(limbs)
-    if heading == "own":  # sensors with separate headings are independent
-        for k in range(len(limbs)):
-            own = [s for s in segments if s.sensor == k]
-            numbers = sorted({s.group for s in own})
-            local = [replace(s, sensor=0, group=numbers.index(s.group)) for s in own]
-            found, mounting = solvers.heading(local, len(numbers), 1)
-            psis[numbers], mountings[k] = found, mounting[0]
-    else:
-        psis, mountings = solvers.heading(segments, groups, len(limbs))
-    worlds: list[dict[str, Rotation]] = [{} for _ in takes]
-    for segment, i in zip(segments, owners, strict=True):
-        worlds[i][limbs[segment.sensor]] = UPRIGHT * solvers.yaw(psis[segment.group])
-    return _filled(worlds, takes), dict(zip(limbs, mountings, strict=True))
+    """Return worlds and mountings; a sensor with too few frames has the world of another one."""
+    psis, mountings = solvers.heading(segments_of(takes, heading))
+    worlds = []
+    for i, take in enumerate(takes):
+        groups = [_group(i, limb, heading) for limb in take.sensors.names]
+        there = next((psis[group] for group in groups if group in psis), next(iter(psis.values())))
+        turns = [UPRIGHT * solvers.yaw(psis.get(group, there)) for group in groups]
+        worlds.append(dict(zip(take.sensors.names, turns, strict=True)))
+    return worlds, {limb: mountings.get(limb, Rotation.identity()) for limb in limbs}
+
+
+def worlds_of(calibration: Calibration, take: CalibrationSequence) -> dict[str, Rotation]:
+    """Return `q_G` of every sensor in a sequence: the shared one, or a heading for each sensor.
+
+    A sensor without north has another heading in each recording; its mounting is constant.
+    """
+    if calibration.heading == "shared":
+        return {limb: other.world(limb) for other in calibration.takes.values() for limb in other.worlds}
+    mountings: solvers.Mountings = {limb: calibration.mounting(limb) for limb in calibration.sensors}
+    segments = segments_of([take], "own")
+    return {str(s.sensor): UPRIGHT * solvers.yaw(solvers.heading_given([s], mountings)) for s in segments}
 
 
 def _by_thesis(
@@ -162,7 +176,7 @@ def _by_thesis(
         rng = np.random.default_rng(0)
         own = [(i, take.segment(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
         inertial, tracked = zip(*((s.inertial, s.tracked) for _, s in own), strict=True)
-        segment = SynchronisedSegment(0, 0, Rotation.concatenate(inertial), Rotation.concatenate(tracked))
+        segment = SynchronisedSegment(limb, None, Rotation.concatenate(inertial), Rotation.concatenate(tracked))
         if len(segment.inertial) < LEAST_FRAMES:
             raise InertialError(f"the sensor on {limb} and its track have {len(segment.inertial)} frames in common")
         thinned = segment.thinned(ROWS)
@@ -170,16 +184,6 @@ def _by_thesis(
         for i, _ in own:
             worlds[i][limb] = world
     return worlds, mountings
-
-
-def _filled(worlds: list[dict[str, Rotation]], takes: Sequence[CalibrationSequence]) -> list[dict[str, Rotation]]:
-    """Return the worlds with missing ones copied from another sensor of the sequence, else of any sequence."""
-    anywhere = next(world for own in worlds for world in own.values())
-    for own, take in zip(worlds, takes, strict=True):
-        there = next(iter(own.values()), anywhere)
-        for limb in take.sensors.names:
-            own.setdefault(limb, there)
-    return worlds
 
 
 def refined_clock(
@@ -206,26 +210,21 @@ def refined_clock(
     return replace(take, clock=replace(take.clock, offset=float(offset)))
 
 
-def _spread(
-    takes: Sequence[CalibrationSequence],
-    limb: str,
-    worlds: Sequence[dict[str, Rotation]],
-    mounting: Rotation,
-    method: str,
-) -> float:
+def _residuals(
+    takes: Sequence[CalibrationSequence], worlds: Sequence[dict[str, Rotation]], limb: str, mounting: Rotation
+) -> tuple[np.ndarray, Rotation]:
+    """Return the residuals (N,), radians, and the tracked orientations of all frames with sensor and track."""
+    own = [(take.segment(limb), world[limb]) for take, world in zip(takes, worlds, strict=True) if limb in world]
+    angles = np.concatenate([solvers.residuals(segment, world, mounting) for segment, world in own])
+    return angles, Rotation.concatenate([segment.tracked for segment, _ in own])
+
+
+def _spread(tracked: Rotation, method: str) -> float:
     """Return the degrees by which the vertical moves in the limb's frame.
 
-    For `thesis`, which uses no vertical, the spread of the rotations about their second axis. Only frames with
-    agreement of sensor and track are used, because tracking errors look like motion.
+    For `thesis`, which uses no vertical, the spread of the rotations about their second axis. The orientations are
+    those of frames with agreement of sensor and track, because tracking errors look like motion.
     """
-    parts = []
-    agreement = np.radians(20.0)  # largest residual of a frame in which sensor and track agree
-    for i, take in enumerate(takes):
-        if limb in take.sensors.names:
-            segment = take.segment(limb)
-            agree = solvers.residuals(segment, worlds[i][limb], mounting) < agreement
-            parts.append(segment.tracked[agree])
-    tracked = Rotation.concatenate(parts)
     if len(tracked) < LEAST_FRAMES:
         return 0.0
     if method == "robust":
@@ -236,26 +235,10 @@ def _spread(
     return float(np.degrees(np.sqrt(max(squares[1], 0.0))))
 
 
-def _assessed(
-    takes: Sequence[CalibrationSequence],
-    limb: str,
-    worlds: Sequence[dict[str, Rotation]],
-    mounting: Rotation,
-    spreads: dict[str, float],
-    shared: bool,
-    settings: CalibrationSettings,
-) -> Mounting:
-    """Return a mounting with its residuals and its status."""
-    angles = np.concatenate(
-        [
-            solvers.residuals(take.segment(limb), worlds[i][limb], mounting)
-            for i, take in enumerate(takes)
-            if limb in take.sensors.names
-        ]
-    )
-    degrees = np.degrees(angles)
-    # a shared heading is determined by the best of all sensors
-    spread = max(spreads.values()) if shared else spreads[limb]
+def _status(
+    frames: int, median: float, inliers: float, spread: float, settings: CalibrationSettings
+) -> tuple[str, str]:
+    """Return the status of a mounting with its reason, from its median residual and its spread in degrees."""
     # Degrees of spread of a good mounting, and below which a mounting is refused.
     good, weak = (15.0, 5.0) if settings.method == "robust" else (20.0, 8.0)
     largest_residual = 40.0  # degrees, largest median residual of a sensor that belongs to the track
@@ -263,34 +246,20 @@ def _assessed(
     # sensors with partly wrong tracks, mountings with 0.5 or more were within 1.3 degrees; below 0.3 the median was 31.
     good_inliers = 0.5
     what = "tilted" if settings.method == "robust" else "turned about a second axis"
-    inliers = float((solvers.weights_of(angles, float(solvers.SCALES[-1])) > 0.5).mean()) if len(degrees) else 0.0
-    status, reason = GOOD, ""
-    if len(degrees) < LEAST_FRAMES:
-        status, reason = REFUSED, f"only {len(degrees)} frames have both sensor and track"
-    elif settings.refuse and float(np.median(degrees)) > largest_residual:
-        status = REFUSED
-        reason = f"its median residual is {np.median(degrees):.0f} degrees; check placement and clock"
-    elif settings.refuse and spread < weak:
-        status, reason = (
-            REFUSED,
-            f"it {what} by {spread:.1f} degrees only; record bends of at least {good:.0f} degrees",
-        )
-    elif spread < good:
-        status, reason = WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} are needed"
-    elif inliers < good_inliers:
-        status = WEAK
-        reason = (
+    if frames < LEAST_FRAMES:
+        return REFUSED, f"only {frames} frames have both sensor and track"
+    if settings.refuse and median > largest_residual:
+        return REFUSED, f"its median residual is {median:.0f} degrees; check placement and clock"
+    if settings.refuse and spread < weak:
+        return REFUSED, f"it {what} by {spread:.1f} degrees only; record bends of at least {good:.0f} degrees"
+    if spread < good:
+        return WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} are needed"
+    if inliers < good_inliers:
+        return WEAK, (
             f"it agrees with the track in {100 * inliers:.0f} % of the frames only, its median residual is "
-            f"{np.median(degrees):.0f} degrees; {100 * good_inliers:.0f} % are needed; "
-            "record a visible limb for longer"
+            f"{median:.0f} degrees; {100 * good_inliers:.0f} % are needed; record a visible limb for longer"
         )
-    return Mounting(
-        _plain(mounting), status, reason, spreads[limb],
-        float(np.median(degrees)) if len(degrees) else 0.0,
-        float(np.quantile(degrees, 0.9)) if len(degrees) else 0.0,
-        inliers,
-        next((t.sensors.devices[limb] for t in takes if limb in t.sensors.devices), ""),
-    )  # fmt: skip
+    return GOOD, ""
 
 
 def _plain(rotation: Rotation) -> tuple[float, float, float, float]:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,14 +27,14 @@ class SynchronisedSegment:
 
     Attributes
     ----------
-    sensor : number of the sensor; its segments share `q_L`
-    group : number of the heading, shared by its segments
+    sensor : key of the sensor; its segments share `q_L`
+    group : key of the heading, shared by its segments
     inertial : N rotations, `q_I`
     tracked : N rotations, `q_T`
     """
 
-    sensor: int
-    group: int
+    sensor: Hashable
+    group: Hashable
     inertial: Rotation
     tracked: Rotation
 
@@ -78,25 +78,28 @@ def yaw(psi: float) -> Rotation:
     return Rotation.from_rotvec([0.0, psi, 0.0])
 
 
-def heading(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> tuple[np.ndarray, list[Rotation]]:
-    """Return headings (groups,) and the mountings of the sensors of segments whose worlds both have y up.
+Headings = dict[Hashable, float]
+Mountings = dict[Hashable, Rotation]
+
+
+def heading(segments: Sequence[SynchronisedSegment]) -> tuple[Headings, Mountings]:
+    """Return the heading of each group and the mounting of each sensor of segments whose worlds both have y up.
 
     `q_I = yaw(psi_group) q_T q_L_sensor`. Given the headings a mounting is a weighted chordal mean; given the mountings
     a heading has a closed form. The headings of `by_vertical` are the start.
     """
     rough_rows = 120  # frames per segment until the last scale
     rough = [segment.thinned(rough_rows) for segment in segments]
-    psis, mountings = by_vertical(rough, groups, sensors), [Rotation.identity()] * sensors
-    for k in {s.sensor for s in rough}:
-        mountings[k] = _mounting([(s, np.ones(len(s.inertial))) for s in rough if s.sensor == k], psis)
-    best = _alternated(rough, sensors, (psis, mountings), SCALES.repeat(ROUNDS))
+    psis = by_vertical(rough)
+    mountings = _mountings_of(rough, [np.ones(len(s.inertial)) for s in rough], psis)
+    psis, mountings = _alternated(rough, psis, mountings, SCALES.repeat(ROUNDS))
     last_rounds = 12  # iterations at the last scale
-    return _alternated(segments, sensors, best, SCALES[-1:].repeat(last_rounds))
+    return _alternated(segments, psis, mountings, SCALES[-1:].repeat(last_rounds))
 
 
-def heading_given(segments: Sequence[SynchronisedSegment], mountings: Sequence[Rotation]) -> float:
+def heading_given(segments: Sequence[SynchronisedSegment], mountings: Mapping[Hashable, Rotation]) -> float:
     """Return the common heading of segments with known mountings of the sensors, robustly, from twelve starts."""
-    turns = Rotation.concatenate([_turns(s, mountings[s.sensor]) for s in segments])
+    turns = Rotation.concatenate([_turns(s, mountings) for s in segments])
     best, least = 0.0, np.inf
     for start in START_HEADINGS:
         psi = float(start)
@@ -109,42 +112,35 @@ def heading_given(segments: Sequence[SynchronisedSegment], mountings: Sequence[R
 
 
 def _alternated(
-    segments: Sequence[SynchronisedSegment], sensors: int, start: tuple[np.ndarray, list[Rotation]], scales: np.ndarray
-) -> tuple[np.ndarray, list[Rotation]]:
+    segments: Sequence[SynchronisedSegment], psis: Headings, mountings: Mountings, scales: np.ndarray
+) -> tuple[Headings, Mountings]:
     """Return headings and mountings after alternating updates at each scale."""
-    psis, mountings = start[0].copy(), start[1].copy()
-    groups = len(psis)
     for scale in scales:
         weights = [weights_of(residuals(s, yaw(psis[s.group]), mountings[s.sensor]), scale) for s in segments]
-        for k in range(sensors):
-            own = [(s, w) for s, w in zip(segments, weights, strict=True) if s.sensor == k]
-            if own:
-                mountings[k] = _mounting(own, psis)
-        for g in range(groups):
-            own = [(s, w) for s, w in zip(segments, weights, strict=True) if s.group == g]
-            if own:
-                turns = [_turns(s, mountings[s.sensor]) for s, _ in own]
-                psis[g] = _heading_of(Rotation.concatenate(turns), np.concatenate([w for _, w in own]))
+        mountings = _mountings_of(segments, weights, psis)
+        turns = [_turns(s, mountings) for s in segments]
+        psis = {}
+        for group in {s.group for s in segments}:
+            own = [k for k, s in enumerate(segments) if s.group == group]
+            together = Rotation.concatenate([turns[k] for k in own])
+            psis[group] = _heading_of(together, np.concatenate([weights[k] for k in own]))
     return psis, mountings
 
 
-def by_vertical(segments: Sequence[SynchronisedSegment], groups: int, sensors: int) -> np.ndarray:
-    """Return headings (groups,), radians, with mountings that align the measured vertical with the limbs', robustly."""
-    psis, mountings = np.zeros(groups), [Rotation.identity()] * sensors
-    for k in {s.sensor for s in segments}:
-        own = [s for s in segments if s.sensor == k]
-        seen, tracked = (
-            np.concatenate([r.inv().apply([0.0, 1.0, 0.0]) for r in turns])
-            for turns in ([s.inertial for s in own], [s.tracked for s in own])
-        )
+def by_vertical(segments: Sequence[SynchronisedSegment]) -> Headings:
+    """Return headings, radians, with mountings that align the measured vertical with the limbs', robustly."""
+    mountings: Mountings = {}
+    for sensor in {s.sensor for s in segments}:
+        own = [s for s in segments if s.sensor == sensor]
+        seen = Rotation.concatenate([s.inertial for s in own]).inv().apply([0.0, 1.0, 0.0])
+        tracked = Rotation.concatenate([s.tracked for s in own]).inv().apply([0.0, 1.0, 0.0])
         weights = np.ones(len(seen))
         for scale in SCALES.repeat(ROUNDS):
-            mountings[k] = _aligned(tracked, seen, weights)
-            cosine = (mountings[k].apply(seen) * tracked).sum(axis=1)
+            mountings[sensor] = _aligned(tracked, seen, weights)
+            cosine = (mountings[sensor].apply(seen) * tracked).sum(axis=1)
             weights = weights_of(np.arccos(np.clip(cosine, -1.0, 1.0)), float(scale))
-    for g in {s.group for s in segments}:
-        psis[g] = heading_given([s for s in segments if s.group == g], mountings)
-    return psis
+    groups = dict.fromkeys(s.group for s in segments)
+    return {group: heading_given([s for s in segments if s.group == group], mountings) for group in groups}
 
 
 def _aligned(targets: np.ndarray, vectors: np.ndarray, weights: np.ndarray | None = None) -> Rotation:
@@ -154,14 +150,20 @@ def _aligned(targets: np.ndarray, vectors: np.ndarray, weights: np.ndarray | Non
         return Rotation.align_vectors(targets, vectors, weights)[0]
 
 
-def _mounting(own: Sequence[tuple[SynchronisedSegment, np.ndarray]], psis: np.ndarray) -> Rotation:
-    local = [s.tracked.inv() * yaw(-psis[s.group]) * s.inertial for s, _ in own]
-    return Rotation.concatenate(local).mean(np.concatenate([w for _, w in own]))
+def _mountings_of(segments: Sequence[SynchronisedSegment], weights: Sequence[np.ndarray], psis: Headings) -> Mountings:
+    """Return the weighted mean of each sensor's mounting at given headings."""
+    local = [s.tracked.inv() * yaw(-psis[s.group]) * s.inertial for s in segments]
+    found: Mountings = {}
+    for sensor in {s.sensor for s in segments}:
+        own = [k for k, s in enumerate(segments) if s.sensor == sensor]
+        together = Rotation.concatenate([local[k] for k in own])
+        found[sensor] = together.mean(np.concatenate([weights[k] for k in own]))
+    return found
 
 
-def _turns(segment: SynchronisedSegment, mounting: Rotation) -> Rotation:
+def _turns(segment: SynchronisedSegment, mountings: Mapping[Hashable, Rotation]) -> Rotation:
     """Return the N rotations from the tracked to the measured limb; about y for exact data."""
-    return segment.inertial * mounting.inv() * segment.tracked.inv()
+    return segment.inertial * mountings[segment.sensor].inv() * segment.tracked.inv()
 
 
 def _heading_of(turns: Rotation, weights: np.ndarray) -> float:

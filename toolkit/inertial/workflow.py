@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate, refined_clock
+from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings, calibrate, refined_clock, worlds_of
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
 from toolkit.inertial.placement import load_placement, placed
 from toolkit.inertial.sensor_files import SensorOptions, read_files
