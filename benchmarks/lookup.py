@@ -88,8 +88,8 @@ def queries_of_providers(options: argparse.Namespace) -> tuple[str, Any]:
     figures = []
     for kind, queries in query_frames(database, np.random.default_rng(0)).items():
         reference, _ = database.query(queries.reshape(-1, 15), NEIGHBOURS)
-        for name, search in SEARCHES.items():
-            query = replace(database, search=search).query
+        for name in SEARCHES:
+            query = replace(database, search=name).query
             query(queries[0], NEIGHBOURS)  # builds the index
             spent, found = zip(*(timed(query, frame, NEIGHBOURS) for frame in queries), strict=True)
             apart = float(np.abs(np.concatenate([distances for distances, _ in found]) - reference).max())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,7 +17,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, torso_length
 from toolkit.database.origin import observed_offsets
-from toolkit.database.pose_search import FEATURE_SIZE, LeafSearch, PoseSearch
+from toolkit.database.pose_search import FEATURE_SIZE, SEARCHES, LeafSearch, Open3DSearch
 from toolkit.database.prior import PosePrior
 from toolkit.io.archives import Column, check_columns, load_archive, save_archive
 from toolkit.io.errors import DatabaseError
@@ -65,7 +65,7 @@ class PoseDatabase:
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
     notes : JSON-compatible record of the build (poses read, files skipped, settings)
     prior : pose prior learnt from these poses; None in older files
-    search : constructor of the nearest-neighbour index of features (N, 15)
+    search : name of the nearest-neighbour search among the features, one of `SEARCHES`
     """
 
     poses: np.ndarray
@@ -84,7 +84,7 @@ class PoseDatabase:
     torso_length: float
     notes: dict[str, Any] = field(default_factory=dict)
     prior: PosePrior | None = None
-    search: Callable[[np.ndarray], PoseSearch] = LeafSearch
+    search: str = "leaves"
 
     def __post_init__(self) -> None:
         check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", BUILT_AGAIN)
@@ -140,8 +140,8 @@ class PoseDatabase:
         ).for_body(body)
 
     @cached_property
-    def _search(self) -> PoseSearch:
-        return self.search(self.features)
+    def _search(self) -> LeafSearch | Open3DSearch:
+        return SEARCHES[self.search](self.features)
 
     def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Return the `k` poses with the nearest features of each query, nearest first.
@@ -200,10 +200,6 @@ class PoseDatabase:
             torso_length=length,
         )
 
-    def searched_by(self, search: Callable[[np.ndarray], PoseSearch]) -> PoseDatabase:
-        """Return the same poses with another search; this database itself if it has that search already."""
-        return self if search is self.search else replace(self, search=search)
-
     def limited(self, count: int) -> PoseDatabase:
         """Return the first `count` poses, the sample of that size in farthest-first order."""
         if count < 1:
@@ -249,7 +245,7 @@ class PoseDatabase:
         missing = [name for name in _STORED if name not in stored]
         if missing:
             raise DatabaseError(f"{file} lacks {', '.join(missing)}; {again}")
-        check_columns(stored, _SCALARS, DatabaseError, str(file), again)
+        check_columns(stored, _TEXTS, DatabaseError, str(file), again)
         check_columns(stored, _columns(len(stored["sources"])), DatabaseError, str(file), again)
         body = ShapeSpace.load().body(stored["body_shape"], float(stored["body_scale"]), str(stored["body_name"]))
         origins = PoseOrigins(
@@ -299,10 +295,9 @@ def _columns(sources: int) -> dict[str, Column]:
     }
 
 
-_SCALARS = {
+_TEXTS = {
     "sources": Column("U", ("sources",)), "hashes": Column("U", ("sources",)), "body_name": Column("U", ()),
-    "notes": Column("U", ()), "threshold": Column("iuf", ()), "body_scale": Column("iuf", ()),
-    "torso_length": Column("iuf", ()), "format_version": Column("iu", ()),
+    "notes": Column("U", ()), "format_version": Column("iu", ()),
 }  # fmt: skip
 _LEFT_OUT = ("joints", "features", "search", "prior")
 _STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in _LEFT_OUT)

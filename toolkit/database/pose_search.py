@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
-
 import numpy as np
 
 from toolkit.body.skeleton import END_EFFECTORS
@@ -13,13 +10,6 @@ from toolkit.sensing.kd_tree import KdTree
 
 FEATURE_SIZE = 3 * len(END_EFFECTORS)
 """Length of a feature vector: five end effectors, three coordinates each."""
-
-
-class PoseSearch(Protocol):
-    """A search for nearest neighbours among the features of a database."""
-
-    def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `LeafSearch.query`."""
 
 
 class LeafSearch:
@@ -96,5 +86,5 @@ class Open3DSearch:
         return self._trees[key]
 
 
-SEARCHES: dict[str, Callable[[np.ndarray], PoseSearch]] = {"leaves": LeafSearch, "open3d": Open3DSearch}
+SEARCHES: dict[str, type[LeafSearch | Open3DSearch]] = {"leaves": LeafSearch, "open3d": Open3DSearch}
 """Search by the setting `lookup.search`."""

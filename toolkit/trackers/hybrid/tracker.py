@@ -8,7 +8,6 @@ from functools import cached_property
 
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
-from toolkit.database.pose_search import SEARCHES
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
@@ -58,7 +57,8 @@ class HybridTracker(SearchingTracker):
         self.settings = settings or HybridSettings()
         super().__init__(self.settings, body)
         self.database = database_path
-        self._poses = database.searched_by(SEARCHES[self.settings.lookup.search])
+        search = self.settings.lookup.search
+        self._poses = database if search == database.search else replace(database, search=search)
         uses_network = {"joints", "arms"} & set(self.settings.hypotheses)
         self._network: JointNetwork | None = joint_network() if uses_network else None
         self._verifies = "arms" in self.settings.hypotheses
