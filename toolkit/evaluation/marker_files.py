@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,6 @@ import numpy as np
 from toolkit.io.errors import RecordingError, optional_package
 from toolkit.io.yaml_reader import read_text
 
-SUFFIXES = frozenset({".trc", ".c3d", ".csv", ".bvh", ".mot"})
-"""Suffixes of the files that this module reads."""
 UNITS = {"m": 1.0, "meters": 1.0, "cm": 0.01, "centimeters": 0.01, "mm": 0.001, "millimeters": 0.001}
 """Metres per unit, by the name that TRC and C3D files give it."""
 
@@ -44,14 +42,12 @@ class MarkerRecording:
         """Return the recording with the markers of one subject only."""
         chosen = [i for i, own in enumerate(self.subjects) if own == subject]
         labels = tuple(self.labels[i] for i in chosen)
-        return MarkerRecording(
-            self.name, self.times, labels, (subject,) * len(chosen), self.points[:, chosen], self.angles, self.notes
-        )
+        return replace(self, labels=labels, subjects=(subject,) * len(chosen), points=self.points[:, chosen])
 
 
 def is_marker_file(path: str | Path) -> bool:
-    """Return True for a suffix out of `SUFFIXES`."""
-    return Path(path).suffix.lower() in SUFFIXES
+    """Return True for a suffix out of `READERS`."""
+    return Path(path).suffix.lower() in READERS
 
 
 def read_markers(path: str | Path) -> MarkerRecording:
@@ -67,17 +63,16 @@ def read_markers(path: str | Path) -> MarkerRecording:
         The package `ezc3d`, which C3D files need, is not installed.
     """
     file = Path(path)
-    readers = {".trc": _read_trc, ".c3d": _read_c3d, ".csv": _read_csv, ".bvh": _read_bvh, ".mot": _read_mot}
-    if file.suffix.lower() not in readers:
-        raise RecordingError(f"{file} is no marker file; give one of {', '.join(sorted(SUFFIXES))}")
-    found = readers[file.suffix.lower()](file)
+    if not is_marker_file(file):
+        raise RecordingError(f"{file} is no marker file; give one of {', '.join(sorted(READERS))}")
+    found = READERS[file.suffix.lower()](file)
     if len(found.times) < 2 or not (np.diff(found.times) > 0).all():
         raise RecordingError(f"{file} has {len(found.times)} frames, or times that do not increase; export it again")
     points, exchanged = untangled(found.points)
     notes = found.notes
     if exchanged:
         notes += (f"labels of two markers were exchanged in {exchanged} places; they were exchanged back",)
-    return MarkerRecording(found.name, found.times, found.labels, found.subjects, points, found.angles, notes)
+    return replace(found, points=points, notes=notes)
 
 
 def untangled(points: np.ndarray) -> tuple[np.ndarray, int]:
@@ -114,12 +109,15 @@ def _split(names: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(label for _, _, label in parts), tuple(subject for subject, _, _ in parts)
 
 
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        return math.nan
-    return value if math.isfinite(value) else math.nan
+def _numbers(rows: list[list[str]], width: int) -> np.ndarray:
+    """Return the numbers of the first `width` cells of each row (N, width), NaN for a cell without one."""
+    table = np.full((len(rows), width), np.nan)
+    for numbers, cells in zip(table, rows, strict=True):
+        for i, cell in enumerate(cells[:width]):
+            with suppress(ValueError):
+                numbers[i] = float(cell)
+    table[~np.isfinite(table)] = np.nan
+    return table
 
 
 def _read_trc(file: Path) -> MarkerRecording:
@@ -133,16 +131,10 @@ def _read_trc(file: Path) -> MarkerRecording:
         raise RecordingError(f"{file} has the unit {fields.get('Units', '')!r}; use one of {', '.join(UNITS)}")
     names = [name for name in lines[3].split("\t")[2:] if name.strip()]
     labels, subjects = _split(names)
-    rows = [line.split("\t") for line in lines[5:] if line.strip()]
-    times = np.array([_number(row[1]) if len(row) > 1 else math.nan for row in rows])
-    width = 3 * len(names)
-    values = np.full((len(rows), width), np.nan)
-    for t, row in enumerate(rows):
-        cells = [_number(cell) for cell in row[2 : 2 + width]]
-        values[t, : len(cells)] = cells
-    points = values.reshape(len(rows), len(names), 3) * unit
+    table = _numbers([line.split("\t") for line in lines[5:] if line.strip()], 2 + 3 * len(names))
+    points = table[:, 2:].reshape(len(table), len(names), 3) * unit
     points[(points == 0).all(axis=2)] = np.nan  # a marker that was not seen, as some programs write it
-    return MarkerRecording(file.stem, times, labels, subjects, points)
+    return MarkerRecording(file.stem, table[:, 1], labels, subjects, points)
 
 
 def _read_c3d(file: Path) -> MarkerRecording:
@@ -174,10 +166,7 @@ def _read_csv(file: Path) -> MarkerRecording:
         raise RecordingError(f"{file} has no column {error.args[0]}; {hint}") from error
     if times_at is None or not names:
         raise RecordingError(f"{file} has no column `time` or no marker; {hint}")
-    table = np.array(
-        [[_number(cell) for cell in line.split(",")] for line in lines[1:] if line.count(",") == len(head) - 1]
-    )
-    table = table.reshape(-1, len(head))
+    table = _numbers([line.split(",") for line in lines[1:] if line.count(",") == len(head) - 1], len(head))
     points = table[:, order].reshape(len(table), len(names), 3)
     notes: tuple[str, ...] = ()
     # Metres from the origin that a capture volume can reach; larger coordinates of a file without unit are
@@ -209,13 +198,17 @@ def _read_mot(file: Path) -> MarkerRecording:
     if start is None or len(lines) < start + 3:
         raise RecordingError(f"{file} has no line `endheader` with rows behind it; {hint}")
     names = lines[start + 1].split()
-    rows = [line.split() for line in lines[start + 2 :] if line.strip()]
-    table = np.array([[_number(cell) for cell in row] for row in rows if len(row) == len(names)])
+    rows = [line.split() for line in lines[start + 2 :]]
+    table = _numbers([row for row in rows if len(row) == len(names)], len(names))
     if not len(table) or names[0].lower() != "time":
         raise RecordingError(f"the columns of {file} do not fit its names; {hint}")
     degrees = any(line.strip().lower().replace(" ", "") == "indegrees=yes" for line in lines[:start])
-    factor = 1.0 if degrees else 180.0 / math.pi
+    factor = 1.0 if degrees else 180.0 / np.pi
     angles = {
         name: factor * table[:, i] for i, name in enumerate(names) if i and not name.endswith(("_tx", "_ty", "_tz"))
     }
     return MarkerRecording(file.stem, table[:, 0], angles=angles)
+
+
+READERS = {".trc": _read_trc, ".c3d": _read_c3d, ".csv": _read_csv, ".bvh": _read_bvh, ".mot": _read_mot}
+"""Readers by suffix."""

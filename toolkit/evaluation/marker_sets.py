@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.body.rotations.matrices import unit
 from toolkit.body.skeleton import REPORTED
 from toolkit.evaluation.marker_files import MarkerRecording
 from toolkit.io.errors import RecordingError, UsageError
@@ -172,14 +173,9 @@ def hip_centres(
     front, back = (left_asis + right_asis) / 2, (left_psis + right_psis) / 2
     width = float(np.nanmedian(np.linalg.norm(right_asis - left_asis, axis=1)))
     depth = float(np.nanmedian(np.linalg.norm(front - back, axis=1)))
-    to_right = _unit(right_asis - left_asis)
-    up = _unit(np.cross(to_right, front - back))
+    to_right = unit(right_asis - left_asis)
+    up = unit(np.cross(to_right, front - back))
     forwards = np.cross(up, to_right)
     ahead, above, aside = -0.24 * depth - 0.0099, -0.30 * width - 0.0109, 0.33 * width + 0.0073
     middle = front + ahead * forwards + above * up
     return middle - aside * to_right, middle + aside * to_right
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
