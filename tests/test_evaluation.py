@@ -75,7 +75,7 @@ def test_unknown_truth_is_left_out_of_every_figure() -> None:
     errors = joints.joint_errors(standing(), truth)
     assert joints.accuracy(errors) == 1.0
     np.testing.assert_array_equal(joints.frame_errors(errors), np.zeros(FRAMES))
-    assert np.isnan(joints.accuracy_per_joint(errors)[5])
+    assert np.isnan(joints.accuracy(errors[:, 5]))
 
 
 def test_a_joint_is_seen_where_a_surface_as_near_as_its_limb_is_thick_is_measured() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,11 +12,12 @@ import numpy as np
 from toolkit.body.skeleton import REPORTED
 from toolkit.evaluation import joint_errors as metrics
 from toolkit.evaluation.agreement import COMPARED, agreement, agreement_with_offsets, local_differences, subject_of
-from toolkit.evaluation.extrema_scores import TIPS, all_free, extrema_found
+from toolkit.evaluation.extrema_scores import TIPS, all_found, all_free
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.io.errors import TrackError, UsageError
 from toolkit.io.progress import Progress, silent
+from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.people.known_people import assigned
 from toolkit.people.survey import find_person
@@ -212,7 +213,6 @@ def _distances(track: Track, reference: Reference) -> dict[str, Any]:
 
 def _error_figures(errors: np.ndarray) -> dict[str, Any]:
     """Return the figures of errors (T, 20), metres, against a truth."""
-    per_joint = metrics.accuracy_per_joint(errors)
     per_frame = metrics.frame_errors(errors)
     known = per_frame[np.isfinite(per_frame)]
     return {
@@ -220,7 +220,7 @@ def _error_figures(errors: np.ndarray) -> dict[str, Any]:
         "median_mm": 1000 * float(np.nanmedian(errors)),
         "a100": float(metrics.accuracy(errors)),
         "a100_hands_feet": float(metrics.accuracy(errors[:, metrics.HANDS_AND_FEET])),
-        "a100_joints": {name: float(share) for name, share in zip(REPORTED, per_joint, strict=True)},
+        "a100_joints": {name: float(metrics.accuracy(errors[:, j])) for j, name in enumerate(REPORTED)},
         "lost": float((known > metrics.LOST_ERROR).mean()),
     }
 
@@ -252,34 +252,30 @@ def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference:
         visible[i] = metrics.visible_joints(truth, depth, cleaner.camera)
         if visible[i, TIPS].all():
             found.append(_extrema(Cloud.from_depth(depth, cleaner.camera, rotation), truth @ rotation.T))
-    figures: dict[str, Any] = {"overlap": _median(overlap), "residual_mm": _median(1000 * residual)}
+    figures: dict[str, Any] = {
+        "overlap": _known(np.median, overlap), "residual_mm": _known(np.median, 1000 * residual)
+    }  # fmt: skip
     if found:
         hits, free = np.array(found).T
         figures["extrema"] = float(hits.mean())
         figures["extrema_free"] = float(hits[free].mean()) if free.any() else None
     if reference is not None and reference.is_truth:
-        figures |= _by_visibility(track.joints, reference.joints, visible)
+        errors = 1000 * metrics.joint_errors(track.joints, reference.joints)
+        figures |= {"visible_mm": _known(np.mean, errors[visible]), "hidden_mm": _known(np.mean, errors[~visible])}
     return figures
 
 
 def _extrema(cloud: Cloud, truth_level: np.ndarray) -> tuple[bool, bool]:
+    """Return whether the first five extrema are the five end effectors of joints (20, 3), and whether all are free."""
     settings = LandmarkSettings()
-    return extrema_found(cloud, truth_level, settings), all_free(cloud, truth_level, settings)
+    extrema = geodesic_extrema(cloud, len(TIPS), settings).points
+    return all_found(extrema, truth_level[TIPS]), all_free(cloud, truth_level, settings)
 
 
-def _by_visibility(joints: np.ndarray, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
-    errors = metrics.joint_errors(joints, truth)
-    known = np.isfinite(errors)
-    return {"visible_mm": _mean_mm(errors[visible & known]), "hidden_mm": _mean_mm(errors[~visible & known])}
-
-
-def _mean_mm(values: np.ndarray) -> float | None:
-    return 1000 * float(values.mean()) if values.size else None
-
-
-def _median(values: np.ndarray) -> float | None:
+def _known(statistic: Callable[[np.ndarray], Any], values: np.ndarray) -> float | None:
+    """Return a statistic of the known values, None if there is none."""
     known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else None
+    return float(statistic(known)) if known.size else None
 
 
 def _with_offsets(rows: list[RunScores]) -> list[RunScores]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
@@ -13,27 +14,18 @@ from toolkit.sensing.cloud import Cloud
 TIPS = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
 """Indices of the five end effectors among the reported joints."""
 
-_INDEX = {name: i for i, name in enumerate(skeleton.REPORTED)}
-
-
-def _limb(tip: str) -> list[str]:
-    if tip == "head":
-        return ["neck", "head"]
-    side, end = tip.split("_")
-    chain = ("shoulder", "elbow", "wrist", "hand") if end == "hand" else ("hip", "knee", "ankle", "foot")
-    return [f"{side}_{name}" for name in chain]
-
 
 def _bones() -> tuple[np.ndarray, np.ndarray]:
     """Return the ends of each bone (B, 2), and the end effector of its limb (B,), -1 for the trunk."""
-    bones, owners = [], []
-    for i, tip in enumerate(skeleton.END_EFFECTORS):
-        names = _limb(tip)
-        bones += list(zip(names[:-1], names[1:], strict=True))
-        owners += [i] * (len(names) - 1)
+    arm, leg = ("shoulder", "elbow", "wrist", "hand"), ("hip", "knee", "ankle", "foot")
+    limbs = [[f"{side}_{name}" for name in limb] for limb in (arm, leg) for side in ("left", "right")]
+    limbs.append(["neck", "head"])  # in the order of the end effectors
+    bones = [bone for limb in limbs for bone in pairwise(limb)]
+    owners = [i for i, limb in enumerate(limbs) for _ in limb[1:]]
     trunk = [("pelvis", "neck"), ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")]
     trunk += [("left_shoulder", "left_hip"), ("right_shoulder", "right_hip")]
-    return np.array([[_INDEX[a], _INDEX[b]] for a, b in bones + trunk]), np.array(owners + [-1] * len(trunk))
+    rows = [[skeleton.REPORTED.index(end) for end in bone] for bone in bones + trunk]
+    return np.array(rows), np.array(owners + [-1] * len(trunk))
 
 
 BONES, OWNERS = _bones()
@@ -78,8 +70,3 @@ def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bo
     owners = limbs_of_points(cloud.points.astype(np.float64), joints)
     foreign = [(owners != i) & ((owners >= 0) | (tip != "head")) for i, tip in enumerate(skeleton.END_EFFECTORS)]
     return not any((reached[i] & foreign[i]).any() for i in range(len(nodes)))
-
-
-def extrema_found(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bool:
-    """Return whether the first five extrema of a cloud are the five end effectors of joints (20, 3), level frame."""
-    return all_found(geodesic_extrema(cloud, len(TIPS), settings).points, joints[TIPS])

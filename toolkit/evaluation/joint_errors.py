@@ -53,11 +53,6 @@ def accuracy(errors: np.ndarray, threshold: float | np.ndarray = CORRECT_WITHIN)
     return np.searchsorted(np.sort(known), thresholds, side="right") / known.size
 
 
-def accuracy_per_joint(errors: np.ndarray) -> np.ndarray:
-    """Return A(100) of each joint: float64 (20,)."""
-    return np.array([accuracy(errors[:, j]) for j in range(errors.shape[1])])
-
-
 def frame_errors(errors: np.ndarray) -> np.ndarray:
     """Return the mean error of each frame over its known joints: float64 (T,), metres, NaN without any."""
     known = np.isfinite(errors)
