@@ -86,14 +86,15 @@ def read_k4abt(path: str | Path) -> KinectBodies:
     if not isinstance(content, dict) or not isinstance(content.get("frames"), list) or not content["frames"]:
         raise RecordingError(f"{file} has no frames; {HINT}")
     columns = _columns(content.get("joint_names"), file)
-    times, rows = [], []
+    times: list[float] = []
+    rows: list[list[tuple[int | None, np.ndarray]]] = []
     for i, frame in enumerate(content["frames"]):
         try:
             times.append(float(frame["timestamp_usec"]) / 1e6)
             rows.append([_body(body, columns) for body in frame.get("bodies") or ()])
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise RecordingError(f"cannot read frame {i} of {file} ({error!r}); {HINT}") from error
-    return _gathered(np.array(times), _numbered(times, rows))
+    return _gathered(np.array(times), rows)
 
 
 def _columns(names: Any, file: Path) -> list[int]:
@@ -109,51 +110,36 @@ def _columns(names: Any, file: Path) -> list[int]:
     return [known.index(name) for name in k4abt.NAMES]
 
 
-def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
-    """Return one body of a frame: its id or None, and its rows in our order."""
+def _body(body: dict[str, Any], columns: list[int]) -> tuple[int | None, np.ndarray]:
+    """Return id or None and positions (32, 3), metres, of one body of a frame, joints in our order."""
     positions = np.array(body["joint_positions"], dtype=np.float64)[columns]
-    row: dict[str, Any] = {
-        "id": None if body.get("body_id") is None else int(body["body_id"]),
-        "positions": positions / 1000.0,
-    }
     if positions.shape != (len(columns), 3):
         raise ValueError(f"joints of shape {positions.shape}")
-    return row
+    return None if body.get("body_id") is None else int(body["body_id"]), positions / 1000.0
 
 
-def _numbered(times: list[float], rows: list[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
-    """Assign an id to each body: its own, that of the nearest previous body, or a new one."""
+def _gathered(times: np.ndarray, frames: list[list[tuple[int | None, np.ndarray]]]) -> KinectBodies:
+    """Return the skeletons by id; a body without id has that of the nearest previous body, or a new one."""
     from scipy.optimize import linear_sum_assignment
 
-    given = [row["id"] for frame in rows for row in frame if row["id"] is not None]
-    fresh, last = max([0, *map(int, given)]) + 1, dict[int, tuple[float, np.ndarray]]()
+    fresh = max((number for frame in frames for number, _ in frame if number is not None), default=0) + 1
+    found: dict[int, np.ndarray] = {}
+    last: dict[int, int] = {}
     fastest = 5.0  # maximum speed of a body without id between two frames, m/s
-    for time, frame in zip(times, rows, strict=True):
-        unknown = [row for row in frame if row["id"] is None]
-        known = {int(row["id"]) for row in frame if row["id"] is not None}
-        free = [number for number in last if number not in known]
+    for t, frame in enumerate(frames):
+        numbers = [number for number, _ in frame]
+        unknown = [k for k, number in enumerate(numbers) if number is None]
+        free = [number for number in found if number not in numbers]
         if unknown and free:
-            reach = np.array([[_distance(row, last[number]) for number in free] for row in unknown])
-            limit = np.array([fastest * max(0.1, min(1.0, time - last[number][0])) for number in free])
-            for r, c in zip(*linear_sum_assignment(reach), strict=True):
-                if reach[r, c] <= limit[c]:
-                    unknown[r]["id"] = free[c]
-        for row in unknown:
-            if row["id"] is None:
-                row["id"], fresh = fresh, fresh + 1
-        for row in frame:
-            last[int(row["id"])] = (time, row["positions"])
-    return rows
-
-
-def _distance(row: dict[str, Any], last: tuple[float, np.ndarray]) -> float:
-    return float(np.linalg.norm(row["positions"][0] - last[1][0]))
-
-
-def _gathered(times: np.ndarray, rows: list[list[dict[str, Any]]]) -> KinectBodies:
-    ids = list(dict.fromkeys(int(row["id"]) for frame in rows for row in frame))
-    positions = np.full((len(ids), len(rows), len(k4abt.NAMES), 3), np.nan)
-    for t, frame in enumerate(rows):
-        for row in frame:
-            positions[ids.index(int(row["id"])), t] = row["positions"]
-    return KinectBodies(times, positions)
+            before = np.array([found[number][last[number], 0] for number in free])
+            apart = np.array([np.linalg.norm(frame[k][1][0] - before, axis=1) for k in unknown])
+            reach = fastest * np.clip(times[t] - times[[last[number] for number in free]], 0.1, 1.0)
+            for r, c in zip(*linear_sum_assignment(apart), strict=True):
+                if apart[r, c] <= reach[c]:
+                    numbers[unknown[r]] = free[c]
+        for number, (_, positions) in zip(numbers, frame, strict=True):
+            if number is None:
+                number, fresh = fresh, fresh + 1
+            found.setdefault(number, np.full((len(frames), len(k4abt.NAMES), 3), np.nan))[t] = positions
+            last[number] = t
+    return KinectBodies(times, np.array(list(found.values())).reshape(len(found), len(frames), len(k4abt.NAMES), 3))

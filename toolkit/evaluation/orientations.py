@@ -88,35 +88,27 @@ class RunCheck:
     truth: tuple[Segment, ...] | None = None
     threshold: float = ERROR_DEGREES
 
-    def segments(self, errors: Sequence[ErrorSegment] | None = None) -> list[Segment]:
-        """Return the errors as labelled segments that end at their last frame."""
-        step = float(np.median(np.diff(self.distances[0].times)))
-        chosen = self.errors if errors is None else errors
-        return [Segment(e.start, e.end + step, e.limb) for e in chosen]
-
-    def scores(self, limb: str | None = None) -> dict[str, Scores]:
-        """Return the scores over "frames" and "segments", of one sensor or all; empty without truth."""
+    def scores(self) -> dict[str, Scores]:
+        """Return the scores over "frames" and "segments" of all sensors; empty without truth."""
         if self.truth is None:
             return {}
-        curves = [d for d in self.distances if limb in (None, d.limb)]
-        names = {d.limb for d in curves}
-        total = Scores(0, 0, 0, 0)
-        for curve in curves:
-            total += frame_scores(curve, self.truth, found_frames(curve, self.threshold))
-        found = [s for s in self.segments() if s.label in names]
-        true = [s for s in self.truth if s.label in names]
-        return {"frames": total, "segments": segment_scores(true, found)}
+        frames = Scores(0, 0, 0, 0)
+        for curve in self.distances:
+            found = np.zeros(len(curve.times), dtype=bool)
+            for error in (e for e in self.errors if e.limb == curve.limb):
+                found |= (curve.times >= error.start) & (curve.times <= error.end)
+            frames += frame_scores(curve, self.truth, found)
+        step = float(np.median(np.diff(self.distances[0].times)))
+        segments = [Segment(e.start, e.end + step, e.limb) for e in self.errors]
+        limbs = {curve.limb for curve in self.distances}
+        return {"frames": frames, "segments": segment_scores([s for s in self.truth if s.label in limbs], segments)}
 
     def over_thresholds(self) -> list[Scores]:
-        """Return the scores over frames at each of `THRESHOLDS`; empty without truth."""
-        if self.truth is None:
-            return []
-        out = []
-        for threshold in THRESHOLDS:
-            total = Scores(0, 0, 0, 0)
-            for curve in self.distances:
-                total += frame_scores(curve, self.truth, np.nan_to_num(curve.full) > threshold)
-            out.append(total)
+        """Return the scores over frames at each of `THRESHOLDS`; all zero without truth."""
+        out = [Scores(0, 0, 0, 0)] * len(THRESHOLDS)
+        for curve in self.distances:
+            for k, threshold in enumerate(THRESHOLDS):
+                out[k] += frame_scores(curve, self.truth or (), np.nan_to_num(curve.full) > threshold)
         return out
 
 
@@ -223,14 +215,6 @@ def runs_above(values: np.ndarray, times: np.ndarray, threshold: float) -> list[
         joined.append((first, last))
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     return [(first, last) for first, last in joined if times[last] - times[first] + step >= shortest]
-
-
-def found_frames(curve: Distances, threshold: float) -> np.ndarray:
-    """Return bool (T,): frames within an error."""
-    found = np.zeros(len(curve.times), dtype=bool)
-    for first, last in runs_above(curve.full, curve.times, threshold):
-        found[first : last + 1] = True
-    return found
 
 
 def frame_scores(curve: Distances, truth: Sequence[Segment], found: np.ndarray) -> Scores:
