@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
-from toolkit.database.pose_search import LeafSearch, Open3DSearch
+from toolkit.database.pose_search import Open3DSearch, ScanSearch
 from toolkit.io.errors import DatabaseError
 from toolkit.kernels.cloud import nearest
 
@@ -23,11 +23,11 @@ def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> 
     k=st.integers(1, 12),
     partial=st.booleans(),
     grid=st.booleans(),
-    provider=st.sampled_from((LeafSearch, Open3DSearch)),
+    provider=st.sampled_from((ScanSearch, Open3DSearch)),
 )
 @settings(max_examples=60, deadline=None)
 def test_neighbours_equal_brute_force_for_every_provider(
-    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[LeafSearch | Open3DSearch]
+    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[ScanSearch | Open3DSearch]
 ) -> None:
     rng = np.random.default_rng(seed)
     features = rng.normal(size=(count, 15)).astype(np.float32)
@@ -48,7 +48,7 @@ def test_neighbours_equal_brute_force_for_every_provider(
 def test_of_equal_distances_the_compiled_search_names_the_lowest_index_first() -> None:
     features = np.zeros((900, 15), dtype=np.float32)
     used = np.ones((1, 15), dtype=bool)
-    _, indices = LeafSearch(features).query(np.zeros((1, 15), np.float32), 6, used)
+    _, indices = ScanSearch(features).query(np.zeros((1, 15), np.float32), 6, used)
     np.testing.assert_array_equal(indices, [np.arange(6)])
 
 
@@ -85,7 +85,7 @@ def test_the_weighted_nearest_rows_are_those_of_a_sort(rows: int) -> None:
     columns = rng.integers(-3, 4, (4, rows)).astype(np.float32)
     query, weights = rng.integers(-3, 4, 4).astype(np.float32), np.array([1, 0, 2, 1], dtype=np.float32)
     distances, indices = np.empty(5, dtype=np.float32), np.empty(5, dtype=np.int64)
-    nearest.weighted_nearest(query, weights, columns, distances, indices)
+    nearest.weighted_nearest(query[None], weights[None], columns, distances[None], indices[None])
     squares = (weights[:, None] * (columns - query[:, None]) ** 2).sum(axis=0)
     expected = np.lexsort((np.arange(rows), squares))[:5]
     assert indices.tolist() == expected.tolist()

@@ -36,7 +36,7 @@ from toolkit.tracks import RunInfo
 
 BODY = load_body("neutral")
 CAMERA = camera_for(2500)
-GRID = {"fitting.correspondences": "grid", "lookup.search": "leaves"}
+GRID = {"fitting.correspondences": "grid", "lookup.search": "scan"}
 OPEN3D = {"fitting.correspondences": "open3d", "lookup.search": "open3d"}
 
 
@@ -94,7 +94,7 @@ def test_tracks_are_the_same_to_the_bit(tmp_path, config: str, tracker: type[Hyb
 
 
 def test_the_papers_tracker_searches_by_open3d_and_the_hybrid_one_by_compiled_code() -> None:
-    for config, kind, search in (("baak2013", Open3DScene, "Open3DSearch"), ("hybrid", Scene, "LeafSearch")):
+    for config, kind, search in (("baak2013", Open3DScene, "Open3DSearch"), ("hybrid", Scene, "ScanSearch")):
         settings = load_settings(HybridSettings, config)
         tracker = {"baak2013": Baak2013Tracker, "hybrid": HybridTracker}[config](small_database(), settings)
         assert tracker.observer.scene is kind

@@ -17,7 +17,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, torso_length
 from toolkit.database.origin import observed_offsets
-from toolkit.database.pose_search import FEATURE_SIZE, SEARCHES, LeafSearch, Open3DSearch
+from toolkit.database.pose_search import FEATURE_SIZE, SEARCHES, Open3DSearch, ScanSearch
 from toolkit.database.prior import PosePrior
 from toolkit.io.archives import Column, check_columns, load_archive, save_archive
 from toolkit.io.errors import DatabaseError
@@ -84,7 +84,7 @@ class PoseDatabase:
     torso_length: float
     notes: dict[str, Any] = field(default_factory=dict)
     prior: PosePrior | None = None
-    search: str = "leaves"
+    search: str = "scan"
 
     def __post_init__(self) -> None:
         check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", BUILT_AGAIN)
@@ -140,7 +140,7 @@ class PoseDatabase:
         ).for_body(body)
 
     @cached_property
-    def _search(self) -> LeafSearch | Open3DSearch:
+    def _search(self) -> ScanSearch | Open3DSearch:
         return SEARCHES[self.search](self.features)
 
     def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

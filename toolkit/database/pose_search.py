@@ -12,10 +12,10 @@ FEATURE_SIZE = 3 * len(END_EFFECTORS)
 """Length of a feature vector: five end effectors, three coordinates each."""
 
 
-class LeafSearch:
-    """Exact search by Euclidean distance: a compiled scan of k-d leaves (`toolkit.kernels.cloud.nearest`).
+class ScanSearch:
+    """Exact search by Euclidean distance: a compiled scan of all poses (`toolkit.kernels.cloud.nearest`).
 
-    It takes any subset of coordinates; its worst case is a plain scan. Of equal distances the lowest index comes first.
+    It takes any subset of coordinates. Of equal distances the lowest index comes first.
 
     Parameters
     ----------
@@ -23,10 +23,7 @@ class LeafSearch:
     """
 
     def __init__(self, features: np.ndarray) -> None:
-        rows = np.ascontiguousarray(features, dtype=np.float32)
-        self._order, self._starts = nearest.leaf_order(rows)
-        self._columns = np.ascontiguousarray(rows[self._order].T)
-        self._low, self._high = nearest.boxes(self._columns, self._starts)
+        self._columns = np.ascontiguousarray(features.T, dtype=np.float32)
 
     def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the `k` (at most N) nearest features of each query, nearest first.
@@ -43,8 +40,8 @@ class LeafSearch:
         """
         distances = np.empty((len(queries), k), dtype=np.float32)
         indices = np.empty((len(queries), k), dtype=np.int64)
-        nearest.nearest(
-            queries, used, self._columns, self._order, self._starts, self._low, self._high, distances, indices
+        nearest.weighted_nearest(
+            np.where(used, queries, np.float32(0.0)), used.astype(np.float32), self._columns, distances, indices
         )
         return np.sqrt(distances, dtype=np.float64), indices
 
@@ -52,7 +49,7 @@ class LeafSearch:
 class Open3DSearch:
     """Exact search by Open3D's kd-tree (Baak 2013, 5.4.3); each subset of coordinates in use has a tree.
 
-    Distances equal those of `LeafSearch` to the bit, because they are summed in the same order. Of equal distances
+    Distances equal those of `ScanSearch` to the bit, because they are summed in the same order. Of equal distances
     either search may take another row.
 
     Parameters
@@ -65,7 +62,7 @@ class Open3DSearch:
         self._trees: dict[bytes, KdTree] = {}
 
     def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `LeafSearch.query`."""
+        """See `ScanSearch.query`."""
         indices = np.empty((len(queries), k), dtype=np.int64)
         subsets, members = np.unique(used, axis=0, return_inverse=True)
         for number, columns in enumerate(subsets):
@@ -86,5 +83,5 @@ class Open3DSearch:
         return self._trees[key]
 
 
-SEARCHES: dict[str, type[LeafSearch | Open3DSearch]] = {"leaves": LeafSearch, "open3d": Open3DSearch}
+SEARCHES: dict[str, type[ScanSearch | Open3DSearch]] = {"scan": ScanSearch, "open3d": Open3DSearch}
 """Search by the setting `lookup.search`."""

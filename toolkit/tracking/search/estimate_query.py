@@ -55,11 +55,11 @@ class EstimatedJointsQuery:
         query = canonical.normalise(points, pelvis, yaw)[QUERIED] / size
         weights = np.repeat(observation.estimate.confidence[QUERIED], 3)
         count = min(count, len(self._database))
-        distances, best = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int64)
+        distances, best = np.empty((1, count), dtype=np.float32), np.empty((1, count), dtype=np.int64)
         nearest.weighted_nearest(
-            query.ravel().astype(np.float32), weights.astype(np.float32), self._columns, distances, best
+            query.reshape(1, -1).astype(np.float32), weights[None].astype(np.float32), self._columns, distances, best
         )
-        return placed_poses(self._database, best, np.zeros((count, 4)), pelvis, yaw, size)
+        return placed_poses(self._database, best[0], np.zeros((count, 4)), pelvis, yaw, size)
 
     def pull(self, observation: Observation) -> JointTerm | None:
         """See `Query.pull`: answers are first drawn to the joints that were seen."""

@@ -26,9 +26,9 @@ class LookupSettings:
 
     Attributes
     ----------
-    search : "leaves" searches the database with compiled code, "open3d" by Open3D's kd-tree, as in the paper; the
+    search : "scan" searches the database with compiled code, "open3d" by Open3D's kd-tree, as in the paper; the
         answers are the same to the bit
-    neighbours : K, poses retrieved per labeling; the tree answers 5 in the time of 1
+    neighbours : K, poses retrieved per labeling; 5 take the time of 1
     label_distance : metres, mu of Eq. 5.4, the paper's
     jump_speed : metres per second; an extremum that is farther from every extremum of the frame before than this lets
         it come has jumped. The paper leaves it open; a fast hand
@@ -37,7 +37,7 @@ class LookupSettings:
         = queries by the first five extrema only, as in the paper
     """
 
-    search: Literal["leaves", "open3d"] = "leaves"
+    search: Literal["scan", "open3d"] = "scan"
     neighbours: int = 5
     label_distance: float = 0.5
     jump_speed: float = 6.0
@@ -45,8 +45,8 @@ class LookupSettings:
     candidate_distance: float = 0.25
 
     def __post_init__(self) -> None:
-        if self.search not in ("leaves", "open3d"):
-            raise SettingsError(f"lookup.search is {self.search!r}; choose leaves or open3d")
+        if self.search not in ("scan", "open3d"):
+            raise SettingsError(f"lookup.search is {self.search!r}; choose scan or open3d")
         if self.neighbours < 1:
             raise SettingsError(f"lookup.neighbours is {self.neighbours}; ask for at least 1 pose per labeling")
         if not 0.0 <= self.balance <= 1.0:
