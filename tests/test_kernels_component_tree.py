@@ -37,10 +37,8 @@ def summits_of(
 ) -> dict[int, tuple[float, float]]:
     """Return dynamics and area of each summit by its node."""
     order = np.argsort(-values, kind="stable").astype(np.int64)
-    parents = np.empty(len(values), dtype=np.int64)
-    component_tree.max_tree(values, order, neighbours, more, parents)
     nodes, dynamics, areas = np.empty(len(values), dtype=np.int64), np.empty(len(values)), np.empty(len(values))
-    found = component_tree.summits(values, order, parents, sizes, nodes, dynamics, areas)
+    found = component_tree.summits(values, order, neighbours, more, sizes, nodes, dynamics, areas)
     return {int(n): (float(d), float(a)) for n, d, a in zip(nodes[:found], dynamics, areas, strict=False)}
 
 

@@ -111,12 +111,10 @@ def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
     distances = extrema.from_source
     reached = np.flatnonzero(distances != geodesic.UNREACHED)
     order = reached[np.argsort(-distances[reached], kind="stable")]
-    parents = np.empty(count, dtype=np.int64)
-    component_tree.max_tree(distances, order, graph.neighbours, graph.more, parents)
     nodes, dynamics, areas = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count)
     depth = cloud.depth.reshape(-1)[cloud.pixels].astype(np.float64)
     sizes = depth**2 / (cloud.camera.fx * cloud.camera.fy)
-    found = component_tree.summits(distances, order, parents, sizes, nodes, dynamics, areas)
+    found = component_tree.summits(distances, order, graph.neighbours, graph.more, sizes, nodes, dynamics, areas)
     smallest_area = 0.004  # square metres, half a fist
     large = np.flatnonzero(areas[:found] >= smallest_area)
     return nodes[large[np.argsort(-dynamics[large], kind="stable")]]
