@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from toolkit.kernels.image.raster import NEAREST, front_faces, project
+from toolkit.kernels.image.raster import NEAREST, project, rasterise
 from toolkit.kernels.kinematics import forward_kinematics, skin
 
 
@@ -82,7 +82,7 @@ class Buffers(NamedTuple):
     origins: np.ndarray
     vertices: np.ndarray
     projected: np.ndarray
-    front: np.ndarray
+    triangle: np.ndarray
     inverse: np.ndarray
     columns: np.ndarray
 
@@ -93,7 +93,7 @@ def buffers_for(figure: Figure, shape: tuple[int, int]) -> Buffers:
     return Buffers(
         np.empty((joints, 3)), np.empty((joints, 3, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3)),
         np.empty((joints, 3)), np.empty((count, 3)), np.empty((count, 3)),
-        np.empty(len(figure.faces), dtype=np.int64), np.empty(shape), np.empty(shape[1]),
+        np.empty(shape, dtype=np.int32), np.empty(shape), np.empty(shape[1]),
     )  # fmt: skip
 
 
@@ -154,43 +154,17 @@ def _draw_balls(figure: Figure, view: View, buffers: Buffers) -> None:
 
 
 @njit(cache=True)
-def _draw_triangles(figure: Figure, view: View, buffers: Buffers) -> None:
-    """Draw triangles that face the camera, at pixel centres: raise `inverse` of the buffers to 1/z."""
-    inverse, projected, faces = buffers.inverse, buffers.projected, figure.faces
-    skin(
-        figure.vertices, figure.skin_joints, figure.skin_weights, figure.rest, buffers.rotations, buffers.origins,
-        buffers.vertices,
-    )  # fmt: skip
-    project(buffers.vertices, view.intrinsics, projected)
-    height, width = inverse.shape
-    for n in range(front_faces(projected, faces, height, width, buffers.front)):
-        f = buffers.front[n]
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, wa = projected[a, 0], projected[a, 1], projected[a, 2]
-        bx, by, wb = projected[b, 0], projected[b, 1], projected[b, 2]
-        cx, cy, wc = projected[c, 0], projected[c, 1], projected[c, 2]
-        scale = 1.0 / ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax))
-        u0, u1 = max(0, int(np.ceil(min(ax, bx, cx)))), min(width - 1, int(np.floor(max(ax, bx, cx))))
-        v0, v1 = max(0, int(np.ceil(min(ay, by, cy)))), min(height - 1, int(np.floor(max(ay, by, cy))))
-        beta_u, gamma_u = (cy - ay) * scale, -(by - ay) * scale
-        for v in range(v0, v1 + 1):
-            beta = (u0 - ax) * beta_u - (v - ay) * (cx - ax) * scale
-            gamma = (u0 - ax) * gamma_u + (v - ay) * (bx - ax) * scale
-            for u in range(u0, u1 + 1):
-                outside = min(beta, gamma, 1.0 - beta - gamma) < -1e-9
-                w = 0.0 if outside else wa + beta * (wb - wa) + gamma * (wc - wa)
-                inverse[v, u] = max(inverse[v, u], w)
-                beta += beta_u
-                gamma += gamma_u
-
-
-@njit(cache=True)
 def draw(figure: Figure, view: View, buffers: Buffers) -> None:
     """Draw the placed figure: `inverse` of the buffers becomes 1/z, 0 in the background."""
     buffers.inverse[:] = 0.0
-    _draw_balls(figure, view, buffers)
     if figure.faces.shape[0]:
-        _draw_triangles(figure, view, buffers)
+        skin(
+            figure.vertices, figure.skin_joints, figure.skin_weights, figure.rest, buffers.rotations, buffers.origins,
+            buffers.vertices,
+        )  # fmt: skip
+        project(buffers.vertices, view.intrinsics, buffers.projected)
+        rasterise(buffers.projected, figure.faces, buffers.inverse, buffers.triangle)
+    _draw_balls(figure, view, buffers)
 
 
 @njit(cache=True, error_model="numpy")
