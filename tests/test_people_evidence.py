@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, ConstantOdds, scene
-from toolkit.people.evidence import EvidenceSample, log_odds, person_score
+from toolkit.people.evidence import Evidence, person_score
 from toolkit.people.learning import learnt, person_pixels
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.newcomers import Newcomers
@@ -16,21 +16,8 @@ ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
 
 
 def test_motion_makes_a_person_of_a_head_that_the_network_rejects():
-    still, moving = ([EvidenceSample(-1.0, moved)] * 40 for moved in (0.0, 1.0))
-    assert log_odds(still) < 0 < log_odds(moving)
-
-
-def test_the_log_odds_of_samples_are_their_mean_score_and_grow_with_motion():
-    scores = [1.5, -0.5, 3.0]
-    assert log_odds([EvidenceSample(score, 0.0) for score in scores]) == pytest.approx(np.mean(scores))
-    shares = [log_odds([EvidenceSample(0.5, moved), EvidenceSample(1.5, 0.0)]) for moved in (0.0, 0.3, 1.0)]
-    assert shares[0] == pytest.approx(1.0) and np.all(np.diff(shares) > 0)
-
-
-def test_a_person_in_each_of_few_frames_is_a_person():
-    """A person at another place in each frame is another figure in each."""
-    person = EvidenceSample(2.9, moved=0.0)
-    assert log_odds([person] * 10) == pytest.approx(log_odds([person] * 40)) and log_odds([person]) > 0
+    still, moving = (Evidence(40, -40.0, moved) for moved in (0, 40))
+    assert still.log_odds < 0 < moving.log_odds
 
 
 def test_the_person_score_grows_with_the_log_odds_of_the_head_and_of_its_pixels():

@@ -10,9 +10,9 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt, view_of
 from toolkit.io.errors import SegmentationError, SeveralPeopleError
-from toolkit.people.candidates import in_a_mirror
 from toolkit.people.floor import find_floor, find_known_floor
 from toolkit.people.image_rotation import quarter_turns
+from toolkit.people.newcomers import in_a_mirror
 from toolkit.people.selected_person import FIRST_SECONDS, SelectedPersonFinder, meant_person
 from toolkit.people.sharing import body_seeds
 from toolkit.people.sighting import PredictedBody, Sighting

@@ -116,7 +116,7 @@ def test_people_are_there_and_back_as_arrays() -> None:
     assert other.people == []
     met(known, HEAD)
     met(known, ASIDE, 0.2)
-    known.keep(known.people[1].with_sample(score=1.5, rests=True, timestamp=0.3))
+    known.keep(known.people[1].with_sample(score=1.5, moved=1.0, timestamp=0.3))
     other.restore_state(known.export_state())
     np.testing.assert_equal(other.export_state(), known.export_state())
     assert [person.evidence for person in other.people] == [Evidence(), Evidence(1, 1.5, 1)]

@@ -28,7 +28,7 @@ from toolkit.tracks.runs import PersonSummary, load_people, save_people
 
 UP = np.array([0.0, -1.0, 0.0])
 HEAD = np.array([0.0, 0.3, -2.5])
-PERSON, FURNITURE = Evidence(4, 20.0), Evidence(3, -15.0, 3)
+PERSON, FURNITURE = Evidence(4, 20.0), Evidence(3, -15.0)
 
 
 def somebody(head=HEAD, number=1, *, velocity=(0.0, 0.0, 0.0), last=0.0, first=0.0, area=0.5):
@@ -108,12 +108,12 @@ def test_a_track_is_furniture_after_repeated_rejections_by_the_network(odds, pea
     assert again.evidence == finder.evidence
 
 
-def test_the_score_of_a_track_is_the_mean_of_its_samples_and_motion_adds_to_it():
-    own = Evidence().after(1.5, rests=True).after(-0.5, rests=True)
-    assert own == Evidence(2, 1.0, 2) and own.log_odds == pytest.approx(0.5)
-    scores = [Evidence(4, 2.0, rested).log_odds for rested in range(5)]
-    assert np.all(np.diff(scores) < 0) and scores[-1] == pytest.approx(0.5)
-    assert furniture({1: Evidence(4, -2.0, 4), 2: Evidence(4, -2.0, 0), 3: Evidence(4, 2.0, 4)}) == {1}
+def test_the_log_odds_are_the_mean_score_of_the_samples_and_grow_with_motion():
+    own = Evidence().after(1.5, 0.0).after(-0.5, 0.0)
+    assert own == Evidence(2, 1.0) and own.log_odds == pytest.approx(0.5)
+    scores = [Evidence(4, 2.0, moved).log_odds for moved in range(5)]
+    assert np.all(np.diff(scores) > 0) and scores[0] == pytest.approx(0.5)
+    assert furniture({1: Evidence(4, -2.0), 2: Evidence(4, -2.0, 4), 3: Evidence(4, 2.0)}) == {1}
     assert Evidence().log_odds > 0, "a track without a sample is a person"
     tracks = {1: own, 3: Evidence(), 7: Evidence(9, -3.25, 4)}
     assert restore_evidence(export_evidence(tracks)) == tracks
@@ -197,6 +197,6 @@ def test_the_evidence_of_runs_of_earlier_versions_is_not_shown(tmp_path: Path) -
     path = tmp_path / "people.json"
     now = load_people(tmp_path)
     assert "person score +2.8" in now.text() and len(now.furniture) == 1
-    path.write_text(path.read_text().replace('"score"', '"judged"'), encoding="utf-8")
+    path.write_text(path.read_text().replace('"moved"', '"rested"'), encoding="utf-8")
     earlier = load_people(tmp_path)
     assert earlier.people[0].evidence is None and not earlier.furniture

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from toolkit.io.typed_values import Range
 
 HEAD_HEIGHT = (0.5, 2.4)
 """Height of a head's centre above the floor, metres: a squatting child of 0.8 m, an adult of 2.2 m on a step."""
-COLUMNS = {"id": int, "looks": int, "score": float, "rested": int}
+COLUMNS = {"id": int, "looks": int, "score": float, "moved": int}
 """Columns of the evidence of many tracks in a file."""
 
 
@@ -34,58 +34,36 @@ def person_score(peak: float, odds: float) -> float:
 
 
 @dataclass(frozen=True)
-class EvidenceSample:
-    """Evidence of one frame for a head candidate.
-
-    Attributes
-    ----------
-    score : see `person_score`
-    moved : fraction of the head's pixels before the lasting background
-    """
-
-    score: float
-    moved: float
-
-
-def log_odds(samples: Sequence[EvidenceSample]) -> float:
-    """Return the log odds of a person against furniture from at least one sample."""
-    moved = 4.0  # weight of the fraction of frames in which the candidate stood elsewhere
-    return float(np.mean([s.score for s in samples]) + moved * np.mean([s.moved for s in samples]))
-
-
-@dataclass(frozen=True)
 class Evidence:
-    """Accumulated evidence of one track.
+    """Accumulated evidence of one head candidate or track.
 
     Attributes
     ----------
     looks : number of samples
     score : sum of the person scores of the head, see `person_score`
-    rested : samples with a head at which nothing ever moves
+    moved : samples in which most of the head's pixels were before a known background
     """
 
     looks: Annotated[int, Range(0)] = 0
     score: Annotated[float, Range(-1e12, 1e12)] = 0.0
-    rested: Annotated[int, Range(0)] = 0
+    moved: Annotated[int, Range(0)] = 0
 
-    def after(self, score: float, rests: bool) -> Evidence:
-        """Return the evidence with one more sample."""
-        return replace(self, looks=self.looks + 1, score=self.score + score, rested=self.rested + rests)
+    def after(self, score: float, moved: float) -> Evidence:
+        """Return the evidence with one more sample; `moved` is a fraction of the head's pixels."""
+        most = 0.5
+        return Evidence(self.looks + 1, self.score + score, self.moved + (moved > most))
 
     @property
     def log_odds(self) -> float:
-        """Person score: log odds of a person against furniture."""
-        moving = 2.0  # log-odds of a track that moved in all samples
-        if self.looks == 0:
-            return moving
-        moved = 1 - self.rested / self.looks
-        return self.score / self.looks + moving * moved
+        """Log odds of a person against furniture; without a sample those of a person who moves."""
+        per_motion = 4.0  # log-odds of a head that moved in all samples
+        return per_motion if self.looks == 0 else (self.score + per_motion * self.moved) / self.looks
 
     def text(self) -> str:
         """Return the score with its evidence, for people."""
         if self.looks == 0:
             return "no evidence sampled"
-        return f"person score {self.log_odds:+.1f} ({self.looks} sampled frames, {self.rested} of them motionless)"
+        return f"person score {self.log_odds:+.1f} ({self.looks} sampled frames, {self.moved} of them with motion)"
 
 
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:

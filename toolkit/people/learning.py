@@ -14,7 +14,7 @@ import numpy as np
 
 from toolkit.io.parts import Parts, whole
 from toolkit.people.detection import connected_surfaces, find_heads, near_head
-from toolkit.people.evidence import EvidenceSample, log_odds, possible_height
+from toolkit.people.evidence import Evidence, possible_height
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.surroundings import Surroundings, room_of, tolerances
 from toolkit.people.view import CoarseCamera, View
@@ -33,13 +33,14 @@ class HeadTrack:
     frame : number of the sample
     place : float64 (3,), the middle of the head, level frame, metres
     own : bool (h, w), pixels of the person if it is one, see `person_pixels`
-    sample : evidence sample
+    score, moved : of the head, see `Evidence`
     """
 
     frame: int
     place: np.ndarray
     own: np.ndarray
-    sample: EvidenceSample
+    score: float
+    moved: float
 
 
 def learnt(
@@ -78,11 +79,12 @@ def learnt_parts(
     yield
     occupied = np.zeros(stack.shape, dtype=np.bool_)
     in_place: list[list[HeadTrack]] = []
-    moving = 0.5  # minimum fraction of a head's pixels that move
     for figure in _figures(seen):
-        samples = [s.sample for s in figure]
-        moves = np.mean([g.moved for g in samples]) > moving
-        if log_odds(samples) > 0 or moves:
+        evidence = Evidence()
+        for s in figure:
+            evidence = evidence.after(s.score, s.moved)
+        moves = 2 * evidence.moved > evidence.looks
+        if evidence.log_odds > 0 or moves:
             for s in figure:
                 occupied[s.frame] |= s.own
             if moves and FEWEST <= len(figure) <= MOSTLY * len(stack):
@@ -182,8 +184,9 @@ def _seen(
     odds = coarse.person_odds(depth)
     found = []
     for k, head in enumerate(heads, start=1):
-        sample = EvidenceSample(head.score, share_of(moved[frame], near_head(view, head.place) & view.foreground))
-        found.append(HeadTrack(frame, head.place, person_pixels(view, labels == k, head.place, odds), sample))
+        share = share_of(moved[frame], near_head(view, head.place) & view.foreground)
+        own = person_pixels(view, labels == k, head.place, odds)
+        found.append(HeadTrack(frame, head.place, own, head.score, share))
     return found
 
 

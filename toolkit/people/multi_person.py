@@ -12,7 +12,6 @@ from toolkit.io.archives import Column
 from toolkit.io.checkpoint import HINT, check_state
 from toolkit.io.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
-from toolkit.people.candidates import apart, in_a_mirror
 from toolkit.people.connection import HELD
 from toolkit.people.detection import (
     HEAD_DISTANCE,
@@ -26,10 +25,10 @@ from toolkit.people.detection import (
     near_head,
     share_out,
 )
-from toolkit.people.evidence import Evidence, EvidenceSample, log_odds, possible_height
+from toolkit.people.evidence import Evidence, possible_height
 from toolkit.people.known_people import KnownPeople, match_heads
 from toolkit.people.learning import share_of
-from toolkit.people.newcomers import Newcomers
+from toolkit.people.newcomers import Newcomers, apart, in_a_mirror
 from toolkit.people.person_network import PersonNetwork
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
@@ -330,13 +329,8 @@ class MultiPersonFinder:
         return fresh and head.score > 0 and large_enough(view, self.coarse, share)
 
     def _sure(self, view: View, head: Head, surroundings: Surroundings) -> bool:
-        """Return True if a head candidate is certainly a person's, who then counts at once.
-
-        In front of a known background motion is evidence too.
-        """
-        here = near_head(view, head.place) & view.foreground
-        moved = share_of(surroundings.background > 0, here) if surroundings.known else 0.0
-        return log_odds([EvidenceSample(head.score, moved)]) > 0
+        """Return True if a head candidate is certainly a person's, who then counts at once."""
+        return Evidence().after(head.score, _moved(view, head.place, surroundings)).log_odds > 0
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Add evidence to the tracks whose heads are visible, by id, a few times a second."""
@@ -348,7 +342,7 @@ class MultiPersonFinder:
             if person.id in heads and timestamp - person.looked >= look_again:
                 head = heads[person.id]
                 score = head_score(view, self.coarse, head) or 0.0
-                self._known.keep(person.with_sample(score, _rests(view, head, surroundings), timestamp))
+                self._known.keep(person.with_sample(score, _moved(view, head, surroundings), timestamp))
 
     def _updated(
         self,
@@ -402,8 +396,6 @@ class MultiPersonFinder:
         return tuple(found)
 
 
-def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
-    """Return True if nothing ever moved at a head's place (3,)."""
-    here = near_head(view, head) & view.foreground
-    never_moved = 0.3  # fraction of still pixels above which a head rests
-    return bool(np.count_nonzero(surroundings.resting & here) > never_moved * np.count_nonzero(here))
+def _moved(view: View, head: np.ndarray, surroundings: Surroundings) -> float:
+    """Return the fraction of a head's pixels, at a place (3,), before a known background."""
+    return share_of(surroundings.background > 0, near_head(view, head) & view.foreground)

@@ -69,9 +69,9 @@ class KnownPerson:
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
 
-    def with_sample(self, score: float, rests: bool, timestamp: float) -> KnownPerson:
+    def with_sample(self, score: float, moved: float, timestamp: float) -> KnownPerson:
         """Return the person with one more sample of evidence."""
-        return replace(self, looked=timestamp, evidence=self.evidence.after(score, rests))
+        return replace(self, looked=timestamp, evidence=self.evidence.after(score, moved))
 
     def gate(self, timestamp: float) -> float:
         """Return the radius of the search for the head, metres; it does not grow after the person left the image."""

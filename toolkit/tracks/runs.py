@@ -107,15 +107,15 @@ def load_people(run: str | Path) -> People:
 
 
 def _without_old_evidence(content: Any) -> Any:
-    """Return the content of `people.json` without the evidence of earlier versions, which held no score."""
+    """Return the content of `people.json` without the evidence of earlier versions, which held other columns."""
     if not isinstance(content, dict):
         return content
     people, furniture = (content.get(key) for key in ("people", "furniture"))
     for person in people if isinstance(people, list) else ():
-        if isinstance(person, dict) and isinstance(person.get("evidence"), dict) and "score" not in person["evidence"]:
+        if isinstance(person, dict) and isinstance(person.get("evidence"), dict) and "moved" not in person["evidence"]:
             person["evidence"] = None
     if isinstance(furniture, list):
-        content["furniture"] = [own for own in furniture if not isinstance(own, dict) or "score" in own]
+        content["furniture"] = [own for own in furniture if not isinstance(own, dict) or "moved" in own]
     return content
 
 
