@@ -26,6 +26,7 @@ from toolkit.tracking.multi_person import Row
 from toolkit.tracks import STATE_NAMES
 from toolkit.tracks import Track as Rows
 from toolkit.tracks.runs import Person
+from toolkit.tracks.track import row_of, row_type
 
 
 class Pose(NamedTuple):
@@ -209,17 +210,7 @@ class Tracker:
 
 def track_of(rows: Sequence[Row], tracker: protocol.Tracker, body: Body, camera_height: float | None = None) -> Rows:
     """Return the track of one person's rows, one for each frame in order."""
-    results = [row.result for row in rows]
-    track = Rows(
-        joints=np.array([r.joints for r in results], dtype=np.float32),
-        pose=np.array([r.pose for r in results], dtype=np.float64),
-        confidence=np.array([r.confidence for r in results], dtype=np.float32),
-        state=np.array([r.state for r in results], dtype=np.uint8),
-        source=np.array([r.source for r in results], dtype=np.uint8),
-        timestamps=np.array([row.timestamp for row in rows], dtype=np.float64),
-        stage_ms=np.array([r.stage_ms for r in results], dtype=np.float32),
-        observed=np.array([r.observed for r in results], dtype=np.bool_),
-        source_names=tracker.source_names,
-        stage_names=tracker.stage_names,
-    )
+    kind = row_type(len(tracker.stage_names))
+    records = np.array([row_of(row.result, row.timestamp, kind) for row in rows], dtype=kind)
+    track = Rows.of_rows(records, tracker.stage_names, tracker.source_names)
     return replace(track, contact=foot_contacts(body, track, camera_height))

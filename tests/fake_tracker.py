@@ -10,7 +10,7 @@ import time
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -132,6 +132,8 @@ class FakeLearner:
 class FakeFollower:
     """See `FakeTracker`."""
 
+    CHECKPOINT = ("_count", "_mean")
+
     def __init__(self, tracker: FakeTracker, body: Body | None) -> None:
         self._tracker, self._body = tracker, body
         self._count, self._mean = 0, 0.0
@@ -164,12 +166,6 @@ class FakeFollower:
 
     def predicted(self) -> PredictedBody:
         return PredictedBody(np.full((1, 3), self._mean), np.zeros((0, 3), np.int32), 1.7)
-
-    def export_state(self) -> dict[str, Any]:
-        return {"count": self._count, "mean": self._mean}
-
-    def restore_state(self, state: dict[str, Any]) -> None:
-        self._count, self._mean = state["count"], state["mean"]
 
 
 def fake_body(scale: float) -> Body:

@@ -56,7 +56,7 @@ from toolkit.evaluation.orientations import read_truth
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
 from toolkit.inertial.sensor_files import read_file
-from toolkit.io.checkpoint import load_checkpoint
+from toolkit.io.checkpoint import load_checkpoint, plain, read_state
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
 from toolkit.recordings.joint_files import read_joints
@@ -142,9 +142,9 @@ def _read_index(path: Path) -> Any:
 
 def _person_state(path: Path) -> Any:
     """Return a person's state and the result of a step with it."""
-    state = PersonState.restore(load_checkpoint(path, "person"))
+    state = read_state(load_checkpoint(path, "person"), PersonState, "person")
     moved = None if state.pose is None else state.body.joint_positions(state.pose[None])
-    return state.export(), moved, state.rng().random()
+    return plain(state), moved, state.rng().random()
 
 
 QUERIES = json.dumps(

@@ -210,7 +210,7 @@ def person_state_file(folder: Path) -> Path:
         pose=pose, centre=np.zeros(3), facing=np.array([0.0, 1.0]), timestamp=0.5, in_view=np.ones(20),
         smoothed=(pose, 0.5), memory={"swarm": {"poses": pose[None], "rest": np.zeros(1)}},
     )  # fmt: skip
-    save_checkpoint(folder / "state.npz", "person", state.export())
+    save_checkpoint(folder / "state.npz", "person", state)
     return folder / "state.npz"
 
 

@@ -14,6 +14,7 @@ from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body
 from toolkit.body.shape import ShapeSpace
 from toolkit.io.archives import load_archive, save_archive
+from toolkit.io.checkpoint import plain, read_state
 from toolkit.io.errors import BodyError, UsageError
 from toolkit.recordings.writer import save_recording
 from toolkit.tracking import registry
@@ -41,7 +42,7 @@ def test_a_body_comes_back_from_its_file(tmp_path: Path) -> None:
 
 def test_a_body_keeps_its_offsets_in_a_state_and_in_a_run_folder(tmp_path: Path) -> None:
     state = PersonState.begin(own(), sized=True, seed=0)
-    np.testing.assert_array_equal(PersonState.restore(state.export()).body.vertices, own().vertices)
+    np.testing.assert_array_equal(read_state(plain(state), PersonState, "person").body.vertices, own().vertices)
     offsets = own().offsets
     assert offsets is not None
     turn = np.eye(3).ravel().tolist()

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,6 +22,7 @@ LEARNT = 7.0
 class FakeFinder:
     """Finder of person 1 wherever a pixel is measured, and of person 2 from half a second on."""
 
+    CHECKPOINT: tuple[str, ...] = ()
     camera = CAMERA
     evidence: Mapping[int, Evidence] = MappingProxyType({})
 
@@ -36,12 +36,6 @@ class FakeFinder:
         depth = depth_mm.astype(np.float32) / 1000
         seen = [1] if depth.any() else []
         return tuple(Sighting(person, depth, None, CAMERA) for person in seen + [2] * (timestamp >= 0.5))
-
-    def export_state(self) -> dict[str, Any]:
-        return {}
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        pass
 
 
 def rows_of(crowd: MultiPersonTracker, frames: int = 40, rate: float = 20.0) -> list[tuple[int, list[Row]]]:

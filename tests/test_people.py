@@ -9,6 +9,7 @@ from tests.sensing_scenes import KINECT, TOF, ConstantOdds, neutral, scene, stan
 from toolkit.app.pipeline.run import finder_of
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE, REPORTED
+from toolkit.io.checkpoint import plain, restore
 from toolkit.people.description import describe
 from toolkit.people.multi_person import MultiPersonFinder
 from toolkit.people.person_network import PersonNetwork
@@ -183,7 +184,7 @@ def test_a_restored_finder_goes_on_bit_for_bit():
     finder, other = MultiPersonFinder(KINECT, UP), MultiPersonFinder(KINECT, UP)
     for k in range(6):
         finder.find(frames[k], k / 20, {})
-    other.restore_state(finder.export_state())
+    restore(other, plain(finder), "people")
     for k in range(6, 12):
         one, two = finder.find(frames[k], k / 20, {}), other.find(frames[k], k / 20, {})
         assert [s.id for s in one] == [s.id for s in two]

@@ -9,8 +9,9 @@ import pytest
 from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, ConstantOdds, scene
 from toolkit.app.pipeline.run_writer import RunSink
+from toolkit.io.checkpoint import plain, read_state, restore
 from toolkit.io.errors import SegmentationError
-from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
+from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.joint_masks import GivenJoints
 from toolkit.people.known_people import match_heads, re_identified
 from toolkit.people.multi_person import MultiPersonFinder
@@ -104,7 +105,7 @@ def test_a_track_is_furniture_after_repeated_rejections_by_the_network(odds, pea
     assert furniture(finder.evidence) == dropped
     assert finder.people[0].evidence.looks == 4, "a few times a second is enough"
     again = MultiPersonFinder(KINECT, UP, room, network=ConstantOdds(odds, peak))
-    again.restore_state(finder.export_state())
+    restore(again, plain(finder), "people")
     assert again.evidence == finder.evidence
 
 
@@ -116,7 +117,7 @@ def test_the_log_odds_are_the_mean_score_of_the_samples_and_grow_with_motion():
     assert furniture({1: Evidence(4, -2.0), 2: Evidence(4, -2.0, 4), 3: Evidence(4, 2.0)}) == {1}
     assert Evidence().log_odds > 0, "a track without a sample is a person"
     tracks = {1: own, 3: Evidence(), 7: Evidence(9, -3.25, 4)}
-    assert restore_evidence(export_evidence(tracks)) == tracks
+    assert read_state(plain(tracks), dict[int, Evidence], "evidence") == tracks
 
 
 def row(state):

@@ -11,6 +11,7 @@ import pytest
 from tests.fake_tracker_parts import IN_VIEW, FakeObjective, FakeObserver, FakeSearch, compared, pose_at, says
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.io.checkpoint import plain, restore
 from toolkit.io.parts import Parts
 from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
@@ -232,7 +233,7 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
         person.step(None, 0.1, StageClock(STAGES))
         person.step(None, 0.2, StageClock(STAGES))
         assert person.state.last_seen is not None and person.state.last_seen.before is None
-        person.restore_state(person.export_state())
+        restore(person, plain(person), "person")
         result = step(person, timestamp=away)
         assert [state.previous is None for _, state, _ in search.asked] == [False, True][2 - asked :]
         assert SOURCES[result.source] == (source if asked == 2 else "extrema")
@@ -303,13 +304,13 @@ def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
     first, second = FakeSearch("first", answer), FakeSearch("first", answer)
     one, other = follower([first], **followed()), follower([second])
     step(one)
-    other.restore_state(one.export_state())
-    assert str(other.export_state()) == str(one.export_state())
+    restore(other, plain(one), "person")
+    assert str(plain(other)) == str(plain(one))
     assert other.state.previous is not None and other.state.previous.before is not None
     for person in (one, other):
         step(person, timestamp=2.0)
     assert first.draws[1:] == second.draws
-    assert str(one.export_state()) == str(other.export_state())
+    assert str(plain(one)) == str(plain(other))
 
 
 @pytest.mark.parametrize("shown", [0, 20])

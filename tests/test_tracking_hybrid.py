@@ -16,7 +16,7 @@ from toolkit.body.shape import load_body, subject_body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.fitting.shape import ShapeSettings
-from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint
 from toolkit.io.errors import SettingsError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
@@ -259,11 +259,11 @@ def test_a_state_on_disk_continues_exactly(database: PoseDatabase, recording: Re
     first = Solo(tracker, recording)
     found = steps(first, recording, range(5))
     before = first.follower.state
-    save_checkpoint(tmp_path / "state.npz", "hybrid", first.follower.export_state())
+    save_checkpoint(tmp_path / "state.npz", "hybrid", first.follower)
     steps(first, recording, [9])
     assert first.follower.state is not before  # a step replaces the state and leaves the old one unchanged
     second = Solo(HybridTracker(database, settings), recording)
-    second.follower.restore_state(load_checkpoint(tmp_path / "state.npz", "hybrid"))
+    restore(second.follower, load_checkpoint(tmp_path / "state.npz", "hybrid"), "person")
     found += steps(second, recording, range(5, 12))
     assert digest(found) == digest(expected)
     assert np.array_equal(second.body.shape, first.body.shape)

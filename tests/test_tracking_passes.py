@@ -64,10 +64,10 @@ from toolkit.tracking.stature import (  # fmt: skip
     statures_of,
     too_small,
 )
-from toolkit.tracking.trajectory_choice import SWITCH_COST, Direction, Step, better_parts, result_of
+from toolkit.tracking.trajectory_choice import SWITCH_COST, Direction, Step, better_parts
 from toolkit.tracks import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracks.runs import load_people
-from toolkit.tracks.track_writer import row_type
+from toolkit.tracks.track import result_of, row_type
 
 RATE = 30.0
 
@@ -470,7 +470,7 @@ def test_two_processes_track_as_one_does(
 def test_a_track_that_scores_as_furniture_is_left_out_of_a_run(
     score: float, kept: bool, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = Evidence(4, score, 4)
+    own = Evidence(4, score)
     monkeypatch.setattr(MultiPersonFinder, "evidence", {1: own})
     summary = track_recording(open_recording(take), tracker, tmp_path / "run", people=None)
     found = load_people(tmp_path / "run")

@@ -18,7 +18,7 @@ from toolkit.app.config import load_settings
 from toolkit.app.pipeline.joint_choice import JointChoice, joint_source
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.io.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -118,9 +118,9 @@ def test_a_state_on_disk_continues_exactly(results: list[FrameResult], recording
     solo = Solo(tracker(), recording)
     for i in range(6):
         solo.step(recording.depth(i), float(recording.timestamps[i]), recording.joints_2d(i))
-    save_checkpoint(tmp_path / "state.npz", "person", solo.follower.export_state())
+    save_checkpoint(tmp_path / "state.npz", "person", solo.follower)
     other = Solo(tracker(), recording)
-    other.follower.restore_state(load_checkpoint(tmp_path / "state.npz", "person"))
+    restore(other.follower, load_checkpoint(tmp_path / "state.npz", "person"), "person")
     rest = [
         other.step(recording.depth(i), float(recording.timestamps[i]), recording.joints_2d(i)) for i in range(6, FRAMES)
     ]

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
 from toolkit.body import skeleton
+from toolkit.io.archives import Column
 from toolkit.io.errors import BodyError
+from toolkit.io.typed_values import Range
 from toolkit.kernels import kinematics
 
 BONE_AXIS: dict[str, int] = {
@@ -45,6 +48,7 @@ class Body:
     offsets : float64 (V,), metres before scaling, displacements of the vertices along the normals; None for none
     """
 
+    CHECKPOINT = ("name", "shape", "scale", "offsets")
     name: str
     vertices: np.ndarray
     faces: np.ndarray
@@ -53,9 +57,9 @@ class Body:
     joints: np.ndarray
     sites: np.ndarray
     end_effectors: np.ndarray
-    shape: np.ndarray
-    scale: float = 1.0
-    offsets: np.ndarray | None = None
+    shape: Annotated[np.ndarray, Column("f", ("coefficients",), -100, 100)]
+    scale: Annotated[float, Range(0.01, 100)] = 1.0
+    offsets: Annotated[np.ndarray, Column("f", ("vertices",), -0.1, 0.1)] | None = None
 
     def __post_init__(self) -> None:
         if self.joints.shape != (len(skeleton.JOINTS), 3) or self.sites.shape != (len(skeleton.SITES), 3):
@@ -65,6 +69,13 @@ class Body:
             )
         if not (np.abs(self.skin_weights.sum(axis=1) - 1.0) <= 2e-5).all():
             raise BodyError(f"skinning weights of body {self.name!r} do not sum to 1; normalise them per vertex")
+
+    @classmethod
+    def of_checkpoint(cls, name: str, shape: np.ndarray, scale: float, offsets: np.ndarray | None) -> Body:
+        """Return a body of the shape space, see `toolkit.io.checkpoint`; raises BodyError for other values."""
+        from toolkit.body.shape import ShapeSpace
+
+        return ShapeSpace.load().body(shape, scale=scale, name=name, offsets=offsets)
 
     @cached_property
     def part(self) -> np.ndarray:

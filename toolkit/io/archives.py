@@ -40,7 +40,6 @@ class Column:
     shape : sizes; a name stands for any size, the same in all columns; None = any shape
     low, high : range of every value, inclusive
     gaps : NaN and infinity are allowed and mean unknown
-    optional : None is allowed
     """
 
     kinds: str
@@ -48,7 +47,6 @@ class Column:
     low: float = -math.inf
     high: float = math.inf
     gaps: bool = False
-    optional: bool = False
 
 
 def check_columns(
@@ -70,7 +68,7 @@ def check_columns(
     """
     sizes: dict[str, int] = {}
     for name, column in columns.items():
-        if name not in values or (column.optional and values[name] is None):
+        if name not in values:
             continue
         array = np.asarray(values[name])
         if array.dtype.kind not in column.kinds:

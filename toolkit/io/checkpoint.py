@@ -1,39 +1,45 @@
-"""Checkpoints: nested states of arrays, numbers, text and None in one NPZ file, without pickling."""
+"""Checkpoints: states of nested values in one NPZ file, without pickling.
+
+A state is made of dataclasses, mappings, lists, arrays, numbers, text and None. An object that changes lists the
+attributes of its state in `CHECKPOINT`. Type hints define what is read: an array is `Annotated` with a `Column`, a
+number with a `Range`. An attribute without a hint keeps the type, and an array the shape, of its present value.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+import math
+import typing
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from types import GenericAlias, UnionType
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
 from toolkit.io.archives import Column, check_columns, load_archive, save_archive
 from toolkit.io.errors import TrackError
+from toolkit.io.typed_values import TypedReader
 from toolkit.io.yaml_reader import parse_json
 
-VERSION = 1
+VERSION = 2
 HEADER = "header"
 HINT = "track the recording again"
 
+Made = TypeVar("Made")
 
-def save_checkpoint(path: str | Path, kind: str, state: Mapping[str, Any]) -> None:
-    """Write a state atomically.
 
-    Parameters
-    ----------
-    path : file to write
-    kind : kind of the state; `load_checkpoint` requires the same
-    state : values by name: arrays of numbers, numbers, text, None, tuples of these, or nested states
-    """
+def save_checkpoint(path: str | Path, kind: str, state: Any) -> None:
+    """Write a state atomically; `load_checkpoint` requires the same `kind`."""
     arrays: dict[str, np.ndarray] = {}
-    header = {"version": VERSION, "kind": kind, "state": _described(state, "state", arrays)}
+    header = {"version": VERSION, "kind": kind, "state": _described(plain(state), "state", arrays)}
     save_archive(path, {HEADER: np.array(json.dumps(header)), **arrays}, compressed=False)
 
 
 def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
-    """Read a state.
+    """Read a state as `plain` returned it, for `read_state` or `restore`.
 
     Raises
     ------
@@ -55,48 +61,102 @@ def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
         raise TrackError(f"{path} holds no state of a tracker ({error}); {HINT}") from error
 
 
-def check_state(state: Any, columns: Mapping[str, Column], nested: Collection[str] = (), what: str = "tracker") -> None:
-    """Check one level of a state before it is used; a valid checksum does not identify its author.
+def plain(value: Any) -> Any:
+    """Return a state as nested dicts, lists, arrays, numbers, text and None."""
+    if (names := getattr(value, "CHECKPOINT", None)) is not None:
+        return {name.lstrip("_"): plain(getattr(value, name)) for name in names}
+    if is_dataclass(value):
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    return value.value if isinstance(value, Enum) else value
 
-    Parameters
-    ----------
-    state : value that `load_checkpoint` returned
-    columns : requirements on each of its arrays and numbers; there are no others
-    nested : names of the nested states
-    what : owner of the state, for the message
+
+def read_state(state: Any, kind: type[Made], where: str) -> Made:
+    """Return a state of a type from its plain values; a valid checksum does not identify their author.
 
     Raises
     ------
     TrackError
         A name is missing or unknown, or a value has another type, shape or range.
     """
-    wanted = {*columns, *nested}
-    if not isinstance(state, Mapping) or set(state) != wanted:
-        names = ", ".join(sorted(map(str, state))) if isinstance(state, Mapping) else type(state).__name__
-        raise TrackError(f"the state of the {what} holds {names or 'nothing'} and not {', '.join(wanted)}; {HINT}")
-    check_columns(state, columns, TrackError, f"the state of the {what}", HINT)
+    return _StateReader(TrackError, HINT, source="the state").read(state, kind, where)
 
 
-def numbered(state: Any, what: str) -> dict[int, Any]:
-    """Return the states of people or frames by their numbers; raise TrackError if a name is no number."""
-    # Largest number of digits in the index of a person or a frame: below 10**9, which a 32-bit integer holds.
-    index_digits = 9
-    if not isinstance(state, Mapping) or not all(name.isdecimal() and len(name) <= index_digits for name in state):
-        raise TrackError(f"the state of the {what} has names where numbers belong; {HINT}")
-    return {int(name): value for name, value in state.items()}
+def restore(owner: Any, state: Any, where: str) -> None:
+    """Set the attributes of an object's state from their plain values; raises as `read_state`.
+
+    The objects in these attributes are restored too. A method `check_restored` raises ValueError for values that do not
+    fit together.
+    """
+    hints = typing.get_type_hints(type(owner), include_extras=True)
+    names = {name.lstrip("_"): name for name in owner.CHECKPOINT}
+    if not isinstance(state, Mapping) or state.keys() != names.keys():
+        raise TrackError(f"the state of the {where} does not hold {', '.join(names)} alone; {HINT}")
+    for key, name in names.items():
+        setattr(owner, name, _restored(getattr(owner, name), state[key], hints.get(name), f"{where}.{key}"))
+    if hasattr(owner, "check_restored"):
+        try:
+            owner.check_restored()
+        except (ValueError, TypeError, KeyError) as error:
+            raise TrackError(f"the state of the {where} cannot be used ({error}); {HINT}") from error
+
+
+def _restored(present: Any, value: Any, hint: Any, where: str) -> Any:
+    """Return the restored value of an attribute."""
+    if hasattr(present, "CHECKPOINT") and not hasattr(present, "of_checkpoint"):
+        restore(present, value, where)
+        return present
+    if isinstance(present, dict) and present:
+        return {key: _restored(one, value[key], None, f"{where}.{key}") for key, one in present.items()}
+    if isinstance(present, np.ndarray):
+        hint = hint or Annotated[np.ndarray, Column(present.dtype.kind, present.shape)]
+    return read_state(value, hint or type(present), where)
+
+
+class _StateReader(TypedReader):
+    """Reader that also reads arrays, enumerations and classes with a constructor `of_checkpoint`."""
+
+    def _any(self, value: Any, kind: Any, where: str) -> Any:
+        origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+        if origin is Annotated and isinstance(arguments[1], Column):
+            array = self._expect(value, np.ndarray, where, "an array")
+            check_columns({where: array}, {where: arguments[1]}, self.error, "the state", self.hint)
+            return array
+        if isinstance(value, np.ndarray) and value.ndim < 2 and origin not in (typing.Union, UnionType):
+            value = value.tolist()
+        if origin is Mapping:
+            kind = GenericAlias(dict, arguments)
+        elif isinstance(kind, type) and issubclass(kind, Enum):
+            if value not in [choice.value for choice in kind]:
+                raise self._wrong(f"{where} is none of {', '.join(str(choice.value) for choice in kind)}")
+            return kind(value)
+        elif hasattr(kind, "of_checkpoint"):
+            hints = typing.get_type_hints(kind, include_extras=True)
+            named = self._expect(value, dict, where, "names with values")
+            if named.keys() != {*kind.CHECKPOINT}:
+                raise self._wrong(f"{where} does not hold {', '.join(kind.CHECKPOINT)} alone")
+            return kind.of_checkpoint(**{k: self._any(v, hints[k], f"{where}.{k}") for k, v in named.items()})
+        return super()._any(value, kind, where)
 
 
 def _described(value: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:
-    """Return `value` as JSON; its arrays move into `arrays` under generated names."""
+    """Return a plain value as JSON; arrays, lists of numbers and numbers that JSON lacks move into `arrays`."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, list) and value and all(type(item) is float for item in value):
+        value = np.array(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        value = np.array(value)
     if isinstance(value, np.ndarray):
         arrays[where] = value
         return {"array": where}
-    if isinstance(value, Mapping):
-        return {"names": {name: _described(item, f"{where}/{name}", arrays) for name, item in value.items()}}
-    if isinstance(value, tuple):
-        return {"tuple": [_described(item, f"{where}/{i}", arrays) for i, item in enumerate(value)]}
-    if isinstance(value, np.generic):
-        value = value.item()
+    if isinstance(value, dict):
+        return {"names": [[key, _described(item, f"{where}/{key}", arrays)] for key, item in value.items()]}
+    if isinstance(value, list):
+        return {"list": [_described(item, f"{where}/{i}", arrays) for i, item in enumerate(value)]}
     if value is None or isinstance(value, (bool, int, float, str)):
         return {"plain": value}
     raise TypeError(f"{where} of a state is {type(value).__name__}; keep arrays, numbers, text and None")
@@ -107,7 +167,5 @@ def _rebuilt(described: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> 
     if kind == "array":
         return arrays[value]
     if kind == "names":
-        return {name: _rebuilt(item, arrays) for name, item in value.items()}
-    if kind == "tuple":
-        return tuple(_rebuilt(item, arrays) for item in value)
-    return value
+        return {name: _rebuilt(item, arrays) for name, item in value}
+    return [_rebuilt(item, arrays) for item in value] if kind == "list" else value

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import check_state
 from toolkit.io.typed_values import Range
 
 HEAD_HEIGHT = (0.5, 2.4)
 """Height of a head's centre above the floor, metres: a squatting child of 0.8 m, an adult of 2.2 m on a step."""
-COLUMNS = {"id": int, "looks": int, "score": float, "moved": int}
-"""Columns of the evidence of many tracks in a file."""
 
 
 def possible_height(place: np.ndarray, floor: float | None) -> bool:
@@ -69,17 +65,3 @@ class Evidence:
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:
     """Return the ids of tracks that score as furniture."""
     return frozenset(person for person, own in evidence.items() if own.log_odds <= 0)
-
-
-def export_evidence(evidence: Mapping[int, Evidence]) -> dict[str, Any]:
-    """Return evidence by id as columns."""
-    rows = [(person, *astuple(own)) for person, own in sorted(evidence.items())]
-    return {name: np.array([row[k] for row in rows], dtype=kind) for k, (name, kind) in enumerate(COLUMNS.items())}
-
-
-def restore_evidence(state: Mapping[str, Any]) -> dict[int, Evidence]:
-    """Restore evidence by id from what `export_evidence` returned; raises TrackError for anything else."""
-    whole, number = Column("i", ("n",), 0, 1e9), Column("f", ("n",), -1e12, 1e12)
-    check_state(state, {name: number if kind is float else whole for name, kind in COLUMNS.items()}, (), "evidence")
-    rows = zip(*(state[name].tolist() for name in COLUMNS), strict=True)
-    return {person: Evidence(*row) for person, *row in rows}

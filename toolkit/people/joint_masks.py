@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from toolkit.io.checkpoint import check_state
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D, same_rays
@@ -23,10 +22,12 @@ class JointSource(Protocol):
 
     Attributes
     ----------
+    CHECKPOINT : attributes on which the next frame depends, see `toolkit.io.checkpoint`
     name : name in `run.json`
     needs_color : True if frames must hold colour
     """
 
+    CHECKPOINT: tuple[str, ...]
     name: str
     needs_color: bool
 
@@ -34,32 +35,17 @@ class JointSource(Protocol):
         """Return the sightings of the next frame with their joints."""
         ...
 
-    def export_state(self) -> dict[str, Any]:
-        """Return the state that the next frame depends on, see `PeopleFinder.export_state`."""
-        ...
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore what `export_state` returned."""
-        ...
-
 
 class NoJoints:
     """Source without joints."""
 
+    CHECKPOINT: tuple[str, ...] = ()
     name = "none"
     needs_color = False
 
     def add(self, frame: Frame, sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
         """Return the sightings unchanged, see `JointSource.add`."""
         return tuple(sightings)
-
-    def export_state(self) -> dict[str, Any]:
-        """Return an empty state, see `JointSource.export_state`."""
-        return {}
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore nothing, see `JointSource.restore_state`."""
-        check_state(state, {}, what="joints")
 
 
 class GivenJoints(NoJoints):

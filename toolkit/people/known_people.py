@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state
-from toolkit.io.errors import TrackError
-from toolkit.people.evidence import export_evidence, restore_evidence
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.tracks import GATE, UNKNOWN, KnownPerson
 from toolkit.people.view import CoarseCamera
@@ -38,8 +33,11 @@ class KnownPeople:
     people : by rising id
     """
 
+    CHECKPOINT = ("people",)
+    people: list[KnownPerson]
+
     def __init__(self, coarse: CoarseCamera, most: int) -> None:
-        self.people: list[KnownPerson] = []
+        self.people = []
         self._coarse, self._most, self._left_out = coarse, most, False
 
     def present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[KnownPerson]:
@@ -111,35 +109,10 @@ class KnownPeople:
             unseen = person.last < timestamp and not self._coarse.shows(person.expected(timestamp), half_width)
             self.people[k] = replace(person, gone=person.gone or unseen)
 
-    def export_state(self) -> dict[str, Any]:
-        """Return the people as arrays by attribute."""
-        if not self.people:
-            return {}
-        plain = [f.name for f in fields(KnownPerson) if f.name != "evidence"]
-        looks = export_evidence({p.id: p.evidence for p in self.people})
-        return {name: np.array([getattr(p, name) for p in self.people]) for name in plain} | {"evidence": looks}
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore what `export_state` returned; raises TrackError for anything else."""
-        if isinstance(state, Mapping) and not state:
-            self.people = []
-            return
-        place, number = Column("f", ("n", 3), -1e3, 1e3), Column("f", ("n",), -1e12, 1e12)
-        columns = {
-            "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
-            "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
-            "body_head": replace(place, gaps=True), "looked": number,
-            "gone": Column("b", ("n",)),
-        }  # fmt: skip
-        check_state(state, columns, ("evidence",), "people")
-        evidence = restore_evidence(state["evidence"])
-        if not state["id"].tolist() == list(evidence) == list(range(1, len(state["id"]) + 1)):
-            raise TrackError(f"the people in the state of the people finder are not numbered 1, 2, ...; {HINT}")
-        plain = {name: state[name] for name in columns}
-        rows = [
-            {k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in plain.items()} for i in range(len(evidence))
-        ]
-        self.people = [KnownPerson(**row, evidence=evidence[row["id"]]) for row in rows]
+    def check_restored(self) -> None:
+        """Raise ValueError for people out of order, see `toolkit.io.checkpoint.restore`."""
+        if [person.id for person in self.people] != list(range(1, len(self.people) + 1)):
+            raise ValueError("its people are not numbered 1, 2, ...")
 
 
 def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state
-from toolkit.io.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.connection import HELD
 from toolkit.people.detection import (
@@ -62,6 +58,9 @@ class MultiPersonFinder:
     camera : camera of the sightings
     coarse : makes the coarse frames
     """
+
+    CHECKPOINT: tuple[str, ...] = ("_known", "_newcomers", "_labels", "_depth", "_detected", "_surroundings")
+    _surroundings: Surroundings | None
 
     def __init__(
         self,
@@ -194,34 +193,13 @@ class MultiPersonFinder:
             return {}
         return {person.id: person.evidence for person in self.people}
 
-    def export_state(self) -> dict[str, Any]:
-        """Return the state, see `PeopleFinder.export_state`."""
-        return {
-            "people": self._known.export_state(),
-            "newcomers": self._newcomers.export_state(),
-            "labels": self._labels,
-            "depth": self._depth,
-            "detected": self._detected,
-            "surroundings": None if self._surroundings is None else self._surroundings.export_state(),
-        }
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state, see `PeopleFinder.restore_state`."""
-        shape = self.coarse.camera.shape
-        columns = {
-            "labels": Column("i", shape, 0, 1e6),
-            "depth": Column("f", shape, 0, 1e3),
-            "detected": Column("f", (), -1e12, 1e12),
-        }
-        check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
-        self._known.restore_state(state["people"])
-        self._newcomers.restore_state(state["newcomers"])
-        self._labels, self._depth = state["labels"], state["depth"]
-        self._detected = float(state["detected"])
+    def check_restored(self) -> None:
+        """Raise ValueError for pixels of unknown people or another room, see `toolkit.io.checkpoint.restore`."""
         if not set(np.unique(self._labels).tolist()) <= {0, *(person.id for person in self.people)}:
-            raise TrackError(f"the state of the people finder labels people who are not in it; {HINT}")
-        kept = state["surroundings"]
-        self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
+            raise ValueError("it labels people who are not in it")
+        room = {} if self._surroundings is None else vars(self._surroundings)
+        if any(isinstance(image, np.ndarray) and image.shape != self._labels.shape for image in room.values()):
+            raise ValueError("its room is of another camera")
 
     def _look(self, flat: np.ndarray, timestamp: float) -> tuple[View, Surroundings]:
         coarse, surroundings = self.coarse, self._surroundings

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
 from toolkit.io.archives import Column
-from toolkit.io.checkpoint import check_state
 from toolkit.kernels import linear
 from toolkit.people.detection import SHOULDER_DISTANCE
 from toolkit.people.structure import Plane
@@ -48,7 +47,7 @@ def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequenc
 class Newcomer:
     """Place of a head candidate: float64 (3,), level frame, metres; frames with it; first and last time."""
 
-    place: np.ndarray
+    place: Annotated[np.ndarray, Column("f", (3,), -1e3, 1e3)]
     frames: int
     first: float
     last: float
@@ -57,8 +56,11 @@ class Newcomer:
 class Newcomers:
     """Candidates over frames."""
 
+    CHECKPOINT = ("_waiting", "_before")
+    _waiting: list[Newcomer]
+
     def __init__(self) -> None:
-        self._waiting: list[Newcomer] = []
+        self._waiting = []
         self._before = 0.0
 
     def promoted(
@@ -91,27 +93,3 @@ class Newcomers:
         self._before = timestamp
         self._waiting = kept + [Newcomer(candidates[i], 1, timestamp, timestamp) for i in left]
         return sorted(counted)
-
-    def export_state(self) -> dict[str, Any]:
-        """Return the state as arrays."""
-        return {
-            "before": self._before,
-            "places": np.array([n.place for n in self._waiting]).reshape(-1, 3),
-            "frames": np.array([n.frames for n in self._waiting], dtype=np.int64),
-            "first": np.array([n.first for n in self._waiting], dtype=np.float64),
-            "last": np.array([n.last for n in self._waiting], dtype=np.float64),
-        }
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore what `export_state` returned; raises TrackError for another state."""
-        number = Column("f", ("n",), -1e12, 1e12)
-        columns = {
-            "before": Column("iuf", (), -1e12, 1e12), "places": Column("f", ("n", 3), -1e3, 1e3),
-            "frames": Column("i", ("n",), 0, 1e9), "first": number, "last": number,
-        }  # fmt: skip
-        check_state(state, columns, what="newcomers")
-        self._before = float(state["before"])
-        rows = zip(state["places"], state["frames"], state["first"], state["last"], strict=True)
-        self._waiting = [
-            Newcomer(np.array(at), int(frames), float(first), float(last)) for at, frames, first, last in rows
-        ]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
 from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state
-from toolkit.io.errors import SegmentationError, SeveralPeopleError, TrackError
+from toolkit.io.errors import SegmentationError, SeveralPeopleError
 from toolkit.kernels.cloud.nearest import smallest_gap
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
@@ -67,6 +65,9 @@ class Segmenter:
         The settings ask for a background and there is none, or for a person in a room (see `find_person`).
     """
 
+    CHECKPOINT = ("_background", "_empty_wanted", "_empty_frames", "_seen", "_last", "_last_box")
+    _empty_frames: list[Annotated[np.ndarray, Column("u", ("height", "width"))]]
+
     def __init__(
         self, camera: Camera, background: np.ndarray | None, settings: SensingSettings, up_camera: np.ndarray
     ) -> None:
@@ -85,7 +86,7 @@ class Segmenter:
         self._background = np.zeros(camera.shape, dtype=np.uint16) if used is None else used
         self._rotation = level_rotation(up_camera)
         self._empty_wanted = int(mode.numbers[0]) if mode.name == "empty-frames" else 0
-        self._empty_frames: list[np.ndarray] = []
+        self._empty_frames = []
         self._seen = False
         padded = (camera.height + 2, camera.width + 2)
         self._padded = np.zeros(padded, dtype=np.uint16)
@@ -129,40 +130,10 @@ class Segmenter:
         """True if the frames are segmented already: zero depth is then background."""
         return self._mode.name in ("auto", "segmented")
 
-    def export_state(self) -> dict[str, Any]:
-        """Return the state that the next frame depends on, see `PeopleFinder.export_state`."""
-        return {
-            "background": self._background,
-            "empty_wanted": self._empty_wanted,
-            "empty_frames": dict(zip(map(str, range(len(self._empty_frames))), self._empty_frames, strict=True)),
-            "seen": self._seen,
-            "last": self._last,
-            "last_box": self._last_box,
-        }
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore what `export_state` returned.
-
-        Raises
-        ------
-        TrackError
-            The state belongs to another object.
-        """
-        image, padded = Column("u", self._camera.shape), Column("u", self._padded.shape)
-        columns = {
-            "background": image, "empty_wanted": Column("iu", (), 0, 1e6), "seen": Column("b", ()), "last": padded,
-            "last_box": Column("i", (4,), 0, max(self._padded.shape)),
-        }  # fmt: skip
-        check_state(state, columns, ("empty_frames",), "segmentation")
-        frames = [str(i) for i in range(len(state["empty_frames"]))]
-        check_state(state["empty_frames"], dict.fromkeys(frames, image), what="segmentation")
-        _, v1, _, u1 = state["last_box"]
-        if v1 > self._padded.shape[0] or u1 > self._padded.shape[1]:
-            raise TrackError(f"the person in the state lies outside of the image, at {state['last_box']}; {HINT}")
-        self._background, self._seen = state["background"], state["seen"]
-        self._empty_wanted = state["empty_wanted"]
-        self._empty_frames = [state["empty_frames"][str(i)] for i in range(len(state["empty_frames"]))]
-        self._last[:], self._last_box[:] = state["last"], state["last_box"]
+    def check_restored(self) -> None:
+        """Raise ValueError for empty frames of another camera, see `toolkit.io.checkpoint.restore`."""
+        if any(frame.shape != self._camera.shape for frame in self._empty_frames):
+            raise ValueError("its empty frames are of another camera")
 
     def _learnt(self, depth: np.ndarray) -> bool:
         """Collect the empty frames; return True once the background is known."""

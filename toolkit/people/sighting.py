@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -57,10 +57,12 @@ class PeopleFinder(Protocol):
 
     Attributes
     ----------
+    CHECKPOINT : attributes on which the next frame depends, see `toolkit.io.checkpoint`
     camera : camera of every sighting
     evidence : track id -> evidence that the track is a person; empty where all tracks are people
     """
 
+    CHECKPOINT: tuple[str, ...]
     camera: Camera
 
     @property
@@ -85,28 +87,13 @@ class PeopleFinder(Protocol):
         """Return a stateless finder of all people in the stream; None where the settings select one person."""
         ...
 
-    def export_state(self) -> dict[str, Any]:
-        """Return the state of the next frame: nested arrays, numbers and text by name, for `checkpoint`."""
-        ...
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore the state that `export_state` of a finder of the same stream and settings returned."""
-        ...
-
 
 class WrappedFinder:
     """Part of a `PeopleFinder` that has the state of another finder of the same stream."""
 
+    CHECKPOINT: tuple[str, ...] = ("_finder",)
     _finder: PeopleFinder
 
     def redetect(self) -> PeopleFinder | None:
         """See `PeopleFinder.redetect`."""
         return self._finder.redetect()
-
-    def export_state(self) -> dict[str, Any]:
-        """See `PeopleFinder.export_state`."""
-        return self._finder.export_state()
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """See `PeopleFinder.restore_state`."""
-        self._finder.restore_state(state)

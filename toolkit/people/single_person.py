@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -41,6 +40,7 @@ class SinglePersonSegmenter:
         The settings ask for a background and there is none.
     """
 
+    CHECKPOINT: tuple[str, ...] = ("_segmenter",)
     evidence: Mapping[int, Evidence] = MappingProxyType({})
 
     def __init__(
@@ -104,11 +104,3 @@ class SinglePersonSegmenter:
         if box is None:
             return np.zeros(self.camera.shape, dtype=np.float32), flat[::step, ::step]
         return self._filter.filtered(person, box), flat[::step, ::step]
-
-    def export_state(self) -> dict[str, Any]:
-        """Return the state, see `PeopleFinder.export_state`."""
-        return self._segmenter.export_state()
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore a state, see `PeopleFinder.restore_state`."""
-        self._segmenter.restore_state(state)

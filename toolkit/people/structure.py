@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from toolkit.io.archives import Column
 from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import best_plane
 
@@ -22,7 +24,7 @@ class Plane:
     area : area that its points cover, m^2
     """
 
-    normal: np.ndarray
+    normal: Annotated[np.ndarray, Column("f", (3,), -1.0 - 1e-6, 1.0 + 1e-6)]
     offset: float
     area: float
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
 from toolkit.io.archives import Column
-from toolkit.io.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import CoarseCamera
+
+Metres = Annotated[np.ndarray, Column("f", ("height", "width"), 0, 1e3)]
+Flags = Annotated[np.ndarray, Column("b", ("height", "width"))]
+"""Images of a checkpoint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +36,12 @@ class Surroundings:
 
     cut_out: bool
     known: bool
-    background: np.ndarray
-    margin: np.ndarray
-    still: np.ndarray
+    background: Metres
+    margin: Metres
+    still: Flags
     planes: tuple[Plane, ...] = ()
     floor: float | None = None
-    owned: np.ndarray | None = None
+    owned: Flags | None = None
 
     @property
     def resting(self) -> np.ndarray:
@@ -50,37 +52,6 @@ class Surroundings:
     def unclaimed(self) -> np.ndarray:
         """Those of `still` that may be of furniture or of a person who touches it: bool (h, w)."""
         return self.resting if self.owned is None else self.resting & ~self.owned
-
-    def export_state(self) -> dict[str, Any]:
-        """Return all of it as arrays and numbers."""
-        rows = [(*p.normal, p.offset, p.area) for p in self.planes]
-        return {
-            "cut_out": self.cut_out,
-            "known": self.known,
-            "background": self.background,
-            "margin": self.margin,
-            "still": self.still,
-            "owned": self.resting & ~self.unclaimed,
-            "floor": np.array(np.nan if self.floor is None else self.floor),
-            "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),
-        }
-
-    @classmethod
-    def from_state(cls, state: Mapping[str, Any], shape: tuple[int, int]) -> Surroundings:
-        """Restore what `export_state` returned, for coarse frames of a shape; raises TrackError for anything else."""
-        columns = {
-            "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
-            "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape),
-            "owned": Column("b", shape),
-            "floor": Column("f", (), -1e3, 1e3, gaps=True),
-            "planes": Column("f", ("planes", 5), -1e6, 1e6),
-        }  # fmt: skip
-        check_state(state, columns, what="surroundings")
-        planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
-        arrays = (state["background"], state["margin"], state["still"])
-        floor = float(state["floor"]) if np.isfinite(state["floor"]) else None
-        known = bool(state["cut_out"]), bool(state["known"])
-        return cls(*known, *arrays, planes, floor, state["owned"])
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """Return the pixels of a coarse frame float32 (h, w) that are measured and not background: bool (h, w)."""

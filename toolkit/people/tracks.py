@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
+from toolkit.io.archives import Column
 from toolkit.people.evidence import Evidence
 
 GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as it turns
@@ -15,6 +17,8 @@ LEVEL = np.array([1.0, 0.0, 1.0])
 """Mask of the horizontal components of a displacement in the level frame."""
 UNKNOWN = np.full(3, np.nan)
 """Place of an unknown point."""
+Place = Annotated[np.ndarray, Column("f", (3,), -1e3, 1e3)]
+"""Place or velocity in a checkpoint."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +44,16 @@ class KnownPerson:
     """
 
     id: int
-    head: np.ndarray
-    velocity: np.ndarray
+    head: Place
+    velocity: Place
     first: float
     last: float
     tallest: float
-    middle: np.ndarray
+    middle: Place
     area: float
     stature: float = 0.0
     borne_out: bool = False
-    body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
+    body_head: Annotated[np.ndarray, Column("f", (3,), -1e3, 1e3, gaps=True)] = field(default_factory=UNKNOWN.copy)
     gone: bool = False
     looked: float = -1e9  # before every timestamp
     evidence: Evidence = Evidence()

@@ -15,16 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state, numbered
-from toolkit.io.errors import RecordingError, TrackError
+from toolkit.io.checkpoint import restore
+from toolkit.io.errors import RecordingError
 from toolkit.people.joint_masks import JointSource, NoJoints
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.stream import Frame
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.sightings import SightingFile, StoredSighting
-from toolkit.tracking.state import State
 from toolkit.tracking.tracker_protocol import BodyLearner, PersonFollower, Tracker
 from toolkit.tracks import FrameResult
 
@@ -86,10 +84,12 @@ class MultiPersonTracker:
 
     Attributes
     ----------
-    frames : number of processed frames
-    timestamps : timestamps of these frames, seconds
+    timestamps : timestamps of the processed frames, seconds
     sightings : store of all sightings for a second pass; None without one
     """
+
+    CHECKPOINT = ("timestamps", "finder", "joints", "_followers")
+    timestamps: list[float]
 
     def __init__(
         self,
@@ -103,10 +103,14 @@ class MultiPersonTracker:
         self.sightings: SightingFile | None = None
         self.tracker, self.finder, self.joints = tracker, finder, joints or NoJoints()
         self.level_rotation = level_rotation(up_camera)
-        self.frames = 0
-        self.timestamps: list[float] = []
+        self.timestamps = []
         self._followers: dict[int, PersonFollower] = {}
         self._waiting: dict[int, Waiting] = {}
+
+    @property
+    def frames(self) -> int:
+        """Number of processed frames."""
+        return len(self.timestamps)
 
     @property
     def settled(self) -> bool:
@@ -143,43 +147,19 @@ class MultiPersonTracker:
         for person in sorted(sightings.keys() - known):
             self._waiting[person] = Waiting(deque((None, moment, 0.0) for moment in self.timestamps))
         self.timestamps.append(frame.timestamp)
-        self.frames += 1
         return sightings, prepare_ms
 
     def finish(self) -> list[Row]:
         """Return the rows of people who were in view for too short a time; called after the last frame."""
         return [row for person in sorted(self._waiting) for row in self._learnt(person)]
 
-    def export_state(self) -> State:
-        """Return the state that the next step depends on; only while `settled`."""
-        return {
-            "frames": self.frames,
-            "timestamps": np.array(self.timestamps),
-            "finder": self.finder.export_state(),
-            "joints": self.joints.export_state(),
-            "people": {str(person): follower.export_state() for person, follower in self._followers.items()},
-        }
-
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore what `export_state` returned.
-
-        Raises
-        ------
-        TrackError
-            The state belongs to another recording or other settings, or is damaged.
-        """
-        columns = {"frames": Column("iu", (), 0), "timestamps": Column("f", ("frames",))}
-        check_state(state, columns, ("finder", "joints", "people"), "crowd")
-        if len(state["timestamps"]) != state["frames"]:
-            raise TrackError(f"the state of the crowd counts {state['frames']} frames and has other times; {HINT}")
-        self.frames, self.timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
-        self.finder.restore_state(state["finder"])
-        self.joints.restore_state(state["joints"])
-        self._followers = {}
-        for person, kept in numbered(state["people"], "crowd").items():
-            follower = self.tracker.follower(self.finder.camera, self.level_rotation)
-            follower.restore_state(kept)
-            self._followers[person] = follower
+        """Restore a checkpoint that was written while `settled`; raises as `toolkit.io.checkpoint.restore`."""
+        self._waiting = {}
+        self._followers = {
+            person: self.tracker.follower(self.finder.camera, self.level_rotation) for person in state["followers"]
+        }
+        restore(self, state, "tracker")
 
     def _predictions(self) -> Predictions:
         learners = {person: waiting.learner for person, waiting in self._waiting.items()}

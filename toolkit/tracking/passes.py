@@ -23,8 +23,9 @@ from toolkit.tracking.frame_detection import NOTHING_FOUND, Detection, FrameDete
 from toolkit.tracking.planning import Plan, Stretch
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
-from toolkit.tracking.trajectory_choice import Direction, Step, apart, better_parts, result_of
+from toolkit.tracking.trajectory_choice import Direction, Step, apart, better_parts
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
+from toolkit.tracks.track import result_of
 
 JUMP = 0.05
 """Metres, mean over the joints, by which a step has to exceed those beside it to be a jump."""

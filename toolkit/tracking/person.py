@@ -12,7 +12,7 @@ from toolkit.body.body import Body
 from toolkit.fitting.placed import Placer
 from toolkit.kernels import linear
 from toolkit.people.sighting import PredictedBody
-from toolkit.tracking.state import PersonState, State
+from toolkit.tracking.state import PersonState
 from toolkit.tracks import FrameResult
 
 PREDICTED = "predicted"
@@ -35,6 +35,9 @@ class FollowedPerson:
     state : everything that the next step depends on besides the sighting; replaced, never changed, by a step
     """
 
+    CHECKPOINT: tuple[str, ...] = ("state",)
+    state: PersonState
+
     def __init__(self, state: PersonState, placer: Placer, level_rotation: np.ndarray, sources: Sequence[str]) -> None:
         self.state, self.level_rotation = state, level_rotation
         self._placer, self._sources = placer, tuple(sources)
@@ -45,13 +48,9 @@ class FollowedPerson:
         """See `PersonFollower.body`."""
         return self.state.body
 
-    def export_state(self) -> State:
-        """See `PersonFollower.export_state`."""
-        return self.state.export()
-
-    def restore_state(self, state: State) -> None:
-        """See `PersonFollower.restore_state`."""
-        self.state = PersonState.restore(state)
+    def check_restored(self) -> None:
+        """Raise ValueError for an invalid random generator, see `toolkit.io.checkpoint.restore`."""
+        self.state.rng()
 
     def predicted(self) -> PredictedBody:
         """See `PersonFollower.predicted`: the body where it was last found."""

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.body.shape import ShapeSpace
 from toolkit.io.archives import Column
-from toolkit.io.checkpoint import HINT, check_state
-from toolkit.io.errors import TrackError
+from toolkit.io.typed_values import Range
 
 FIRST_STEP = 1.0 / 30.0
 """Seconds assumed between a first frame and the one before it."""
 
-State = dict[str, Any]
-"""Nested arrays, numbers, text and None by name: the types that `checkpoint.py` writes."""
+_FAR = 1e4
+"""Metres, radians: bound of every pose entry in a recording."""
+_JOINTS = len(skeleton.REPORTED)
+PoseVector = Annotated[np.ndarray, Column("f", (skeleton.POSE_SIZE,), -_FAR, _FAR)]
+Effectors = Annotated[np.ndarray, Column("f", (len(skeleton.END_EFFECTORS), 3), -_FAR, _FAR)]
+Memory = (
+    Annotated[np.ndarray, Column("f", ("rows", skeleton.POSE_SIZE), -_FAR, _FAR)]
+    | Annotated[np.ndarray, Column("iuf", ("numbers",))]
+)
+"""Types of a checkpoint; a search stores poses or numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +42,12 @@ class Previous:
     elapsed : seconds from `before` to `pose`
     """
 
-    pose: np.ndarray
-    joints: np.ndarray
-    effectors: np.ndarray
-    extrema: np.ndarray | None
-    before: np.ndarray | None
-    elapsed: float
+    pose: PoseVector
+    joints: Annotated[np.ndarray, Column("f", (_JOINTS, 3), -_FAR, _FAR)]
+    effectors: Effectors
+    extrema: Effectors | None
+    before: PoseVector | None
+    elapsed: Annotated[float, Range(1e-6, 1e9)]
 
     @classmethod
     def of_pose(
@@ -87,16 +93,16 @@ class PersonState:
     previous: Previous | None = None
     last_seen: Previous | None = None
     last_seen_at: float | None = None
-    pose: np.ndarray | None = None
-    centre: np.ndarray | None = None
-    facing: np.ndarray | None = None
+    pose: PoseVector | None = None
+    centre: Annotated[np.ndarray, Column("f", (3,), -_FAR, _FAR)] | None = None
+    facing: Annotated[np.ndarray, Column("f", (2,), -_FAR, _FAR)] | None = None
     timestamp: float | None = None
     lost: float = 0.0
-    in_view: np.ndarray | None = None
-    network: np.ndarray | None = None
-    turn: int = 0
-    smoothed: tuple[np.ndarray, float] | None = None
-    memory: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    in_view: Annotated[np.ndarray, Column("f", (_JOINTS,), 0, 1)] | None = None
+    network: Annotated[np.ndarray, Column("f", (_JOINTS, 2), 0, 1)] | None = None
+    turn: Annotated[int, Range(0)] = 0
+    smoothed: tuple[PoseVector, float] | None = None
+    memory: Mapping[str, Mapping[str, Memory]] = field(default_factory=dict)
 
     @classmethod
     def begin(cls, body: Body, *, sized: bool, seed: int) -> PersonState:
@@ -116,129 +122,3 @@ class PersonState:
         bits = np.random.PCG64()
         bits.state = dict(self.generator)  # type: ignore[assignment]
         return np.random.Generator(bits)
-
-    def export(self) -> State:
-        """Return the state as plain arrays, numbers and text."""
-        state: State = {
-            "body": body_state(self.body),
-            # JSON keeps integers of any size only as text in every reader.
-            "generator": {key: str(value) for key, value in _flat(self.generator).items()},
-            "memory": {name: dict(kept) for name, kept in self.memory.items()},
-            "previous": None if self.previous is None else dict(vars(self.previous)),
-            "last_seen": None if self.last_seen is None else dict(vars(self.last_seen)),
-            "smoothed": None if self.smoothed is None else {"pose": self.smoothed[0], "timestamp": self.smoothed[1]},
-        }
-        return state | {name: getattr(self, name) for name in _NUMBERS}
-
-    @classmethod
-    def restore(cls, state: Mapping[str, Any]) -> PersonState:
-        """Restore what `export` returned.
-
-        Raises
-        ------
-        TrackError, BodyError
-            The state belongs to another object.
-        """
-        check_state(state, _NUMBERS, _NESTED, "person")
-        for name in ("previous", "last_seen"):
-            if state[name] is not None:
-                check_state(state[name], _PREVIOUS, what="frame before")
-        if state["smoothed"] is not None:
-            check_state(state["smoothed"], {"pose": _POSE, "timestamp": _NUMBERS["lost"]}, what="smoother")
-        for name, kept in state["memory"].items():
-            check_state(kept, {key: _remembered(kept[key]) for key in kept}, what=f"search {name}")
-        smoothed = state["smoothed"]
-        return cls(
-            body=body_of(state["body"]),
-            generator=_generator(state["generator"]),
-            previous=None if state["previous"] is None else Previous(**state["previous"]),
-            last_seen=None if state["last_seen"] is None else Previous(**state["last_seen"]),
-            smoothed=None if smoothed is None else (smoothed["pose"], smoothed["timestamp"]),
-            **{name: state[name] for name in (*_NUMBERS, "memory")},
-        )
-
-
-_FAR = 1e4
-"""Metres, radians: bound of every pose entry in a recording."""
-_POSE = Column("f", (skeleton.POSE_SIZE,), -_FAR, _FAR)
-_REPORTED, _ENDS = (len(skeleton.REPORTED),), (len(skeleton.END_EFFECTORS), 3)
-_NUMBERS = {
-    "sized": Column("b", ()),
-    "last_seen_at": Column("iuf", (), optional=True),
-    "pose": replace(_POSE, optional=True),
-    "centre": Column("f", (3,), -_FAR, _FAR, optional=True),
-    "facing": Column("f", (2,), -_FAR, _FAR, optional=True),
-    "timestamp": Column("iuf", (), optional=True),
-    "lost": Column("iuf", ()),
-    "in_view": Column("f", _REPORTED, 0, 1, optional=True),
-    "network": Column("f", (*_REPORTED, 2), 0, 1, optional=True),
-    "turn": Column("iu", (), 0),
-}
-_NESTED = ("body", "generator", "memory", "previous", "last_seen", "smoothed")
-_BODY = {
-    "shape": Column("f", ("coefficients",), -100, 100),
-    "scale": Column("iuf", (), 0.01, 100),
-    "name": Column("U", ()),
-    "offsets": Column("f", ("vertices",), -0.1, 0.1, optional=True),
-}
-_PREVIOUS = {
-    "pose": _POSE,
-    "joints": Column("f", (*_REPORTED, 3), -_FAR, _FAR),
-    "effectors": Column("f", _ENDS, -_FAR, _FAR),
-    "extrema": Column("f", _ENDS, -_FAR, _FAR, optional=True),
-    "before": replace(_POSE, optional=True),
-    "elapsed": Column("iuf", (), 1e-6, 1e9),
-}
-"""Columns of a person's state by name."""
-
-
-def _remembered(value: Any) -> Column:
-    """Check the memory of a search: poses in rows, or single numbers."""
-    rows = len(value) if isinstance(value, np.ndarray) and value.ndim == 2 else 0
-    most_remembered = 4096  # columns of the poses that a search stores
-    if rows > most_remembered:
-        raise TrackError(f"a search keeps {rows} poses; {HINT}")
-    return Column("f", ("rows", skeleton.POSE_SIZE), -_FAR, _FAR) if rows else Column("iuf")
-
-
-def _generator(texts: Any) -> dict[str, Any]:
-    """Restore the state of a random generator from its texts."""
-    try:
-        values = _nested({key: _number(value[:60]) for key, value in texts.items()})
-        np.random.PCG64().state = values  # type: ignore[assignment]
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
-        raise TrackError(f"the saved state of the person has no valid random generator; {HINT}") from error
-    return values
-
-
-def body_state(body: Body) -> State:
-    """Return a body of the shape space as plain arrays, numbers and text."""
-    return {"shape": body.shape, "scale": float(body.scale), "name": body.name, "offsets": body.offsets}
-
-
-def body_of(state: Mapping[str, Any]) -> Body:
-    """Restore the body that `body_state` described; raises TrackError or BodyError for anything else."""
-    check_state(state, _BODY, what="body")
-    return ShapeSpace.load().body(state["shape"], scale=state["scale"], name=state["name"], offsets=state["offsets"])
-
-
-def _flat(values: Mapping[str, Any], where: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in values.items():
-        found |= _flat(value, f"{where}{key}/") if isinstance(value, Mapping) else {f"{where}{key}": value}
-    return found
-
-
-def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in values.items():
-        *outer, last = key.split("/")
-        inner = found
-        for name in outer:
-            inner = inner.setdefault(name, {})
-        inner[last] = value
-    return found
-
-
-def _number(text: str) -> int | str:
-    return int(text) if text.lstrip("-").isdigit() else text

@@ -12,7 +12,6 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.state import State
 from toolkit.tracks import FrameResult
 
 if TYPE_CHECKING:
@@ -59,7 +58,14 @@ class TrackerSettings(Protocol):
 
 
 class PersonFollower(Protocol):
-    """Tracker of one person, frame by frame, without an initial pose."""
+    """Tracker of one person, frame by frame, without an initial pose.
+
+    Attributes
+    ----------
+    CHECKPOINT : attributes on which the next step depends besides the sighting, see `toolkit.io.checkpoint`
+    """
+
+    CHECKPOINT: tuple[str, ...]
 
     @property
     def body(self) -> Body:
@@ -76,14 +82,6 @@ class PersonFollower(Protocol):
 
     def predicted(self) -> PredictedBody:
         """Return the body predicted for the next frame."""
-        ...
-
-    def export_state(self) -> State:
-        """Return all state that the next step depends on besides the sighting: plain arrays, numbers and text."""
-        ...
-
-    def restore_state(self, state: State) -> None:
-        """Continue from `export_state` of a follower of the same tracker."""
         ...
 
 

@@ -46,19 +46,6 @@ class Step:
     rival_cost: float = math.inf
 
 
-def result_of(row: np.void) -> FrameResult:
-    """Return a row of the track as a result."""
-    return FrameResult(
-        pose=row["pose"].astype(np.float64),
-        joints=row["joints"].copy(),
-        confidence=row["confidence"].copy(),
-        state=int(row["state"]),
-        source=int(row["source"]),
-        stage_ms=row["stage_ms"].copy(),
-        observed=row["observed"].copy(),
-    )
-
-
 def apart(one: FrameResult, other: FrameResult) -> float:
     """Return the mean distance of two rows' joints, metres."""
     return float(np.linalg.norm(one.joints - other.joints, axis=1).mean())

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -19,6 +19,21 @@ STATE_NAMES = ("tracked", "lost", "empty")
 
 TRACK_FILE, PARTIAL_FILE = "track.npz", "track.partial"
 AGAIN = "track the recording again"
+
+JOINT_COUNT = len(skeleton.REPORTED)
+FARTHEST, LATEST = 1e4, 1e12
+"""Bounds of values: metres or radians of a pose; seconds or milliseconds."""
+ROW = {
+    "joints": ("<f4", Column("f", (JOINT_COUNT, 3), -FARTHEST, FARTHEST)),
+    "pose": ("<f8", Column("f", (skeleton.POSE_SIZE,), -FARTHEST, FARTHEST)),
+    "confidence": ("<f4", Column("f", (JOINT_COUNT,), 0.0, 1.0)),
+    "state": ("u1", Column("u", (), 0, len(STATE_NAMES) - 1)),
+    "source": ("u1", Column("u", ())),
+    "timestamps": ("<f8", Column("f", (), -LATEST, LATEST)),
+    "stage_ms": ("<f4", Column("f", ("stages",), 0.0, LATEST)),
+    "observed": ("?", Column("b", (JOINT_COUNT,))),
+}
+"""Columns of a track: type in files, and requirements on one row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +51,15 @@ class FrameResult:
     observed : bool (20,), False for a joint that was inferred, because nothing was measured at its place
     """
 
-    pose: np.ndarray
-    joints: np.ndarray
-    confidence: np.ndarray
+    pose: Annotated[np.ndarray, ROW["pose"][1]]
+    joints: Annotated[np.ndarray, ROW["joints"][1]]
+    confidence: Annotated[np.ndarray, ROW["confidence"][1]]
     state: int
     source: int
-    stage_ms: np.ndarray
-    observed: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED), dtype=np.bool_))
+    stage_ms: Annotated[np.ndarray, ROW["stage_ms"][1]]
+    observed: Annotated[np.ndarray, ROW["observed"][1]] = field(
+        default_factory=lambda: np.ones(JOINT_COUNT, dtype=np.bool_)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +96,19 @@ class Track:
     def __post_init__(self) -> None:
         if not len(self.contact):
             object.__setattr__(self, "contact", np.zeros((len(self.joints), 2), dtype=np.bool_))
-        wanted = row_columns(len(self.pose_names), len(self.stage_names), len(self.source_names))
-        wanted["contact"] = Column("b", ("frames", 2))
+        wanted = row_columns(len(self.stage_names), len(self.source_names)) | {"contact": Column("b", ("frames", 2))}
         check_columns(vars(self), wanted, TrackError, "a track", "a tracker writes one such row per frame")
         if (np.diff(self.timestamps) < 0).any():
             raise TrackError("a track's timestamps run backwards; a tracker writes its rows in order")
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    @classmethod
+    def of_rows(cls, rows: np.ndarray, stage_names: tuple[str, ...], source_names: tuple[str, ...]) -> Track:
+        """Return the track of records of `row_type`."""
+        found: dict[str, Any] = {name: np.ascontiguousarray(rows[name]) for name in ROW}
+        return cls(**found, source_names=source_names, stage_names=stage_names)
 
     def save(self, run: str | Path) -> Path:
         """Write `track.npz` into the run folder atomically and return its path."""
@@ -130,33 +152,40 @@ class Track:
         return cls(**found)
 
 
-def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
-    """Return name and shape of one row of every column."""
-    joints = len(skeleton.REPORTED)
-    return {
-        "joints": (joints, 3),
-        "pose": (pose_size,),
-        "confidence": (joints,),
-        "state": (),
-        "source": (),
-        "timestamps": (),
-        "stage_ms": (stages,),
-        "observed": (joints,),
-    }
+def row_type(stages: int) -> np.dtype:
+    """Return the record type of one row with times of `stages` stages."""
+    return np.dtype([(name, kind, _sizes(column, stages)) for name, (kind, column) in ROW.items()])
 
 
-def row_columns(pose_size: int, stages: int, sources: int) -> dict[str, Column]:
-    """Return the columns that every tracker writes."""
-    shapes = columns(pose_size, stages)
-    farthest, latest = 1e4, 1e12  # bounds of values: metres or radians of a pose; seconds or milliseconds
-    spans = {
-        "joints": (-farthest, farthest), "pose": (-farthest, farthest), "confidence": (0.0, 1.0),
-        "state": (0.0, len(STATE_NAMES) - 1.0), "source": (0.0, max(0.0, sources - 1.0)),
-        "timestamps": (-latest, latest), "stage_ms": (0.0, latest),
-    }  # fmt: skip
-    kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
-    wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}
-    return wanted | {"observed": Column("b", ("frames", *shapes["observed"]))}
+def row_columns(stages: int, sources: int) -> dict[str, Column]:
+    """Return the columns of a track of a tracker with these numbers of stages and sources."""
+    wanted = {name: replace(one, shape=("frames", *_sizes(one, stages))) for name, (_, one) in ROW.items()}
+    return wanted | {"source": replace(wanted["source"], low=0, high=max(0, sources - 1))}
+
+
+def check_rows(rows: np.ndarray, sources: int, where: str) -> None:
+    """Raise TrackError where rows of `row_type`, from a file called `where`, are invalid."""
+    wanted = row_columns(rows["stage_ms"].shape[1], sources)
+    check_columns({name: rows[name] for name in wanted}, wanted, TrackError, where, AGAIN)
+
+
+def row_of(result: FrameResult, timestamp: float, kind: np.dtype) -> np.ndarray:
+    """Return a result as a record of `row_type`."""
+    row = np.zeros((), dtype=kind)
+    for item in fields(result):
+        row[item.name] = getattr(result, item.name)
+    row["timestamps"] = timestamp
+    return row
+
+
+def result_of(row: np.void) -> FrameResult:
+    """Return a record of `row_type` as a result."""
+    found = {item.name: row[item.name].copy() for item in fields(FrameResult)}
+    return FrameResult(**found | {"state": int(row["state"]), "source": int(row["source"])})
+
+
+def _sizes(column: Column, stages: int) -> tuple[int, ...]:
+    return tuple(stages if isinstance(size, str) else size for size in column.shape or ())
 
 
 def _storable(value: np.ndarray | tuple[str, ...]) -> np.ndarray:

@@ -12,33 +12,17 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.io.archives import check_columns
 from toolkit.io.errors import OutputError, TrackError, UsageError, os_errors_as
 from toolkit.io.files import atomic_path
 from toolkit.io.safe_open import open_file
-from toolkit.tracks.track import AGAIN, PARTIAL_FILE, FrameResult, Track, columns, row_columns
+from toolkit.tracks.track import PARTIAL_FILE, ROW, FrameResult, Track, check_rows, row_of, row_type
 
 RESUME = "free some space and continue with --resume"
-
-
-def row_type(stages: int) -> np.dtype:
-    """Return the record type of one row with times of `stages` stages."""
-    types = dict(
-        joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4",
-        observed="?",
-    )  # fmt: skip
-    return np.dtype([(name, types[name], tail) for name, tail in columns(skeleton.POSE_SIZE, stages).items()])
-
-
-def check_rows(rows: np.ndarray, sources: int, where: str) -> None:
-    """Raise TrackError where rows of `row_type`, from a file called `where`, are invalid."""
-    wanted = row_columns(skeleton.POSE_SIZE, rows["stage_ms"].shape[1], sources)
-    check_columns({name: rows[name] for name in wanted}, wanted, TrackError, where, AGAIN)
 
 
 class TrackWriter:
@@ -68,7 +52,7 @@ class TrackWriter:
         self._path = self.run / PARTIAL_FILE
         self._record = row_type(len(stage_names))
         names = {
-            "columns": list(self._record.names or ()),
+            "columns": list(ROW),
             "joint_names": skeleton.REPORTED,
             "pose_names": skeleton.POSE_NAMES,
             "stage_names": stage_names,
@@ -112,13 +96,6 @@ class TrackWriter:
         if self._stream.write(data) != len(data):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    def _bytes(self, result: FrameResult, timestamp: float) -> bytes:
-        row = np.zeros((), dtype=self._record)
-        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
-            row[name] = getattr(result, name)
-        row["timestamps"] = timestamp
-        return row.tobytes()
-
     def cut(self, rows: int) -> None:
         """Keep only the first `rows` rows.
 
@@ -142,7 +119,7 @@ class TrackWriter:
             The row cannot be written, for example because the disk is full; the rows before it stay.
         """
         with os_errors_as(OutputError, f"cannot write frame {self.rows} to {self._path}", RESUME):
-            self._write(self._bytes(result, timestamp))
+            self._write(row_of(result, timestamp, self._record).tobytes())
         self.rows += 1
 
     def keep(self) -> None:
@@ -169,7 +146,7 @@ class TrackWriter:
                 stream.write(self._header)
                 count = 0
                 for result, timestamp in rows:
-                    stream.write(self._bytes(result, timestamp))
+                    stream.write(row_of(result, timestamp, self._record).tobytes())
                     count += 1
         self._stream.close()
         self._stream = self._path.open("r+b", buffering=0)
@@ -187,9 +164,7 @@ class TrackWriter:
         With `complete=False` (an interrupted run) the partial file stays until `forget`, so that the run can still be
         resumed. `contacts` returns the foot contacts (T, 2), which need the whole track.
         """
-        rows = self.past()
-        found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
-        track = Track(**found, source_names=self.source_names, stage_names=self.stage_names)
+        track = Track.of_rows(self.past(), self.stage_names, self.source_names)
         if contacts is not None:
             track = replace(track, contact=contacts(track))
         path = track.save(self.run)

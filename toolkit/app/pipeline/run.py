@@ -288,7 +288,7 @@ def _remember(sink: RunSink, people_tracker: MultiPersonTracker) -> None:
     sink.keep()
     if people_tracker.sightings is not None:
         people_tracker.sightings.flush()
-    save_checkpoint(sink.run / STATE_FILE, people_tracker.tracker.settings.tracker, people_tracker.export_state())
+    save_checkpoint(sink.run / STATE_FILE, people_tracker.tracker.settings.tracker, people_tracker)
 
 
 def _restored(job: Job, sink: RunSink) -> MultiPersonTracker:
@@ -299,15 +299,14 @@ def _restored(job: Job, sink: RunSink) -> MultiPersonTracker:
     recording, tracker, path = job.recording, job.tracker, job.folder / STATE_FILE
     people_tracker = job.people_tracker()
     if sink.begun and os.path.lexists(path):
-        nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
+        state = load_checkpoint(path, tracker.settings.tracker)
         try:
-            people_tracker.restore_state(state)
+            people, frames = state["followers"], len(state["timestamps"])
+            if not people or frames <= sink.rows(people):
+                people_tracker.restore_state(state)
         except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise TrackError(f"cannot resume from {path} ({error}); {HINT}") from error
         if people_tracker.timestamps != recording.timestamps[: people_tracker.frames].tolist():
             raise TrackError(f"{path} is of another recording; {HINT}")
-        if people_tracker.bodies and people_tracker.frames > sink.rows(people_tracker.bodies):
-            job.joints.restore_state(nothing)
-            people_tracker = job.people_tracker()
     sink.cut(people_tracker.frames, people_tracker.bodies)
     return people_tracker

@@ -18,15 +18,13 @@ from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, Followed, 
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body.body import Body
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
+from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint
 from toolkit.io.files import is_folder
 from toolkit.io.workers import Task
-from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
+from toolkit.people.evidence import Evidence, furniture
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.sightings import SightingFile, StoredSighting
-from toolkit.tracking.state import body_of, body_state
 from toolkit.tracking.tracker_protocol import TwoPassTracker
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
@@ -60,6 +58,11 @@ class SecondPass:
     evidence : evidence of all people and of furniture, by id, from the first pass
     """
 
+    CHECKPOINT = ("bodies", "evidence", "_finished")
+    bodies: dict[int, Body]
+    evidence: dict[int, Evidence]
+    _finished: list[int]
+
     def __init__(
         self,
         run: Path,
@@ -74,10 +77,8 @@ class SecondPass:
     ) -> None:
         self._folder, self._tracker, self._camera, self._rotation = run / FOLDER, tracker, camera, level_rotation
         self._timestamps, self._floor, self._sink = timestamps, floor, sink
-        self.bodies: dict[int, Body] = {}
-        self.evidence: dict[int, Evidence] = {}
+        self.bodies, self.evidence, self._finished = {}, {}, []
         self._workers, self._recipe = workers, recipe
-        self._finished: set[int] = set()
 
     def sightings(self, frames: int) -> SightingFile:
         """Return the store of the first pass's sightings; a resumed run keeps those of its first `frames`."""
@@ -92,7 +93,7 @@ class SecondPass:
         with closing(SightingFile(self._folder / BEFORE_FOUND, self._camera)) as file:
             for frame, kept in sorted(before, key=lambda seen: seen[0]):
                 file.append(frame, [kept.sighting()])
-        self.bodies, self.evidence, self._finished = dict(bodies), dict(evidence), set()
+        self.bodies, self.evidence, self._finished = dict(bodies), dict(evidence), []
         self._keep()
 
     def restore(self) -> bool:
@@ -105,11 +106,7 @@ class SecondPass:
         """
         if not (self._folder / STATE_FILE).exists():
             return False
-        state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
-        check_state(state, {"finished": Column("iu", ("people",), 0)}, ("bodies", "evidence"), "second pass")
-        self.bodies = {person: body_of(own) for person, own in numbered(state["bodies"], "second pass").items()}
-        self.evidence = restore_evidence(state["evidence"])
-        self._finished = set(state["finished"].tolist())
+        restore(self, load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker), "second pass")
         return self._sink.rows(self.bodies.keys() - furniture(self.evidence)) == len(self._timestamps)
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
@@ -183,7 +180,7 @@ class SecondPass:
         if followed is not None:  # otherwise too little was seen: the rows of the first pass stay
             self._sink.replace(person, self._rows(person, followed.rows))
             self.bodies[person] = followed.body
-        self._finished.add(person)
+        self._finished.append(person)
         self._keep()
 
     def _rows(self, person: int, rows: Mapping[int, FrameResult]) -> Iterator[tuple[FrameResult, float]]:
@@ -199,12 +196,7 @@ class SecondPass:
                 yield replace(last, source=predicted, stage_ms=spent[frame], **_nothing(last)), moment
 
     def _keep(self) -> None:
-        state = {
-            "bodies": {str(person): body_state(body) for person, body in self.bodies.items()},
-            "evidence": export_evidence(self.evidence),
-            "finished": np.array(sorted(self._finished), dtype=np.int64),
-        }
-        save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, state)
+        save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, self)
 
 
 def _nothing(result: FrameResult) -> dict[str, Any]:

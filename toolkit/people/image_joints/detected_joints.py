@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from toolkit.io.archives import Column
-from toolkit.io.checkpoint import check_state
 from toolkit.io.errors import RecordingError
 from toolkit.people.image_joints.joint_formats import POSE_MODEL, reported_rows
 from toolkit.people.image_joints.pose_model import CENTRE, LEAST_PRESENCE, UPWARD, Crop, Landmarks, PoseModel
@@ -107,24 +104,17 @@ class DetectedJoints:
     in_color : in the colour images; otherwise in the shaded depth
     """
 
+    CHECKPOINT: tuple[str, ...] = ("_crops",)
+    _crops: dict[int, Crop]
+
     def __init__(self, model: PoseModel, camera: Camera, *, in_color: bool) -> None:
         self._model, self._camera, self.needs_color = model, camera, in_color
         self.name = "colour" if in_color else "depth"
-        self._crops: dict[int, Crop] = {}
+        self._crops = {}
 
     def add(self, frame: Frame, sightings: Sequence[Sighting]) -> tuple[Sighting, ...]:
         """Add detected joints, see `JointSource.add`."""
         return tuple(replace(s, joints=self._joints(frame, s)) for s in sightings)
-
-    def export_state(self) -> dict[str, Any]:
-        """Return the crops, see `JointSource.export_state`."""
-        return {str(person): np.array(crop) for person, crop in self._crops.items()}
-
-    def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Restore the crops, see `JointSource.restore_state`."""
-        crop = Column("f", (len(Crop._fields),), -1e6, 1e6)
-        check_state(state, dict.fromkeys(state if isinstance(state, Mapping) else (), crop), what="joint detector")
-        self._crops = {int(person): Crop(*map(float, crop)) for person, crop in state.items()}
 
     def _joints(self, frame: Frame, sighting: Sighting) -> Joints2D | None:
         if not sighting.depth.any():

@@ -8,14 +8,16 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from toolkit.datasets.folder import data_folder
 from toolkit.io.errors import ModelError
 from toolkit.io.files import atomic_path, is_file
+from toolkit.io.typed_values import Range
 
 MODEL_FILE = "pose_landmark_full.tflite"
 WHEEL = "mediapipe==0.10.21"
@@ -33,9 +35,12 @@ CENTRE, UPWARD = 33, 34
 """Keypoints that define the next crop: the middle of the hips, and one above it."""
 LEAST_PRESENCE = 0.5
 """Minimum probability of a person in the crop."""
+Bounded = Annotated[float, Range(-1e6, 1e6)]
+"""Pixels or radians in a checkpoint."""
 
 
-class Crop(NamedTuple):
+@dataclass(frozen=True)
+class Crop:
     """Square of a picture.
 
     Attributes
@@ -45,10 +50,10 @@ class Crop(NamedTuple):
     angle : radians by which it is turned clockwise
     """
 
-    u: float
-    v: float
-    side: float
-    angle: float
+    u: Bounded
+    v: Bounded
+    side: Bounded
+    angle: Bounded
 
     @classmethod
     def around(cls, mask: np.ndarray) -> Crop:
