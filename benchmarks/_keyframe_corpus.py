@@ -15,13 +15,13 @@ from toolkit.mocap.read import find_clips
 from toolkit.retrieval.annotation.annotator import Annotator, Intervals, MotionClass
 from toolkit.retrieval.annotation.documents import Document, assemble, excerpt
 from toolkit.retrieval.annotation.measures import label_frames
-from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
-from toolkit.retrieval.search.find import HitRanges
+from toolkit.retrieval.search.find import HitRanges, preselect
 from toolkit.retrieval.workflow.motions import load_motion
 
 ACTORS = ("bd", "bk", "dg")
@@ -256,7 +256,7 @@ def learn_threshold(folds: Sequence[Fold]) -> float:
         labels = [motion_class.label for motion_class in classes]
         narrowed: Sequence[Intervals | None] = [None] * len(documents)
         if queries:
-            narrowed = preselect_in([document.features for document in documents], queries, labels)
+            narrowed = preselect(KeyframeIndex.build([document.features for document in documents]), queries, labels)
         for number, threshold in enumerate(THRESHOLDS):
             annotator = Annotator([MotionClass(c.label, c.template, float(threshold)) for c in classes])
             for document, intervals in zip(documents, narrowed, strict=True):

@@ -32,13 +32,13 @@ from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document, assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
 from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
-from toolkit.retrieval.annotation.preselection import preselect
 from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.motion import Motion, from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearningSettings
+from toolkit.retrieval.search.find import preselect
 from toolkit.retrieval.workflow.learn import learn_templates
 
 CLIPS_PER_DOCUMENT, SEED = 12, 0

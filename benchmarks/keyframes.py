@@ -34,11 +34,10 @@ from toolkit.retrieval.annotation.documents import Document
 from toolkit.retrieval.annotation.training import CutClip
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.keyframes.query import KeyframeQuery, load_queries
 from toolkit.retrieval.learning.genetic import GeneticSettings, Individual, TrainingSet, evolve
 from toolkit.retrieval.learning.queries import LearningSettings, learn, training_clips
-from toolkit.retrieval.search.find import find, pieces
+from toolkit.retrieval.search.find import find
 from toolkit.retrieval.templates import MotionTemplate
 
 COUNTEREXAMPLES = 30_000
@@ -63,7 +62,7 @@ def judged(index: KeyframeIndex, truth: corpus.Truth, queries: Sequence[Keyframe
     row["relevant"] = truth.relevant
     for name, factor in (("hits", 0.0), ("motions", 1.0)):
         row[f"left_{name}"], row[f"touched_{name}"], row[f"half_{name}"] = truth.quality(
-            [pieces(index, query, find(index, query), factor) for query in queries]
+            [find(index, query, factor) for query in queries]
         )
     return row
 
@@ -127,7 +126,7 @@ def manual(options: argparse.Namespace) -> tuple[str, Any]:
     pin_to_one_processor()
     for kind, found in queries.items():
         for query in found:
-            truth, motions = corpus.Truth(documents, query.label), pieces(index, query, find(index, query), 1.0)
+            truth, motions = corpus.Truth(documents, query.label), find(index, query, 1.0)
             left, recall, _ = truth.quality([motions])
             row = {"precision": truth.precision(motions), "recall": recall, "left": left}
             classes.setdefault(query.label, {})[kind] = {"milliseconds": median_ms(index, query)} | row

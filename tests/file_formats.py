@@ -65,7 +65,7 @@ from toolkit.retrieval.annotation.annotation_report import read_segments
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.keyframes.query import load_queries
 from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.sensing.recording import Recording
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings

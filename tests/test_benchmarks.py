@@ -22,7 +22,7 @@ from toolkit.body import skeleton
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.keyframes.query import load_queries
 from toolkit.retrieval.search.find import HitRanges, find
 
 

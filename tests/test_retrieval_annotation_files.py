@@ -18,10 +18,11 @@ from toolkit.retrieval.annotation.annotation_report import read_segments, score,
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes, save_classes
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.search.find import preselect
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.retrieval.workflow.motions import load_motion
@@ -102,11 +103,11 @@ def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
 def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_class_without_one() -> None:
     values = np.zeros((40, 50), dtype=bool)
     values[19, 20:23] = True
-    query = KeyframeQuery((Keyframe("lower", (("F20", 1),)),), (), 2, 4, "squat")
-    intervals = preselect_in([FeatureMatrix("d", values)], [query, query], ("squat", "wave"))
-    assert intervals == [{"squat": [(17, 29)], "wave": [(0, 50)]}]
+    query = KeyframeQuery((Keyframe.of({"F20": 1}),), (), 2, 4, "squat")
+    index = KeyframeIndex.build([FeatureMatrix("d", values)])
+    assert preselect(index, [query, query], ("squat", "wave")) == [{"squat": [(17, 29)], "wave": [(0, 50)]}]
     with pytest.raises(RetrievalError, match="unknown class 'squat'"):
-        preselect_in([FeatureMatrix("d", values)], [query], ("wave",))
+        preselect(index, [query], ("wave",))
 
 
 def test_a_report_holds_table_picture_and_page(

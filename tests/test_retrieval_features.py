@@ -15,7 +15,6 @@ from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_clip
 from toolkit.retrieval.features.relational import (
-    FEATURE_SETS,
     FEATURES,
     hysteresis,
     native_features,
@@ -54,9 +53,8 @@ def moving(**velocities: tuple[float, float, float]) -> set[int]:
     return {int(i) + 1 for i in np.flatnonzero(values[:, 60])}
 
 
-def test_the_table_numbers_the_features_from_1_to_40_and_the_sets_partition_them() -> None:
+def test_the_table_numbers_the_features_from_1_to_40() -> None:
     assert [feature.number for feature in FEATURES] == list(range(1, 41))
-    assert np.array_equal(np.concatenate(list(FEATURE_SETS.values())), np.arange(40))
 
 
 def test_a_person_who_stands_with_hanging_arms_turns_no_feature_on() -> None:

@@ -11,7 +11,7 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, Quality, TrainingSet, evolve
-from toolkit.retrieval.learning.queries import LearningSettings, learn, query_of, training_clips
+from toolkit.retrieval.learning.queries import LearningSettings, learn, training_clips
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 from toolkit.retrieval.workflow.motions import load_motion
@@ -55,12 +55,10 @@ def breeder() -> Breeder:
 
 
 def check(individual: Individual) -> None:
-    count = len(individual.positions)
-    assert count >= 2 and list(individual.positions) == sorted(set(individual.positions))
-    assert len(individual.masks) == len(individual.values) == count
-    assert len(individual.minimum) == len(individual.maximum) == count - 1
-    assert all(mask > 0 and value & ~mask == 0 for mask, value in zip(individual.masks, individual.values, strict=True))
-    assert all(0 <= a <= b for a, b in zip(individual.minimum, individual.maximum, strict=True))
+    assert len(individual.placed) >= 2 and individual.columns == sorted(set(individual.columns))
+    assert len(individual.distances) == len(individual.placed) - 1
+    assert all(mask > 0 and value & ~mask == 0 for _, (mask, value) in individual.placed)
+    assert all(0 <= a <= b for a, b in individual.distances)
 
 
 @settings(max_examples=60, deadline=None)
@@ -93,7 +91,7 @@ def test_documents_found_while_learning_are_those_of_the_index(breeder: Breeder)
     found = 0
     for _ in range(60):
         individual = breeder.mutated(breeder.individual())
-        hits = find(index, query_of(individual, 32, "both"))
+        hits = find(index, individual.query(32, "both"))
         assert np.array_equal(np.flatnonzero(training.retrieved(individual)), np.unique(hits.documents))
         found += len(hits) > 0
     assert 5 < found

@@ -5,17 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from toolkit.io.archives import save_archive
 from toolkit.io.errors import RetrievalError
-from toolkit.kernels.motion.keyframe_search import keyframe_list
 from toolkit.retrieval import stored_arrays as stored
-from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
+from toolkit.retrieval.features.relational import FeatureMatrix, pack
 from toolkit.retrieval.index import keyframe_index as index_module
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import Keyframe
 
 
 def random_document(rng: np.random.Generator, name: str, frames: int) -> FeatureMatrix:
@@ -43,57 +39,16 @@ def same(a: KeyframeIndex, b: KeyframeIndex) -> bool:
     )
 
 
-def test_the_runs_hold_the_features_of_every_frame(documents: list[FeatureMatrix]) -> None:
+def test_an_index_holds_the_features_of_every_frame(documents: list[FeatureMatrix]) -> None:
     index = KeyframeIndex.build(documents)
     assert index.frames == 149 and len(index) == 4
-    values = np.concatenate([document.values for document in documents], axis=1)
-    for name, rows in FEATURE_SETS.items():
-        runs = index.sets[name]
-        frames = np.repeat(runs.run_vectors, np.diff(runs.run_starts))
-        assert np.array_equal(frames, pack(values[rows]))
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.integers(0, 2**32 - 1),
-    st.sampled_from(sorted(FEATURE_SETS)),
-    st.integers(0, 2**14 - 1),
-    st.integers(0, 2**14 - 1),
-)
-def test_a_keyframe_list_holds_the_frames_that_match(seed: int, name: str, mask: int, value: int) -> None:
-    rng = np.random.default_rng(seed)
-    documents = [random_document(rng, str(i), int(rng.integers(1, 30))) for i in range(3)]
-    lists = KeyframeIndex.build(documents).sets[name]
-    mask &= 2 ** len(FEATURE_SETS[name]) - 1
-    value &= mask
-    starts, ends = keyframe_list(
-        lists.vectors,
-        lists.list_offsets,
-        lists.list_runs,
-        lists.run_starts,
-        lists.document_runs,
-        np.uint16(mask),
-        np.uint16(value),
-    )
-    vectors = np.concatenate([pack(d.values[FEATURE_SETS[name]]) for d in documents])
-    expected, offset = [], 0
-    for document in documents:
-        inside = (vectors[offset : offset + len(document)] & np.uint64(mask)) == value
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
-        expected += [(offset + int(a), offset + int(b) - 1) for a, b in edges.reshape(-1, 2)]
-        offset += len(document)
-    assert list(zip(starts.tolist(), ends.tolist(), strict=True)) == expected
+    assert np.array_equal(index.words, pack(np.concatenate([document.values for document in documents], axis=1)))
 
 
 def test_an_index_on_disk_is_the_index_in_memory(documents: list[FeatureMatrix], tmp_path: Path) -> None:
     index = KeyframeIndex.build(documents)
     index.save(tmp_path / "motions.index")
-    opened = KeyframeIndex.open(tmp_path / "motions.index")
-    assert same(index, opened)
-    keyframe = Keyframe("upper", (("F1", 0),))
-    assert all(
-        np.array_equal(a, b) for a, b in zip(index.keyframe_list(keyframe), opened.keyframe_list(keyframe), strict=True)
-    )
+    assert same(index, KeyframeIndex.open(tmp_path / "motions.index"))
 
 
 def test_an_index_that_cannot_be_built_is_refused(documents: list[FeatureMatrix]) -> None:

@@ -102,9 +102,7 @@ def test_each_motion_is_reported_once_soon_after_its_end():
 
 
 def test_a_hit_without_its_keyframes_does_not_count():
-    impossible = KeyframeQuery(
-        (Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F1", 0),))), ((0, 0),), label="kick"
-    )
+    impossible = KeyframeQuery((Keyframe.of({"F1": 1}), Keyframe.of({"F1": 0})), ((0, 0),), label="kick")
     annotator = OnlineAnnotator(classes(), body(), RATE, queries=[impossible])
     events = [e for i, pose in enumerate(document()) for e in annotator.push(pose, i / RATE)] + annotator.finish()
     assert "kick" not in {event.label for event in events}

@@ -15,20 +15,13 @@ from toolkit.app.cli.retrieval import search as search_verb
 from toolkit.io.errors import RetrievalError, UsageError
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
-from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, choose_labels, load_queries, save_queries
 from toolkit.retrieval.search.example import search_example
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import load_motion, tags_of
 from toolkit.retrieval.workflow.search_files import by_keyframes, cut_example, save_matches
 
-KICK = KeyframeQuery(
-    (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),
-    ((0, 0), (2, None)),
-    lead=3,
-    tail=8,
-    label="kick",
-)
+KICK = KeyframeQuery((Keyframe.of({"F1": 1, "F21": 1}), Keyframe.of({"F40": 0})), ((2, None),), 3, 8, "kick")
 
 
 def documents(seed: int = 0) -> list[FeatureMatrix]:
@@ -41,7 +34,7 @@ def documents(seed: int = 0) -> list[FeatureMatrix]:
 
 
 def test_queries_come_back_from_their_file(tmp_path: Path) -> None:
-    other = KeyframeQuery((Keyframe("lower", (("F15", 0), ("F16", 1))),), label="wait")
+    other = KeyframeQuery((Keyframe.of({"F15": 0, "F16": 1}),), label="wait")
     save_queries(tmp_path / "queries.json", [KICK, other])
     loaded = load_queries(tmp_path / "queries.json")
     assert loaded == [KICK, other] and [query.label for query in loaded] == ["kick", "wait"]
@@ -52,16 +45,16 @@ def test_queries_come_back_from_their_file(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("nothing like it", "no JSON"),
-        ("[1, 2]", "no list of queries"),
+        ("[1, 2]", "it is a list; it must be names with values"),
         ('{"version": 9, "queries": []}', "version 9, not 1"),
         ('{"version": 1, "features": "abc", "queries": []}', "other feature definitions .abc"),
         ('{"version": 1, "queries": [{"keyframes": [{"F77": 1}]}]}', "unknown feature 'F77'"),
         ('{"version": 1, "queries": [{"keyframes": [{"F1": 3}]}]}', "has the value 3"),
-        ('{"version": 1, "queries": [{"frames": []}]}', "incomplete"),
-        ('{"version": 1, "queries": [{"keyframes": ["F1"]}]}', "incomplete"),
-        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}], "distances": [["a", 1]]}]}', "incomplete"),
+        ('{"version": 1, "queries": [{"frames": []}]}', r"queries\[0\] lacks keyframes"),
+        ('{"version": 1, "queries": [{"keyframes": ["F1"]}]}', "must be names with values"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}], "distances": [["a", 1]]}]}', "must be a whole number"),
         ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {"F2": 1}]}]}', "2 keyframes and 0 distances"),
-        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {}], "distances": [[0, 1]]}]}', "no empty keyframe"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {}], "distances": [[0, 1]]}]}', "matches every frame"),
         ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {"F2": 1}], "distances": [[3, 1]]}]}', "from 3 to 1"),
     ],
 )
@@ -74,13 +67,13 @@ def test_a_query_file_that_cannot_be_used_is_refused(text: str, message: str, tm
 
 
 def test_a_label_stands_for_all_its_alternatives() -> None:
-    first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="hop") for name in ("F1", "F2"))
-    other = KeyframeQuery((Keyframe("upper", (("F3", 1),)),), label="kick")
+    first, second = (KeyframeQuery((Keyframe.of({name: 1}),), label="hop") for name in ("F1", "F2"))
+    other = KeyframeQuery((Keyframe.of({"F3": 1}),), label="kick")
     assert choose_labels([first, other, second], ["hop"]) == [first, second]
 
 
 def test_results_are_written_as_csv(tmp_path: Path) -> None:
-    query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), label="up")
+    query = KeyframeQuery((Keyframe.of({"F1": 1}),), label="up")
     (report,) = by_keyframes(KeyframeIndex.build(documents()), [query])
     assert len(report.matches) > 3 and report.share is not None and report.share < 1.0
     save_matches(tmp_path / "hits.csv", [report])

@@ -37,7 +37,7 @@ def annotate(
     from rich.table import Table
 
     from toolkit.app.cli.terminal import print_table, progress_bars
-    from toolkit.retrieval.keyframes.query_file import load_queries
+    from toolkit.retrieval.keyframes.query import load_queries
     from toolkit.retrieval.workflow.annotate import annotate_motions, load_wanted
 
     with progress_bars() as bars:

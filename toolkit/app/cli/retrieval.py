@@ -116,7 +116,7 @@ def _labelled(
     """Search with a motion model or a query file; return one report per label."""
     from toolkit.retrieval.annotation.model import MotionModel
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-    from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
+    from toolkit.retrieval.keyframes.query import choose_labels, load_queries
     from toolkit.retrieval.workflow.search_files import by_class, by_keyframes
 
     opened = KeyframeIndex.open(index)
@@ -252,7 +252,7 @@ def _learn_queries(
     for name, result in learned.items():
         quality = result.training
         numbers = (f"{value:.3f}" for value in (quality.precision, quality.recall, quality.fitness))
-        table.add_row(name, str(len(result.individual.positions)), *numbers)
+        table.add_row(name, str(len(result.individual.placed)), *numbers)
     print_table(table)
 
 

@@ -69,7 +69,7 @@ class SensorGuideOptions:
             raise UsageError("--events needs one recording and --classes; name both")
         from toolkit.app.pipeline.events import EventStream
         from toolkit.retrieval.annotation.classes import load_classes
-        from toolkit.retrieval.keyframes.query_file import load_queries
+        from toolkit.retrieval.keyframes.query import load_queries
 
         wanted = load_queries(self.queries) if self.queries else ()
         return EventStream(load_classes(self.classes), wanted, self.events)

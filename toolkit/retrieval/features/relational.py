@@ -212,13 +212,6 @@ FEATURES: tuple[Feature, ...] = (
         r.YAW, ()),
 )  # fmt: skip
 
-FEATURE_SETS: dict[str, np.ndarray] = {
-    "upper": np.arange(0, 14),
-    "lower": np.arange(14, 26),
-    "mixed": np.arange(26, 40),
-}
-"""Rows of each feature set; stacked they have the numbering of Table 2.1."""
-
 
 def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> FeatureMatrix:
     """Return all 40 features of a motion at 30 Hz (thesis 2.2).

@@ -1,108 +1,73 @@
-"""Keyframes and keyframe queries (thesis, Sections 3.4 and 4.1)."""
+"""Keyframes and keyframe queries (thesis, Sections 3.4 and 4.1), and their JSON files, which may be written by hand."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
-
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 from toolkit.io.errors import RetrievalError
-from toolkit.retrieval.features.relational import FEATURE_SETS
-from toolkit.retrieval.templates import WILDCARD
+from toolkit.io.files import save_json
+from toolkit.io.typed_values import Range, TypedReader
+from toolkit.io.yaml_reader import read_json
+from toolkit.retrieval.features.relational import FEATURES, feature_fingerprint
 
-SET_FEATURES: dict[str, tuple[str, ...]] = {
-    name: tuple(f"F{row + 1}" for row in rows) for name, rows in FEATURE_SETS.items()
-}
-"""Names of the features of each set; bit i of a feature vector is the set's feature i."""
+QUERY_VERSION: int = 1
+Frames = Annotated[int, Range(0, 10**6)]
+"""Number of frames at 30 Hz, at most nine hours."""
+Distance = tuple[Frames, Frames | None]
+"""Least and greatest number of frames between two keyframes; None is unbounded."""
+_ROWS = {f"F{feature.number}": row for row, feature in enumerate(FEATURES)}
 
-SET_OF: dict[str, str] = {feature: name for name, features in SET_FEATURES.items() for feature in features}
-"""Feature set of each feature, F1 to F40."""
 
-
-@dataclass(frozen=True)
-class Keyframe:
-    """Set of feature vectors of one feature set that agree with `values` on the named features.
+class Keyframe(NamedTuple):
+    """Required values of some features in one frame: a packed column `v` matches if `v & mask == value`.
 
     Attributes
     ----------
-    feature_set : `upper`, `lower` or `mixed`
-    values : (feature name, 0 or 1) in the order of the set; other features are wildcards
-
-    Raises
-    ------
-    RetrievalError
-        The set or a feature is unknown, a feature is of another set, a value is not 0 or 1, or there is no feature.
+    mask : bits of the features other than wildcards, bit i being feature F(i+1)
+    value : bits of the features that are 1
     """
 
-    feature_set: str
-    values: tuple[tuple[str, int], ...]
+    mask: int
+    value: int
 
-    def __post_init__(self) -> None:
-        if self.feature_set not in SET_FEATURES:
-            raise RetrievalError(f"unknown feature set {self.feature_set!r}; choose one of {', '.join(SET_FEATURES)}")
-        if not self.values:
+    @classmethod
+    def of(cls, features: Mapping[str, int]) -> Keyframe:
+        """Return the keyframe of feature values such as `{"F20": 1}`.
+
+        Raises
+        ------
+        RetrievalError
+            A feature is unknown, a value is not 0 or 1, or there is no feature.
+        """
+        if not features:
             raise RetrievalError("a keyframe without features matches every frame; name at least one feature")
-        names = SET_FEATURES[self.feature_set]
-        for name, value in self.values:
-            _known(name)
-            if name not in names:
-                raise RetrievalError(
-                    f"feature {name} is not in the set {self.feature_set!r} ({names[0]} to {names[-1]}); "
-                    "use another keyframe of its set at the same position"
-                )
+        for name, value in features.items():
+            if name not in _ROWS:
+                raise RetrievalError(f"unknown feature {name!r}; the features are F1 to F{len(_ROWS)}")
             if value not in (0, 1):
                 raise RetrievalError(
                     f"feature {name} has the value {value!r} in a keyframe; give 0 or 1, or leave it out"
                 )
-        ordered = sorted(dict(self.values).items(), key=lambda item: names.index(item[0]))
-        object.__setattr__(self, "values", tuple((name, int(value)) for name, value in ordered))
+        mask = sum(1 << _ROWS[name] for name in features)
+        return cls(mask, sum(value << _ROWS[name] for name, value in features.items()))
 
-    @cached_property
-    def mask(self) -> int:
-        """Bits of the features other than wildcards."""
-        names = SET_FEATURES[self.feature_set]
-        return sum(1 << names.index(name) for name, _ in self.values)
-
-    @cached_property
-    def value(self) -> int:
-        """Bits of the features that are 1."""
-        names = SET_FEATURES[self.feature_set]
-        return sum(bit << names.index(name) for name, bit in self.values)
-
-
-def _known(name: str) -> None:
-    if name not in SET_OF:
-        raise RetrievalError(f"unknown feature {name!r}; the features are F1 to F{len(SET_OF)}")
-
-
-def keyframes_at_once(features: Mapping[str, int]) -> tuple[Keyframe, ...]:
-    """Split a condition on features of several sets into one keyframe per set, for the same frame."""
-    for name in features:
-        _known(name)
-    groups = {s: tuple((n, v) for n, v in features.items() if SET_OF[n] == s) for s in SET_FEATURES}
-    return tuple(Keyframe(name, values) for name, values in groups.items() if values)
-
-
-def keyframes_of_column(column: np.ndarray) -> tuple[Keyframe, ...]:
-    """Return the keyframes of a template column, int8 (40,): one per set with an entry other than `WILDCARD`."""
-    return keyframes_at_once(
-        {f"F{row + 1}": int(column[row]) for row in np.flatnonzero(np.asarray(column) != WILDCARD)}
-    )
+    @property
+    def features(self) -> dict[str, int]:
+        """Required value of each feature."""
+        return {name: self.value >> row & 1 for name, row in _ROWS.items() if self.mask >> row & 1}
 
 
 @dataclass(frozen=True)
 class KeyframeQuery:
     """Ordered keyframes with the admissible distances between neighbours.
 
-    Several keyframes at the same frame are adjacent with the bounds (0, 0).
-
     Attributes
     ----------
     keyframes : at least one
-    bounds : (least, greatest) distance in frames between keyframes k and k + 1, one less than keyframes; a greatest
-        distance of None is unbounded
+    distances : distances between neighbouring keyframes
     lead : frames of the searched motion before the first keyframe, >= 0
     tail : frames of the searched motion after the last keyframe, >= 0
     label : motion class of the query, "" if none
@@ -110,26 +75,92 @@ class KeyframeQuery:
     Raises
     ------
     RetrievalError
-        There is no keyframe, or the bounds do not fit.
+        The distances do not fit the keyframes, or a range of distances is empty.
     """
 
     keyframes: tuple[Keyframe, ...]
-    bounds: tuple[tuple[int, int | None], ...] = ()
+    distances: tuple[Distance, ...] = ()
     lead: int = 0
     tail: int = 0
     label: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
-        if not self.keyframes:
-            raise RetrievalError("a keyframe query needs at least one keyframe; none was given")
-        if len(self.bounds) != len(self.keyframes) - 1:
+        if len(self.distances) != len(self.keyframes) - 1:
             raise RetrievalError(
-                f"{len(self.keyframes)} keyframes need {len(self.keyframes) - 1} distances, not {len(self.bounds)}"
+                f"query {self.label!r} has {len(self.keyframes)} keyframes and {len(self.distances)} distances; give "
+                "at least one keyframe, and one distance less than keyframes"
             )
-        for least, greatest in self.bounds:
-            if least < 0 or (greatest is not None and greatest < least):
+        for least, greatest in self.distances:
+            if greatest is not None and greatest < least:
                 raise RetrievalError(
-                    f"distances from {least} to {greatest} frames are an empty range; give 0 <= least <= greatest"
+                    f"distances from {least} to {greatest} frames are an empty range; give least <= greatest"
                 )
-        if self.lead < 0 or self.tail < 0:
-            raise RetrievalError(f"lead {self.lead} and tail {self.tail} of a query are frames; give 0 or more")
+
+
+@dataclass(frozen=True)
+class _StoredQuery:
+    """Query in a file; see `KeyframeQuery`. A keyframe is `{"F20": 1, ...}`."""
+
+    keyframes: tuple[dict[str, int], ...]
+    distances: tuple[Distance, ...] = ()
+    lead: Frames = 0
+    tail: Frames = 0
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class _QueryFile:
+    """Content of a query file; `features` is the fingerprint of the features, optional."""
+
+    version: int
+    queries: tuple[_StoredQuery, ...]
+    features: str = field(default_factory=feature_fingerprint)
+
+
+def save_queries(path: str | Path, queries: Sequence[KeyframeQuery]) -> None:
+    """Write queries with the fingerprint of their features."""
+    stored = tuple(
+        _StoredQuery(tuple(k.features for k in q.keyframes), q.distances, q.lead, q.tail, q.label) for q in queries
+    )
+    save_json(path, asdict(_QueryFile(QUERY_VERSION, stored)))
+
+
+def load_queries(path: str | Path) -> list[KeyframeQuery]:
+    """Read a file of `save_queries`.
+
+    Raises
+    ------
+    RetrievalError
+        The file is missing, no query file, of another version or feature definition, or has unknown features.
+    """
+    content = read_json(path, RetrievalError, "write queries with `depthmocap learn`")
+    hint = "write queries as in docs/retrieval.md, or with `depthmocap learn`"
+    stored = TypedReader(RetrievalError, hint, loose=True, source=str(path)).read(content, _QueryFile, "")
+    if stored.version != QUERY_VERSION:
+        raise RetrievalError(f"{path} has queries of version {stored.version}, not {QUERY_VERSION}; make them again")
+    if stored.features != feature_fingerprint():
+        raise RetrievalError(
+            f"{path} has queries about other feature definitions ({stored.features}, here {feature_fingerprint()})"
+            "; learn them again"
+        )
+    return [
+        KeyframeQuery(tuple(map(Keyframe.of, q.keyframes)), q.distances, q.lead, q.tail, q.label)
+        for q in stored.queries
+    ]
+
+
+def choose_labels(queries: Sequence[KeyframeQuery], labels: Sequence[str] | None) -> list[KeyframeQuery]:
+    """Return the queries with these labels, in their order; all without labels.
+
+    Raises
+    ------
+    RetrievalError
+        No query has one of the labels.
+    """
+    if not labels:
+        return list(queries)
+    known = {query.label for query in queries}
+    for label in labels:
+        if label not in known:
+            raise RetrievalError(f"no query for the label {label!r}; there are: {', '.join(sorted(known)) or 'none'}")
+    return [query for label in labels for query in queries if query.label == label]

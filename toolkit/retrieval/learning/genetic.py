@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate, combinations, pairwise
+from itertools import combinations, pairwise
 from math import ceil, floor
+from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.io.errors import RetrievalError
-from toolkit.kernels.motion.keyframe_search import keyframe_search
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
-from toolkit.retrieval.index.feature_runs import RunLists
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.search.find import Segments, hits_of, matching_segments
 from toolkit.retrieval.templates import QuantisedTemplate
 
 FEWEST_KEYFRAMES = 2
@@ -37,45 +39,41 @@ class GeneticSettings:
     parents: int = 5
 
 
-PlacedKeyframe = tuple[int, int, int]
-"""(template column, mask, value): bits of the features other than wildcards, and of those that are 1."""
+class PlacedKeyframe(NamedTuple):
+    """Keyframe at a column of the template."""
+
+    column: int
+    keyframe: Keyframe
 
 
 @dataclass(frozen=True)
 class Individual:
-    """Keyframe query in the learner's form (V, d'), Eq. 4.1 and 4.3; a keyframe spans all 40 features.
+    """Keyframe query in the learner's form (V, d'), Eq. 4.1 and 4.3.
 
     Attributes
     ----------
-    positions : template column of each of the K keyframes, ascending, from 0
-    masks : per keyframe, bits of the features other than wildcards, never 0
-    values : per keyframe, bits of the features that are 1
-    minimum, maximum : admissible distances in frames of neighbouring keyframes, K - 1 each
+    placed : K keyframes in the order of their columns
+    distances : least and greatest distance in frames of neighbouring keyframes, K - 1
     """
 
-    positions: tuple[int, ...]
-    masks: tuple[int, ...]
-    values: tuple[int, ...]
-    minimum: tuple[int, ...]
-    maximum: tuple[int, ...]
+    placed: tuple[PlacedKeyframe, ...]
+    distances: tuple[tuple[int, int], ...]
 
-    @classmethod
-    def of(cls, keyframes: Sequence[PlacedKeyframe], bounds: Sequence[tuple[int, ...]]) -> Individual:
-        """Return an individual of ordered keyframes and (least, greatest) distances between them."""
-        positions, masks, values = zip(*keyframes, strict=True)
-        minimum, maximum = zip(*bounds, strict=True)
-        return cls(positions, masks, values, minimum, maximum)
+    @property
+    def columns(self) -> list[int]:
+        """Template columns of the keyframes, ascending."""
+        return [column for column, _ in self.placed]
 
     @property
     def generality(self) -> tuple[int, int]:
         """Generality: minus the number of entries other than wildcards, then the freedom in all distances."""
-        entries = sum(mask.bit_count() for mask in self.masks)
-        return -entries, sum(self.maximum) - sum(self.minimum)
+        entries = sum(keyframe.mask.bit_count() for _, keyframe in self.placed)
+        return -entries, sum(greatest - least for least, greatest in self.distances)
 
-    @property
-    def keyframes(self) -> tuple[PlacedKeyframe, ...]:
-        """Keyframes with their template columns."""
-        return tuple(zip(self.positions, self.masks, self.values, strict=True))
+    def query(self, length: int, label: str) -> KeyframeQuery:
+        """Return the query of the index with the lead and tail of a template of `length` columns."""
+        keyframes, columns = tuple(keyframe for _, keyframe in self.placed), self.columns
+        return KeyframeQuery(keyframes, self.distances, columns[0], length - 1 - columns[-1], label)
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class Quality:
 class TrainingSet:
     """Documents with the relevant ones marked; evaluates individuals.
 
-    Inverted keyframe lists are cached, because offspring share most of their keyframes with their parents.
+    Keyframe lists are cached, because offspring share most of their keyframes with their parents.
     """
 
     def __init__(self, documents: Sequence[FeatureMatrix], relevant: Sequence[bool]) -> None:
@@ -122,36 +120,27 @@ class TrainingSet:
             kind = "relevant" if not self.relevant.any() else "other"
             raise RetrievalError(f"the training set has no {kind} document; keyframes are learned from both kinds")
         self.document_starts = np.cumsum([0, *(len(document) for document in documents)])
-        vectors = np.concatenate([document.words for document in documents])
-        self._lists = RunLists.of(vectors, self.document_starts)
-        self._cache: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
+        self.words = np.concatenate([document.words for document in documents])
+        self._cache: dict[Keyframe, Segments] = {}
 
     def retrieved(self, individual: Individual) -> np.ndarray:
         """Return the documents with at least one hit (Algorithm 1), bool (D,)."""
-        lists = [self._segments(mask, value) for mask, value in zip(individual.masks, individual.values, strict=True)]
+        lists = [self._segments(keyframe) for _, keyframe in individual.placed]
         found = np.zeros(len(self.relevant), dtype=bool)
-        ranges = keyframe_search(
-            np.concatenate([starts for starts, _ in lists]),
-            np.concatenate([ends for _, ends in lists]),
-            np.array([0, *accumulate(len(starts) for starts, _ in lists)]),
-            np.array(individual.minimum, np.int64),
-            np.array(individual.maximum, np.int64),
-            self.document_starts,
-        )
-        found[np.searchsorted(self.document_starts, ranges[:, 0], side="right") - 1] = True
+        found[hits_of(lists, individual.distances, self.document_starts)[0]] = True
         return found
 
     def quality(self, individual: Individual, beta: float = BETA) -> Quality:
         """Return the precision, recall and fitness of an individual on these documents."""
         return Quality.of(self.retrieved(individual), self.relevant, beta)
 
-    def _segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray]:
-        if (mask, value) not in self._cache:
+    def _segments(self, keyframe: Keyframe) -> Segments:
+        if keyframe not in self._cache:
             most = 1024  # cached lists
             if len(self._cache) >= most:
                 self._cache.clear()
-            self._cache[mask, value] = self._lists.segments(mask, value)
-        return self._cache[mask, value]
+            self._cache[keyframe] = matching_segments(self.words, self.document_starts, keyframe)
+        return self._cache[keyframe]
 
 
 class Breeder:
@@ -160,20 +149,19 @@ class Breeder:
     def __init__(self, template: QuantisedTemplate, rng: np.random.Generator) -> None:
         """Prepare the template's columns; at least two have an entry other than the wildcard."""
         self.rng = rng
-        masks, ones = pack(~template.wildcards), pack(template.values == 1)
-        self.columns = {n: (int(masks[n]), int(ones[n])) for n in range(len(template)) if masks[n]}
-        self.positions = list(self.columns)
+        bits = zip(pack(~template.wildcards).tolist(), pack(template.values == 1).tolist(), strict=True)
+        self.columns = {n: PlacedKeyframe(n, Keyframe(*pair)) for n, pair in enumerate(bits) if pair[0]}
 
     def individual(self) -> Individual:
         """Return K random columns of the template with random tolerances of their distances."""
         wanted = round(self.rng.normal(3.0, 2.0))  # mean and standard deviation of the initial number
-        count = min(max(FEWEST_KEYFRAMES, wanted), len(self.positions))
-        chosen = sorted(self.rng.choice(self.positions, count, replace=False).tolist())
-        return self.assembled([(n, *self.columns[n]) for n in chosen])
+        count = min(max(FEWEST_KEYFRAMES, wanted), len(self.columns))
+        chosen = sorted(self.rng.choice(list(self.columns), count, replace=False).tolist())
+        return self.assembled([self.columns[n] for n in chosen])
 
-    def assembled(self, keyframes: Sequence[PlacedKeyframe]) -> Individual:
+    def assembled(self, placed: Sequence[PlacedKeyframe]) -> Individual:
         """Return an individual of ordered keyframes, with new admissible distances (Algorithm 2, line 7)."""
-        return Individual.of(keyframes, [self.tolerance(b[0] - a[0]) for a, b in pairwise(keyframes)])
+        return Individual(tuple(placed), tuple(self.tolerance(b.column - a.column) for a, b in pairwise(placed)))
 
     def tolerance(self, distance: int) -> tuple[int, int]:
         """Return random admissible distances around a template distance (Algorithm 2, lines 8 to 10)."""
@@ -183,15 +171,15 @@ class Breeder:
 
     def recombined(self, a: Individual, b: Individual) -> Individual:
         """Combine some keyframes of each parent by template column; at equal columns the first parent's is used."""
-        merged = {keyframe[0]: keyframe for parent in (b, a) for keyframe in self._some(parent.keyframes)}
+        merged = {one.column: one for parent in (b, a) for one in self._some(parent.placed)}
         while len(merged) < FEWEST_KEYFRAMES:
-            keyframe = a.keyframes[self.rng.integers(len(a.keyframes))]
-            merged[keyframe[0]] = keyframe
+            one = a.placed[self.rng.integers(len(a.placed))]
+            merged[one.column] = one
         return self.assembled([merged[n] for n in sorted(merged)])
 
-    def _some(self, keyframes: Sequence[PlacedKeyframe]) -> list[PlacedKeyframe]:
-        count = self.rng.integers(1, len(keyframes), endpoint=True)
-        return [keyframes[i] for i in self.rng.permutation(len(keyframes))[:count]]
+    def _some(self, placed: Sequence[PlacedKeyframe]) -> list[PlacedKeyframe]:
+        count = self.rng.integers(1, len(placed), endpoint=True)
+        return [placed[i] for i in self.rng.permutation(len(placed))[:count]]
 
     def mutated(self, individual: Individual) -> Individual:
         """Apply one of the three mutations, chosen at random."""
@@ -201,32 +189,32 @@ class Breeder:
 
     def with_other_keyframes(self, individual: Individual) -> Individual:
         """Add a random column of the template or remove a random keyframe."""
-        count = len(individual.positions)
-        free = [n for n in self.positions if n not in individual.positions]
+        count, columns = len(individual.placed), individual.columns
+        free = [n for n in self.columns if n not in columns]
         if count > FEWEST_KEYFRAMES and (not free or self.rng.random() < 0.5):
             return self.without(individual, int(self.rng.integers(count)))
         return self.extended(individual, free[self.rng.integers(len(free))]) if free else individual
 
     def without(self, individual: Individual, k: int) -> Individual:
         """Remove keyframe k; the distances to its two neighbours are added."""
-        keyframes = [*individual.keyframes[:k], *individual.keyframes[k + 1 :]]
-        bounds = list(zip(individual.minimum, individual.maximum, strict=True))
-        around = bounds[max(k - 1, 0) : k + 1]
-        joined = [tuple(map(sum, zip(*around, strict=True)))] if 0 < k < len(bounds) else []
-        return Individual.of(keyframes, [*bounds[: max(k - 1, 0)], *joined, *bounds[k + 1 :]])
+        placed, distances = individual.placed, individual.distances
+        first = max(k - 1, 0)
+        least, greatest = (sum(part) for part in zip(*distances[first : k + 1], strict=True))
+        inside = [(least, greatest)] if 0 < k < len(distances) else []
+        return Individual((*placed[:k], *placed[k + 1 :]), (*distances[:first], *inside, *distances[k + 1 :]))
 
-    def extended(self, individual: Individual, position: int) -> Individual:
+    def extended(self, individual: Individual, column: int) -> Individual:
         """Add a column of the template; the gaps beside it get new distances."""
-        k = sum(n < position for n in individual.positions)
-        keyframes = [*individual.keyframes[:k], (position, *self.columns[position]), *individual.keyframes[k:]]
-        gaps = [b[0] - a[0] for a, b in pairwise(keyframes[max(k - 1, 0) : k + 2])]
-        bounds = list(zip(individual.minimum, individual.maximum, strict=True))
-        return Individual.of(keyframes, [*bounds[: max(k - 1, 0)], *map(self.tolerance, gaps), *bounds[k:]])
+        k = sum(n < column for n in individual.columns)
+        placed = (*individual.placed[:k], self.columns[column], *individual.placed[k:])
+        gaps = [b.column - a.column for a, b in pairwise(placed[max(k - 1, 0) : k + 2])]
+        distances = individual.distances
+        return Individual(placed, (*distances[: max(k - 1, 0)], *map(self.tolerance, gaps), *distances[k:]))
 
     def with_other_entry(self, individual: Individual) -> Individual:
         """Generalise some entries of a random keyframe to wildcards, or specialise one wildcard to 0 or 1."""
-        k = int(self.rng.integers(len(individual.masks)))
-        mask, value = individual.masks[k], individual.values[k]
+        k = int(self.rng.integers(len(individual.placed)))
+        column, (mask, value) = individual.placed[k]
         known = [i for i in range(len(FEATURES)) if mask >> i & 1]
         free = [i for i in range(len(FEATURES)) if not mask >> i & 1]
         if len(known) > 1 and (not free or self.rng.random() < 0.5):
@@ -236,11 +224,8 @@ class Breeder:
         else:
             bit = 1 << free[self.rng.integers(len(free))]
             mask, value = mask | bit, value | (bit if self.rng.random() < 0.5 else 0)
-        return replace(
-            individual,
-            masks=(*individual.masks[:k], mask, *individual.masks[k + 1 :]),
-            values=(*individual.values[:k], value, *individual.values[k + 1 :]),
-        )
+        changed = PlacedKeyframe(column, Keyframe(mask, value))
+        return replace(individual, placed=(*individual.placed[:k], changed, *individual.placed[k + 1 :]))
 
     def with_other_distances(self, individual: Individual) -> Individual:
         """Change every admissible distance by up to a quarter of the template's, at least one frame.
@@ -248,12 +233,12 @@ class Breeder:
         The maximum is twice the template's distance, because cut clips do not penalise larger distances and long
         documents do.
         """
-        gaps = np.diff(individual.positions)
+        gaps, (least, greatest) = np.diff(individual.columns), np.array(individual.distances).T
         reach = np.maximum(1, np.rint(gaps / 4)).astype(np.int64)
         low, high = self.rng.integers(-reach, reach, size=(2, len(gaps)), endpoint=True)
-        minimum = np.clip(individual.minimum + low, 0, 2 * gaps)
-        maximum = np.clip(individual.maximum + high, minimum, np.maximum(minimum, 2 * gaps))
-        return replace(individual, minimum=tuple(minimum.tolist()), maximum=tuple(maximum.tolist()))
+        minimum = np.clip(least + low, 0, 2 * gaps)
+        maximum = np.clip(greatest + high, minimum, np.maximum(minimum, 2 * gaps))
+        return replace(individual, distances=tuple(zip(minimum.tolist(), maximum.tolist(), strict=True)))
 
 
 def sampled_universally(fitness: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -310,28 +295,22 @@ def tightened(documents: TrainingSet, individual: Individual) -> Individual:
     distances make hits begin long before the motion; in cut clips they have no effect.
     """
     recall = documents.quality(individual, 1.0).recall
-    for k, least in enumerate(individual.minimum):
-        low, high = least, individual.maximum[k]
-        while low < high:
-            middle = (low + high) // 2
-            if documents.quality(_with_greatest(individual, k, middle), 1.0).recall >= recall:
-                high = middle
-            else:
-                low = middle + 1
-        individual = _with_greatest(individual, k, high)
+    for k, (least, most) in enumerate(individual.distances):
+        before, after = individual.distances[:k], individual.distances[k + 1 :]
+        limited = [
+            replace(individual, distances=(*before, (least, greatest), *after)) for greatest in range(least, most + 1)
+        ]
+        individual = limited[
+            bisect_left(limited[:-1], True, key=lambda member: documents.quality(member, 1.0).recall >= recall)
+        ]
     return individual
 
 
-def _with_greatest(individual: Individual, k: int, greatest: int) -> Individual:
-    """Return the individual with another greatest distance between its keyframes k and k + 1."""
-    return replace(individual, maximum=(*individual.maximum[:k], greatest, *individual.maximum[k + 1 :]))
-
-
 def with_best_distances(
-    training: TrainingSet, breeder: Breeder, keyframes: Sequence[PlacedKeyframe], settings: GeneticSettings
+    training: TrainingSet, breeder: Breeder, placed: Sequence[PlacedKeyframe], settings: GeneticSettings
 ) -> Individual:
     """Find distances for fixed keyframes in the same manner: Algorithm 2 for a start, then only their mutation."""
-    first = ranked(training, [breeder.assembled(keyframes) for _ in range(settings.population)])
+    first = ranked(training, [breeder.assembled(placed) for _ in range(settings.population)])
     survivors = first[: settings.parents]
     for _ in range(settings.generations):
         offspring = [breeder.with_other_distances(member) for _, member in survivors]

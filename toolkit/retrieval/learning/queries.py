@@ -13,8 +13,8 @@ from toolkit.io.progress import Progress, silent
 from toolkit.io.workers import Task
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import Motion
-from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_of_column
+from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack, relational_features
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.learning.genetic import (
     FEWEST_KEYFRAMES,
     Breeder,
@@ -28,7 +28,7 @@ from toolkit.retrieval.learning.genetic import (
     tightened,
     with_best_distances,
 )
-from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class LearnedQuery:
     def alternatives(self, count: int, tight: bool = False) -> list[KeyframeQuery]:
         """Return the best `count` as labelled queries; together they have a higher recall and leave more data."""
         best = (self.tight if tight else self.ranked)[:count]
-        return [query_of(individual, len(self.template), self.label) for individual in best]
+        return [individual.query(len(self.template), self.label) for individual in best]
 
 
 def variations(motion: Motion, proportions: Sequence[float], speeds: Sequence[float]) -> list[FeatureMatrix]:
@@ -222,8 +222,8 @@ def _learned(
     """Extract the most frequent keyframes of the runs in several ways, and rank them and the runs' results."""
     breeder = Breeder(template, rng)
     extracted = [
-        with_best_distances(training, breeder, keyframes, settings.genetic)
-        for keyframes in frequent_keyframes(solutions, len(template))
+        with_best_distances(training, breeder, placed, settings.genetic)
+        for placed in frequent_keyframes(solutions, len(template))
     ]
     candidates = _ranked([*extracted, *solutions], comparison)
     tight = _ranked([tightened(comparison, candidate) for candidate in candidates], comparison)
@@ -244,16 +244,16 @@ def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, 
     counts : float64 (N,), number of keyframes from a column
     """
     votes, counts = np.zeros((2, len(FEATURES), length)), np.zeros(length)
+    bits = np.arange(len(FEATURES))
     for individual in solutions:
-        for position, mask, value in individual.keyframes:
-            column = column_of(mask, value)
-            votes[0, :, position] += column == 0
-            votes[1, :, position] += column == 1
-            counts[position] += 1
+        for column, (mask, value) in individual.placed:
+            votes[0, :, column] += (mask & ~value) >> bits & 1
+            votes[1, :, column] += value >> bits & 1
+            counts[column] += 1
     return votes, counts
 
 
-def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator[list[PlacedKeyframe]]:
+def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator[tuple[PlacedKeyframe, ...]]:
     """Yield the most frequent keyframes of the runs (Fig. 4.2b) for several numbers and fractions of votes.
 
     Keyframes are at the columns with most runs, apart from each other. A keyframe has the entries on which the given
@@ -270,18 +270,15 @@ def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator
     keyframe_count = 3  # largest number of extracted keyframes
     for wanted in range(FEWEST_KEYFRAMES, keyframe_count + 1):
         apart = max(reach + 1, length // (3 * wanted))
-        positions = _peaks(counts, wanted, apart)
+        columns = _peaks(counts, wanted, apart)
+        zeros, ones = votes[:, :, columns]
         for share in shares:
-            keyframes = []
-            for n in positions:
-                column = np.where(votes[1, :, n] > votes[0, :, n], 1, 0)
-                column[votes[:, :, n].max(axis=0) < share * counts[n]] = WILDCARD
-                mask, value = bits_of(column)
-                if mask:
-                    keyframes.append((n, mask, value))
-            if len(keyframes) >= FEWEST_KEYFRAMES and tuple(keyframes) not in tried:
-                tried.add(tuple(keyframes))
-                yield keyframes
+            known = np.maximum(zeros, ones) >= share * counts[columns]
+            entries = zip(columns, pack(known).tolist(), pack(known & (ones > zeros)).tolist(), strict=True)
+            placed = tuple(PlacedKeyframe(n, Keyframe(mask, value)) for n, mask, value in entries if mask)
+            if len(placed) >= FEWEST_KEYFRAMES and placed not in tried:
+                tried.add(placed)
+                yield placed
 
 
 def _peaks(counts: np.ndarray, wanted: int, apart: int) -> list[int]:
@@ -293,36 +290,3 @@ def _peaks(counts: np.ndarray, wanted: int, apart: int) -> list[int]:
         positions.append(n)
         counts[max(0, n - apart) : n + apart + 1] = 0
     return sorted(positions)
-
-
-def column_of(mask: int, value: int) -> np.ndarray:
-    """Return a keyframe's bits as a template column, int8 (40,)."""
-    bits = np.arange(len(FEATURES))
-    return np.where(mask >> bits & 1, value >> bits & 1, WILDCARD).astype(np.int8)
-
-
-def bits_of(column: np.ndarray) -> tuple[int, int]:
-    """Return mask and value, the inverse of `column_of`."""
-    mask = sum(1 << int(row) for row in np.flatnonzero(column != WILDCARD))
-    return mask, sum(1 << int(row) for row in np.flatnonzero(column == 1))
-
-
-def query_of(individual: Individual, length: int, label: str) -> KeyframeQuery:
-    """Return an individual as a query of the index, with one keyframe per feature set at distance 0.
-
-    Parameters
-    ----------
-    individual : learned individual
-    length : number of the template's columns, for the frames before and after the keyframes
-    label : motion class
-    """
-    keyframes: list[Keyframe] = []
-    bounds: list[tuple[int, int | None]] = []
-    for k, (_, mask, value) in enumerate(individual.keyframes):
-        group = keyframes_of_column(column_of(mask, value))
-        if k > 0:
-            bounds.append((individual.minimum[k - 1], individual.maximum[k - 1]))
-        bounds.extend([(0, 0)] * (len(group) - 1))
-        keyframes.extend(group)
-    lead, tail = individual.positions[0], length - 1 - individual.positions[-1]
-    return KeyframeQuery(tuple(keyframes), tuple(bounds), lead, tail, label)

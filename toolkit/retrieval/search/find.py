@@ -1,4 +1,4 @@
-"""Keyframe-based search and its candidates for a refined search (thesis, Sections 3.4 to 3.6)."""
+"""Keyframe-based search (thesis, Sections 3.4 to 3.6), and the preselection for annotation (5.3)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search, windows_around
+from toolkit.io.errors import RetrievalError
+from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.keyframes.query import Distance, Keyframe, KeyframeQuery
 
 
 @dataclass(frozen=True)
@@ -67,71 +68,95 @@ class HitRanges:
         ends = np.append(heads[1:], len(starts)) - 1
         return cls(documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads])
 
-    def extended(self, index: KeyframeIndex, left: int, right: int) -> HitRanges:
-        """Return every range extended by `left` and `right` frames inside its document, merged as by `union`."""
-        lengths = np.diff(index.document_starts)[self.documents]
-        starts = np.maximum(self.starts - left, 0)
-        return HitRanges.union([HitRanges(self.documents, starts, np.minimum(self.stops + right, lengths))])
 
-
-def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
+def find(index: KeyframeIndex, query: KeyframeQuery, extension: float = 0.0) -> HitRanges:
     """Return all hit-relevant ranges of a query (Algorithm 1), merged where they overlap, inside single documents.
 
     A query is a hit at frames n_1 <= ... <= n_K of one document if frame n_k matches keyframe k and every distance
     n_(k+1) - n_k lies within the query's bounds (Eq. 3.2 and 3.3).
+
+    Parameters
+    ----------
+    index : index to search
+    query : keyframes and their distances
+    extension : multiple of the query's lead and tail by which a range is extended on its sides, for a refined search
+        (3.6); the thesis has 3 for retrieval
     """
-    minimum = np.array([least for least, _ in query.bounds], np.int64)
-    maximum = np.array([UNBOUNDED if greatest is None else greatest for _, greatest in query.bounds], np.int64)
-    lists = _keyframe_lists(index, query.keyframes, minimum, maximum)
-    offsets = np.cumsum([0, *(len(starts) for starts, _ in lists)])
-    starts, ends = (np.concatenate([part[i] for part in lists]) for i in (0, 1))
-    ranges = keyframe_search(starts, ends, offsets, minimum, maximum, index.document_starts)
-    documents = np.searchsorted(index.document_starts, ranges[:, 0], side="right") - 1
-    first = index.document_starts[documents]
-    return HitRanges(documents, ranges[:, 0] - first, ranges[:, 1] + 1 - first)
+    lists = [matching_segments(index.words, index.document_starts, keyframe) for keyframe in query.keyframes]
+    documents, starts, stops = hits_of(lists, query.distances, index.document_starts)
+    if not extension:
+        return HitRanges(documents, starts, stops)
+    starts = np.maximum(starts - round(extension * query.lead), 0)
+    stops = np.minimum(stops + round(extension * query.tail), np.diff(index.document_starts)[documents])
+    return HitRanges.union([HitRanges(documents, starts, stops)])
 
 
-def _keyframe_lists(
-    index: KeyframeIndex, keyframes: Sequence[Keyframe], minimum: np.ndarray, maximum: np.ndarray
-) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return inverted keyframe lists without frames that cannot be part of a hit.
+Segments = tuple[np.ndarray, np.ndarray]
+"""First and last frames of disjoint segments in order, int64 (S,), counted through all documents."""
 
-    The list of the rarest keyframe is merged first, and restricted to the frames that also match the keyframes at the
-    same frame. From there in both directions, the next keyframe is at a bounded distance from a segment of the previous
-    one. It is read from the runs there if that is less work than merging its own list. Excluded frames are in no hit,
-    and the parts of a segment of one match stay together.
+
+def matching_segments(words: np.ndarray, document_starts: np.ndarray, keyframe: Keyframe) -> Segments:
+    """Return the keyframe list (Eq. 3.5): the longest segments of packed columns (N,) that match a keyframe.
+
+    No segment contains frames of two documents.
     """
-    counts = [index.sets[keyframe.feature_set].count(keyframe) for keyframe in keyframes]
-    first = last = rarest = int(np.argmin(counts))
-    while first > 0 and maximum[first - 1] == 0:
-        first -= 1
-    while last + 1 < len(keyframes) and maximum[last] == 0:
-        last += 1
-    starts, ends = index.keyframe_list(keyframes[rarest])
-    for k in range(first, last + 1):
-        if k != rarest:
-            windows, frames = windows_around(starts, ends, 0, 0, index.document_starts)
-            starts, ends = index.sets[keyframes[k].feature_set].segments_near(windows, frames, keyframes[k])
-    lists = {k: (starts, ends) for k in range(first, last + 1)}
-
-    def add(k: int, neighbour: int, least: int, greatest: int) -> None:
-        runs = index.sets[keyframes[k].feature_set]
-        windows, frames = windows_around(*lists[neighbour], least, greatest, index.document_starts)
-        if frames * len(runs.run_vectors) < counts[k] * index.frames:
-            lists[k] = runs.segments_near(windows, frames, keyframes[k])
-        else:
-            lists[k] = index.keyframe_list(keyframes[k])
-
-    for k in range(last + 1, len(keyframes)):
-        add(k, k - 1, minimum[k - 1], maximum[k - 1])
-    for k in range(first - 1, -1, -1):
-        add(k, k + 1, -maximum[k], -minimum[k])
-    return [lists[k] for k in range(len(keyframes))]
+    match = words & np.uint64(keyframe.mask) == np.uint64(keyframe.value)
+    changed = np.append(True, match[1:] != match[:-1])
+    changed[document_starts[:-1]] = True
+    edges = np.append(np.flatnonzero(changed), len(words))
+    matching = np.flatnonzero(match[edges[:-1]])
+    return edges[matching], edges[matching + 1] - 1
 
 
-def pieces(index: KeyframeIndex, query: KeyframeQuery, ranges: HitRanges, factor: float = 3.0) -> HitRanges:
-    """Return the ranges of the refined search: hits extended by `factor` times the query's lead and tail.
+def hits_of(
+    lists: Sequence[Segments], distances: Sequence[Distance], document_starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the hit-relevant ranges of the keyframes with these lists: documents, first frames and stops, int64 (H,).
 
-    The thesis has 3 for retrieval; annotation has another factor (`preselection.preselect`).
+    Frames count within the document.
     """
-    return ranges.extended(index, round(factor * query.lead), round(factor * query.tail))
+    starts, ends = (np.concatenate(part) for part in zip(*lists, strict=True))
+    offsets = np.cumsum([0, *(len(first) for first, _ in lists)])
+    minimum = np.array([least for least, _ in distances], np.int64)
+    maximum = np.array([UNBOUNDED if greatest is None else greatest for _, greatest in distances], np.int64)
+    ranges = keyframe_search(starts, ends, offsets, minimum, maximum, document_starts)
+    documents = np.searchsorted(document_starts, ranges[:, 0], side="right") - 1
+    first = document_starts[documents]
+    return documents, ranges[:, 0] - first, ranges[:, 1] + 1 - first
+
+
+def preselect(
+    index: KeyframeIndex, queries: Sequence[KeyframeQuery], labels: Sequence[str]
+) -> list[dict[str, list[tuple[int, int]]]]:
+    """Return the frames in which each class can occur (thesis 5.3), per document, for `Annotator.annotate`.
+
+    Parameters
+    ----------
+    index : index of the documents
+    queries : learned keyframe queries, labelled; several of one label are alternatives
+    labels : all classes; one without a query is searched everywhere
+
+    Returns
+    -------
+    Per document of the index: label -> disjoint intervals (first frame, one after the last), ascending.
+
+    Raises
+    ------
+    RetrievalError
+        A query's label is no class.
+    """
+    alternatives: dict[str, list[KeyframeQuery]] = {}
+    for query in queries:
+        alternatives.setdefault(query.label, []).append(query)
+    unknown = sorted(alternatives.keys() - set(labels))
+    if unknown:
+        raise RetrievalError(f"keyframes for unknown class {unknown[0]!r}; the classes are {', '.join(labels)}")
+    lengths = np.diff(index.document_starts).tolist()
+    intervals = [{label: [(0, n)] for label in labels if label not in alternatives} for n in lengths]
+    extension = 1.5  # the thesis's factor 2 leaves a sixth more frames to search and finds the same motions
+    for label, own in alternatives.items():
+        found = HitRanges.union([find(index, query, extension) for query in own])
+        ranges = (array.tolist() for array in (found.documents, found.starts, found.stops))
+        for document, start, stop in zip(*ranges, strict=True):
+            intervals[document].setdefault(label, []).append((start, stop))
+    return intervals

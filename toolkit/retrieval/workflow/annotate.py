@@ -16,9 +16,10 @@ from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, HIT_THRESHOLD, 
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.retrieval.annotation.model import RELEARN, MotionModel
-from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.search.find import preselect
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 
@@ -102,8 +103,9 @@ def _annotating(
     annotator = Annotator(classes, AS_PUBLISHED) if as_published else Annotator(classes)
 
     def annotate(features: FeatureMatrix) -> Annotation:
-        intervals = preselect_in([features], queries, annotator.labels)[0] if queries else None
-        return annotator.annotate(features, intervals)
+        if not queries:
+            return annotator.annotate(features)
+        return annotator.annotate(features, preselect(KeyframeIndex.build([features]), queries, annotator.labels)[0])
 
     return annotate
 

@@ -17,7 +17,7 @@ from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import CutClip, HeldOutScores, alike, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
-from toolkit.retrieval.keyframes.query_file import save_queries
+from toolkit.retrieval.keyframes.query import save_queries
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
 from toolkit.retrieval.workflow.motions import Tag, find_motions, load_motion, load_poses
 
