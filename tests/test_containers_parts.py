@@ -3,6 +3,7 @@
 import json
 import struct
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -13,7 +14,7 @@ from hypothesis import settings as drawn_with
 from hypothesis import strategies as st
 
 from tests.container_files import calibration, element, mkv_block, mkv_track, whole
-from toolkit.recordings.readers import ros_messages as ros
+from toolkit.recordings.readers import ros
 from toolkit.recordings.readers.matroska import Matroska
 from toolkit.recordings.readers.mkv import FactoryCalibration, registered
 from toolkit.sensing.camera import Camera
@@ -55,54 +56,14 @@ def test_blocks_come_back_by_track_in_the_order_of_time(
 # ROS messages
 
 
-def ros1(*fields: tuple[str, Any]) -> bytes:
-    """Return fields one after the other, little-endian, strings with a length prefix."""
-    return b"".join(
-        struct.pack("<I", len(value)) + value if code == "s" else struct.pack(f"<{code}", value)
-        for code, value in fields
-    )
-
-
-def cdr(*fields: tuple[str, Any], big: bool = False) -> bytes:
-    """Return the same for ROS 2: numbers aligned to their size, strings with a final zero."""
-    order, out = ">" if big else "<", b""
-    for code, value in fields:
-        size = 4 if code == "s" else struct.calcsize(code)
-        out += bytes(-len(out) % size)
-        if code == "s":
-            out += struct.pack(f"{order}I", len(value) + 1) + value + b"\0"
-        else:
-            out += struct.pack(order + code, value)
-    return bytes([0, not big, 0, 0]) + out
-
-
-HEADER = {False: [("I", 1)], True: []}
-"""Sequence number of ROS 1 headers."""
-
-
-def message(two: bool, *fields: tuple[str, Any]) -> bytes:
-    stamped = [*HEADER[two], ("I", 12), ("I", 500_000_000), ("s", b"optical")]
-    return (cdr if two else ros1)(*stamped, *fields)
-
-
-@pytest.mark.parametrize("two", [False, True])
-def test_a_camera_is_that_of_the_message(two: bool) -> None:
-    lens, matrix, turn, projection = (
-        [base + k for k in range(n)] for base, n in ((0.5, 5), (10, 9), (90, 9), (20, 12))
-    )
-    floats = [("d", float(value)) for values in (matrix, turn, projection) for value in values]
-    data = message(two, ("I", 48), ("I", 64), ("s", b"plumb_bob"), ("I", 5), *[("d", v) for v in lens], *floats)
-    info = ros.camera_info(data, two)
-    assert (info.shape, info.model) == ((48, 64), "plumb_bob")
-    assert (info.D, info.K, info.P) == (tuple(lens), tuple(matrix), tuple(projection))
-
-
-def image(pixels: np.ndarray, encoding: bytes, *, big: bool = False, padding: int = 0) -> bytes:
+def image(pixels: np.ndarray, encoding: str, *, big: bool = False, padding: int = 0) -> SimpleNamespace:
     """Return an image message whose rows end in `padding` bytes."""
     stored = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<"))
     rows = [row.tobytes() + b"\xee" * padding for row in stored]
-    head = [("I", len(pixels)), ("I", pixels.shape[1]), ("s", encoding), ("B", big), ("I", len(rows[0]))]
-    return message(False, *head, ("s", b"".join(rows)))
+    return SimpleNamespace(
+        encoding=encoding, height=len(pixels), width=pixels.shape[1], step=len(rows[0]), is_bigendian=int(big),
+        data=np.frombuffer(b"".join(rows), np.uint8),
+    )  # fmt: skip
 
 
 DEPTH = np.arange(12, dtype=np.uint16).reshape(3, 4) * 1000
@@ -110,18 +71,13 @@ DEPTH = np.arange(12, dtype=np.uint16).reshape(3, 4) * 1000
 
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize("padding", [0, 6])
-@pytest.mark.parametrize(("encoding", "kind"), [(b"16UC1", "u2"), (b"mono16", "u2"), (b"32FC1", "f4")])
+@pytest.mark.parametrize(("encoding", "kind"), [("16UC1", "u2"), ("mono16", "u2"), ("32FC1", "f4")])
 def test_depth_comes_back_whatever_its_bytes_and_its_rows_end_in(
-    big: bool, padding: int, encoding: bytes, kind: str
+    big: bool, padding: int, encoding: str, kind: str
 ) -> None:
-    found = ros.picture(image(DEPTH.astype(kind), encoding, big=big, padding=padding) + b"unit", False)
-    np.testing.assert_array_equal(found.pixels, DEPTH)
-    assert found.pixels.dtype == kind and found.encoding == encoding.decode() and found.behind == b"unit"
-
-
-def compressed(form: bytes, picture: np.ndarray, a: float = 0.0, b: float = 0.0) -> bytes:
-    content = cv2.imencode(".png", picture)[1].tobytes()
-    return message(False, ("s", form), ("s", (struct.pack("<iff", 0, a, b) if b"Depth" in form else b"") + content))
+    found = ros.raw_pixels(image(DEPTH.astype(kind), encoding, big=big, padding=padding))
+    np.testing.assert_array_equal(found, DEPTH)
+    assert found.dtype == kind
 
 
 def test_quantised_depth_comes_back_to_within_its_steps() -> None:
@@ -130,7 +86,9 @@ def test_quantised_depth_comes_back_to_within_its_steps() -> None:
     metres = np.array([[0.0, 0.5, 1.0], [2.0, 5.0, 9.5]], np.float32)
     with np.errstate(divide="ignore"):
         values = np.where(metres > 0, a / metres + b, 0.0).astype(np.uint16)
-    found = ros.compressed_picture(compressed(b"32FC1; compressedDepth png", values, a, b), False).pixels
+    content = struct.pack("<iff", 0, a, b) + cv2.imencode(".png", values)[1].tobytes()
+    message = SimpleNamespace(format="32FC1; compressedDepth png", data=np.frombuffer(content, np.uint8))
+    found = ros.compressed_pixels(message)
     step = metres**2 / a  # the change of depth from one value to the next
     assert found.dtype == np.float32 and (np.abs(found - metres) <= 1.01 * step + 1e-6).all()
 

@@ -1,118 +1,255 @@
 """Depth recordings as ROS messages: RealSense `.db3` and old `.bag`, ROS 1 bags, ROS 2 `.db3`, mcap and folders.
 
-The depth topic is found by its type, name and first message, its camera by the `CameraInfo` topic with the most similar
-name. RealSense files contain the metres per unit; otherwise 16-bit values are millimetres and 32FC1 metres, as defined
-by ROS. Colour is read if it is registered to depth. The vertical comes from an accelerometer with the axes of the
-camera.
+`rosbags` reads the files. The depth topic is found by its type, name and first message, its camera by the `CameraInfo`
+topic with the most similar name. RealSense files contain the metres per unit; otherwise 16-bit values are millimetres
+and 32FC1 metres, as defined by ROS. Colour is read if it is registered to depth. The vertical comes from an
+accelerometer with the axes of the camera.
 """
 
 from __future__ import annotations
 
 import struct
+import weakref
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import islice
 from os.path import commonprefix
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from toolkit.io.errors import RecordingError
 from toolkit.io.files import is_file, is_folder
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers import ros_messages as decode
-from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, recording_of_source, upright
-from toolkit.recordings.readers.ros_files import BAG_SUFFIXES, METADATA, SQLITE_SUFFIX, MessageFile, open_messages
+from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, decoded, recording_of_source, upright
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
+SUFFIXES = (".bag", ".mcap", ".db3")
+METADATA = "metadata.yaml"
+"""Metadata file of a ROS 2 folder."""
 IMAGE, COMPRESSED, CAMERA, IMU = (
-    f"sensor_msgs/{name}" for name in ("Image", "CompressedImage", "CameraInfo", "Imu")
+    f"sensor_msgs/msg/{name}" for name in ("Image", "CompressedImage", "CameraInfo", "Imu")
 )  # fmt: skip
+ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
+"""Encodings of depth images; `mono16` occurs in old RealSense files."""
+COLOR_ENCODINGS = {"rgb8": (3, False), "bgr8": (3, True), "rgba8": (4, False), "bgra8": (4, True)}
+"""Encoding -> number of channels, and whether blue is first."""
+QUANTISED = struct.Struct("<iff")
+"""Header of the PNG in a `compressedDepth` message: format, and the constants A and B of `depth = A / (value - B)` for
+images of type 32FC1."""
 REALSENSE_ACCELERATION = "/Accel_0/imu/data"
 """Last part of the SDK's acceleration topic, in the axes of its depth camera."""
+REALSENSE_UNIT = struct.Struct("<f")
+"""Metres per unit, which old RealSense files store behind the last field of an image message."""
 
 
 def matches(path: Path) -> bool:
     """Return whether `path` is a `.db3`, `.bag` or `.mcap` file, or a ROS 2 folder."""
     if is_file(path):
-        return path.suffix.lower() in (*BAG_SUFFIXES, SQLITE_SUFFIX)
+        return path.suffix.lower() in SUFFIXES
     return is_folder(path) and is_file(path / METADATA)
+
+
+class MessageFile:
+    """Messages of a file or a ROS 2 folder by topic; raises RecordingError for a damaged one.
+
+    Attributes
+    ----------
+    path : the file or folder
+    topics : topic -> type, such as `sensor_msgs/msg/Image`
+    """
+
+    def __init__(self, path: Path) -> None:
+        from rosbags import rosbag1, rosbag2
+        from rosbags.typesys import Stores, get_typestore
+
+        self.path = path
+        self._ros1 = path.suffix.lower() == ".bag"
+        with damaged(path):
+            types = get_typestore(Stores.ROS1_NOETIC if self._ros1 else Stores.ROS2_HUMBLE)
+            self._deserialize: Any = types.deserialize_ros1 if self._ros1 else types.deserialize_cdr
+            self._reader: Any = rosbag1.Reader(path) if self._ros1 else rosbag2.Reader(path)
+            self._reader.open()
+            weakref.finalize(self, _close, self._reader)
+            self.topics: dict[str, str] = {c.topic: c.msgtype for c in self._reader.connections}
+            if not all(isinstance(topic, str) for topic in self.topics):
+                raise ValueError("a topic has no name")
+        self._times: dict[str, np.ndarray] = {}
+
+    def times(self, topic: str) -> np.ndarray:
+        """Return the times (T,) of the messages of a topic, int64 nanoseconds, ascending.
+
+        A ROS 1 bag has an index, other files are scanned once.
+        """
+        if topic not in self._times:
+            chosen = self._connections(topic)
+            with damaged(self.path):
+                if self._ros1:
+                    times = sorted(entry.time for c in chosen for entry in self._reader.indexes[c.id])
+                else:
+                    times = [time for _, time, _ in self._reader.messages(chosen)]
+                self._times[topic] = np.array(times, dtype=np.int64)
+        return self._times[topic]
+
+    def messages(self, topic: str, start: int = 0) -> Iterator[tuple[Any, bytes]]:
+        """Yield the messages of a topic in the order of `times`, from number `start` on.
+
+        The second value holds the bytes behind the last field, which only RealSense files have.
+        """
+        first, skipped = None, 0
+        if start:
+            times = self.times(topic)
+            if start >= len(times):
+                return
+            first = int(times[start])
+            skipped = start - int(np.searchsorted(times, first))  # messages with equal times
+        with damaged(self.path):
+            stored = self._reader.messages(self._connections(topic), start=first)
+            for _, _, data in islice(stored, skipped, None):
+                yield self._decoded(bytes(data), self.topics[topic])
+
+    def first(self, topic: str) -> tuple[Any, bytes] | None:
+        """Return the first message of a topic as `messages` yields it, or None."""
+        return next(self.messages(topic), None)
+
+    def _connections(self, topic: str) -> list[Any]:
+        return [c for c in self._reader.connections if c.topic == topic]
+
+    def _decoded(self, data: bytes, kind: str) -> tuple[Any, bytes]:
+        from rosbags.serde import SerdeError
+
+        try:
+            return self._deserialize(data, kind), b""
+        except SerdeError:
+            if kind != IMAGE:
+                raise
+            return self._deserialize(data[: -REALSENSE_UNIT.size], kind), data[-REALSENSE_UNIT.size :]
+
+
+def _close(reader: Any) -> None:
+    """Close a reader of `rosbags`, unless one of its queries is still open; that one closes it."""
+    with suppress(Exception):  # of the database that it uses
+        reader.close()
+
+
+def raw_pixels(message: Any) -> np.ndarray:
+    """Return depth (H, W) or colour (H, W, 3) of `sensor_msgs/Image`; raises ValueError for other encodings."""
+    encoding, height, width, step = message.encoding, message.height, message.width, message.step
+    if encoding in ENCODINGS:
+        code, channels = ENCODINGS[encoding], 1
+    elif encoding in COLOR_ENCODINGS:
+        code, channels = "u1", COLOR_ENCODINGS[encoding][0]
+    else:
+        raise ValueError(f"its images are {encoding}; depth is read from {', '.join(ENCODINGS)}")
+    row = width * channels * int(code[1])
+    if not (0 < row <= step and step * height == len(message.data)):
+        raise ValueError(f"an image of {width}x{height} {encoding} has {len(message.data)} bytes")
+    rows = np.ascontiguousarray(message.data.reshape(height, step)[:, :row])
+    array = rows.view((">" if message.is_bigendian else "<") + code).astype(code)
+    if channels > 1:
+        array = array.reshape(height, width, channels)[:, :, :3]
+        array = array[:, :, ::-1] if COLOR_ENCODINGS[encoding][1] else array
+    return np.ascontiguousarray(array)
+
+
+def compressed_pixels(message: Any) -> np.ndarray:
+    """Return depth (`compressedDepth` as PNG) or colour (PNG or JPEG) of `sensor_msgs/CompressedImage`.
+
+    Raises ValueError for damaged images and other encodings.
+    """
+    import cv2
+
+    form, content = message.format, message.data.tobytes()
+    encoding = form.split(";")[0].strip()
+    if "compressedDepth" not in form:
+        image = decoded(content, cv2.IMREAD_COLOR)
+        if image is None:
+            raise ValueError(f"an image compressed as {form!r} cannot be decoded")
+        return np.ascontiguousarray(image[:, :, ::-1])
+    _, a, b = QUANTISED.unpack(content[: QUANTISED.size])
+    image = decoded(content[QUANTISED.size :], cv2.IMREAD_UNCHANGED)
+    if image is None or image.dtype != np.uint16 or image.ndim != 2 or encoding not in ENCODINGS:
+        raise ValueError(f"depth compressed as {form!r} is not read; write it as 16UC1 PNG")
+    if encoding != "32FC1":
+        return image
+    with np.errstate(divide="ignore", invalid="ignore"):
+        metres = np.where(image > 0, a / (image.astype(np.float32) - np.float32(b)), np.float32(0))
+    return np.asarray(metres, dtype=np.float32)
 
 
 class _RosFrames(FrameSource):
     """Depth images of a topic, with the nearest colour images in time of another topic."""
 
-    def __init__(self, path: Path, file: MessageFile, depth: str, color: str | None) -> None:
-        self._path, self._file, self._depth, self._color = path, file, depth, color
+    def __init__(self, file: MessageFile, depth: str, color: str | None) -> None:
+        self._file, self._depth, self._color = file, depth, color
         self.times = file.times(depth)
         self._color_times = file.times(color) if color else np.empty(0, np.int64)
-        self._ahead: tuple[int, Iterator[decode.Picture]] = (0, self._pictures(depth, 0))
+        self._ahead = (0, self._images(depth, 0))
 
     def __len__(self) -> int:
         return len(self.times)
 
     def depth(self, i: int) -> np.ndarray:
         """Return raw frame `i`; reading in order is fast."""
-        at, pictures = self._ahead
+        at, images = self._ahead
         if at != i:
-            pictures = self._pictures(self._depth, i)
-        picture = next(pictures, None)
-        if picture is None:
-            raise RecordingError(f"{self._path} ends before frame {i} of {self._depth}; copy or record it again")
-        self._ahead = (i + 1, pictures)
-        return picture.pixels
+            images = self._images(self._depth, i)
+        image = next(images, None)
+        if image is None:
+            raise RecordingError(f"{self._file.path} ends before frame {i} of {self._depth}; copy or record it again")
+        self._ahead = (i + 1, images)
+        return image
 
     def frames(self) -> Iterator[np.ndarray]:
         """Yield the raw frames in order."""
-        return (picture.pixels for picture in self._pictures(self._depth, 0))
+        return self._images(self._depth, 0)
 
     def color(self, i: int) -> np.ndarray | None:
         """Return the colour at the time of frame `i` if it is registered to depth, else None."""
         if self._color is None or not len(self._color_times):
             return None
         nearest = int(np.abs(self._color_times - self.times[i]).argmin())
-        return next(self._pictures(self._color, nearest)).pixels
+        return next(self._images(self._color, nearest))
 
-    def _pictures(self, topic: str, start: int) -> Iterator[decode.Picture]:
-        for data in self._file.messages(topic, start):
-            yield picture_of(self._path, self._file, topic, data)
+    def _images(self, topic: str, start: int) -> Iterator[np.ndarray]:
+        return (_image_of(self._file, topic, message) for message, _ in self._file.messages(topic, start))
 
 
-def picture_of(path: Path, file: MessageFile, topic: str, data: bytes) -> decode.Picture:
-    """Decode the image of one message; raises RecordingError for another kind or truncated data."""
-    decoded = decode.picture if file.topics[topic] == IMAGE else decode.compressed_picture
+def _image_of(file: MessageFile, topic: str, message: Any) -> np.ndarray:
     try:
-        return decoded(data, file.cdr)
+        return raw_pixels(message) if file.topics[topic] == IMAGE else compressed_pixels(message)
     except (ValueError, struct.error) as error:
-        raise RecordingError(f"topic {topic} of {path}: {error}; record it again as 16-bit images") from error
+        raise RecordingError(f"topic {topic} of {file.path}: {error}; record it again as 16-bit images") from error
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a file of ROS messages; the option `track` names one of several depth topics."""
-    file = open_messages(path)
-    topic = depth_topic(path, file, options.track)
-    first = next(iter(file.messages(topic)), None)
+    file = MessageFile(path)
+    topic = depth_topic(file, options.track)
+    first = file.first(topic)
     if first is None:
         raise RecordingError(f"topic {topic} of {path} has no message; record it again")
-    picture = picture_of(path, file, topic, first)
-    if picture.encoding not in decode.ENCODINGS:
-        raise RecordingError(f"topic {topic} of {path} holds {picture.encoding} images; depth has 16 bits or is 32FC1")
-    source = _RosFrames(path, file, topic, color_topic(file, topic))
-    camera = _camera(path, file, topic) if options.intrinsics is None else None
+    image = _image_of(file, topic, first[0])
+    if image.ndim != 2:
+        raise RecordingError(f"topic {topic} of {path} holds colour images; depth has 16 bits or is 32FC1")
+    source = _RosFrames(file, topic, color_topic(file, topic))
+    camera = _camera(file, topic) if options.intrinsics is None else None
     return recording_of_source(
         path,
         source,
-        camera or chosen_camera(options, picture.pixels.shape, path),
+        camera or chosen_camera(options, image.shape, path),
         options,
         FileFacts(
-            unit=unit_of(path, file, topic, picture),
+            unit="m" if image.dtype == np.float32 else _unit(file, topic, first[1]),
             timestamps=1e-9 * (source.times - source.times[0]),
-            up=_up(path, file),
+            up=_up(file),
         ),
     )
 
 
-def depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
+def depth_topic(file: MessageFile, wanted: str | None) -> str:
     """Return the depth topic: the named one, or the only one; raw images are preferred to compressed ones.
 
     Raises
@@ -123,14 +260,16 @@ def depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
     images = [topic for topic, kind in file.topics.items() if kind in (IMAGE, COMPRESSED)]
     found = [topic for topic in images if "depth" in topic.lower() or topic == wanted]
     bases = {topic.removesuffix("/compressedDepth"): topic for topic in sorted(found, reverse=True)}
+    there = ", ".join(images) or "none"
     if wanted is not None:
         if wanted not in found:
-            raise RecordingError(f"{path} has no image topic {wanted!r}; it has: {', '.join(images) or 'none'}")
+            raise RecordingError(f"{file.path} has no image topic {wanted!r}; it has: {there}")
         return wanted
     if not bases:
-        raise RecordingError(f"{path} has no depth topic; its image topics are: {', '.join(images) or 'none'}")
+        raise RecordingError(f"{file.path} has no depth topic; its image topics are: {there}")
     if len(bases) > 1:
-        raise RecordingError(f"{path} has {len(bases)} depth topics; give --track TOPIC: {', '.join(sorted(bases))}")
+        names = ", ".join(sorted(bases))
+        raise RecordingError(f"{file.path} has {len(bases)} depth topics; give --track TOPIC: {names}")
     return next(iter(bases.values()))
 
 
@@ -141,51 +280,48 @@ def color_topic(file: MessageFile, depth: str) -> str | None:
     return next((t for t, kind in sorted(file.topics.items()) if kind == IMAGE and "/color/image" in t), None)
 
 
-def _camera(path: Path, file: MessageFile, topic: str) -> Camera | None:
+def _camera(file: MessageFile, topic: str) -> Camera | None:
     """Return the camera of the `CameraInfo` topic whose name shares the longest prefix with the image's."""
     near = [(len(commonprefix([topic, t])), t) for t, kind in sorted(file.topics.items()) if kind == CAMERA]
     near = [(length, t) for length, t in near if "/" in topic[1:length]]
     if not near:
         return None
     name = max(near, key=lambda pair: pair[0])[1]
-    data = next(iter(file.messages(name)), None)
-    if data is None:
+    first = file.first(name)
+    if first is None:
         return None
-    with damaged(path):
-        info = decode.camera_info(data, file.cdr)
-    rectified = "rect" in topic.rsplit("/", 1)[-1] and any(info.P)
+    info = first[0]
+    shape = (info.height, info.width)
+    lens, matrix, projection = (info.D, info.K, info.P) if hasattr(info, "K") else (info.d, info.k, info.p)
+    rectified = "rect" in topic.rsplit("/", 1)[-1] and projection.any()
     if rectified:  # then P is the camera of the image without distortion
-        return Camera.from_intrinsics(np.array([info.P[0], info.P[5], info.P[2], info.P[6]]), info.shape)
-    if info.model in ("equidistant", "fisheye") and any(info.D):
-        raise RecordingError(f"{name} of {path} is a fisheye lens, which is not read; give rectified images")
-    lens = np.array(info.D) if any(info.D) else None
-    return Camera.from_intrinsics(np.array([info.K[0], info.K[4], info.K[2], info.K[5]]), info.shape, lens)
+        return Camera.from_intrinsics(projection[[0, 5, 2, 6]], shape)
+    if info.distortion_model in ("equidistant", "fisheye") and lens.any():
+        raise RecordingError(f"{name} of {file.path} is a fisheye lens, which is not read; give rectified images")
+    return Camera.from_intrinsics(matrix[[0, 4, 2, 5]], shape, lens if lens.any() else None)
 
 
-def unit_of(path: Path, file: MessageFile, topic: str, picture: decode.Picture) -> str | float:
-    """Return the metres per unit: from the RealSense message, from the sensor option, else as defined by ROS."""
-    if picture.encoding == "32FC1":
-        return "m"
-    if len(picture.behind) == 4 and 1e-6 < (unit := struct.unpack("<f", picture.behind)[0]) < 0.1:
+def _unit(file: MessageFile, topic: str, behind: bytes) -> str | float:
+    """Return the unit of whole numbers: from the RealSense message, from the sensor option, else as defined by ROS."""
+    if behind and 1e-6 < (unit := REALSENSE_UNIT.unpack(behind)[0]) < 0.1:
         return float(f"{unit:.6g}")
     sensor = topic.split("/Depth_")[0]
     for name in ("Depth Units", "Depth_Units"):
         option = f"{sensor}/option/{name}/value"
-        if option in file.topics and (data := next(iter(file.messages(option)), None)) is not None:
-            with damaged(path):
-                text = file.topics[option] == "std_msgs/String"
-                return float(decode.string(data, file.cdr)) if text else decode.single(data, file.cdr)
+        if option in file.topics and (found := file.first(option)) is not None:
+            with damaged(file.path):
+                return float(found[0].data)
     return "mm"
 
 
-def _up(path: Path, file: MessageFile) -> np.ndarray | None:
+def _up(file: MessageFile) -> np.ndarray | None:
     """Return the vertical from an accelerometer in the axes of the camera, or None."""
     accelerations = 2000  # number of accelerometer messages in the median of the vertical (some seconds)
     for topic, kind in sorted(file.topics.items()):
         if kind != IMU:
             continue
-        with damaged(path):
-            read = [decode.acceleration(data, file.cdr) for data in islice(file.messages(topic), accelerations)]
-        if read and (topic.endswith(REALSENSE_ACCELERATION) or "optical" in read[0][0]):
-            return upright(np.array([acceleration for _, acceleration in read]))
+        read = [message for message, _ in islice(file.messages(topic), accelerations)]
+        if read and (topic.endswith(REALSENSE_ACCELERATION) or "optical" in read[0].header.frame_id):
+            forces = [message.linear_acceleration for message in read]
+            return upright(np.array([(force.x, force.y, force.z) for force in forces]))
     return None
