@@ -15,9 +15,9 @@ from toolkit.io.errors import MocapError
 from toolkit.mocap.amass import is_amass, read_amass
 from toolkit.mocap.asf_amc import find_asf
 from toolkit.mocap.bvh import read_bvh
+from toolkit.mocap.file_skeleton import CMU_UNIT
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.mocap.units import CMU_UNIT
 from toolkit.retrieval.features.relational import FEATURES
 from toolkit.retrieval.workflow.index import index_motions
 

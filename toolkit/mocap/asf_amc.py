@@ -11,8 +11,8 @@ import numpy as np
 from toolkit.body.rotations.matrices import of_euler
 from toolkit.io.errors import MocapError
 from toolkit.io.yaml_reader import read_text
-from toolkit.mocap.clip import Clip, check_tree
-from toolkit.mocap.units import is_person, metres_per_unit, rest_size
+from toolkit.mocap.clip import Clip
+from toolkit.mocap.file_skeleton import FileSkeleton, is_person, metres_per_unit
 
 ROOT = "root"
 
@@ -24,29 +24,18 @@ class Bone:
     Attributes
     ----------
     vector : float64 (3,), from its beginning to its end in the rest pose, file units
-    axes : float64 (3, 3), the bone's own frame `C` in the rest pose
+    frame : float64 (3, 3), the bone's own axes `C` in the rest pose
     channels : degrees of freedom in file order, of tx, ty, tz, rx, ry, rz and l
     """
 
     name: str
     vector: np.ndarray
-    axes: np.ndarray
-    channels: tuple[str, ...]
+    frame: np.ndarray
+    channels: list[str]
 
 
-@dataclass(frozen=True)
-class AsfSkeleton:
-    """Skeleton of an ASF file: the root first, parents before children; `metres` is one file unit in metres."""
-
-    name: str
-    bones: tuple[Bone, ...]
-    parents: tuple[int, ...]
-    metres: float
-    degrees: bool
-
-
-def read_asf(path: str | Path) -> AsfSkeleton:
-    """Read an ASF skeleton.
+def read_asf(path: str | Path) -> tuple[FileSkeleton, float, bool]:
+    """Return an ASF skeleton, the metres of one file unit, and True if its angles are degrees.
 
     A file unit is an inch divided by the file's `length`, or `units.metres_per_unit` if that is no person's size.
 
@@ -71,16 +60,15 @@ def read_asf(path: str | Path) -> AsfSkeleton:
             if bone.name in bones:
                 raise MocapError(f"{file.name} defines the bone {bone.name!r} twice; remove one")
             bones[bone.name] = bone
-        names, parents = _hierarchy(sections["hierarchy"], bones, file.name)
+        tree = _tree(sections["hierarchy"], bones, file.name)
         length = float(units.get("length", 1.0))
         if not (np.isfinite(length) and length > 0):
             raise ValueError(f"its length unit is {length}")
     except (IndexError, KeyError, ValueError) as error:
         raise MocapError(f"{file.name} cannot be understood ({error!r}); the skeleton is damaged") from error
-    ordered = tuple(bones[name] for name in names)
-    size = rest_size(_bone_ends(ordered, parents))
+    size = tree.size()
     metres = 0.0254 / length if is_person(size * 0.0254 / length) else metres_per_unit(size, file.name)
-    return AsfSkeleton(file.stem, ordered, tuple(parents), metres, degrees)
+    return tree, metres, degrees
 
 
 def read_amc(path: str | Path) -> Clip:
@@ -98,12 +86,12 @@ def read_amc(path: str | Path) -> Clip:
     """
     file = Path(path)
     text = _read(file)
-    bones = read_asf(find_asf(file))
-    degrees, body = _amc_header(text, bones.degrees, file.name)
-    table = _amc_table(body, bones, file.name)
+    tree, metres, degrees = read_asf(find_asf(file))
+    degrees, body = _amc_header(text, degrees, file.name)
+    values = _amc_values(body, tree, file.name)
     named = re.search(r"_(\d+)$", file.stem)
     rate = float(named[1]) if named and 10 <= int(named[1]) <= 1000 else 120.0
-    return _clip(file.stem, bones, table, degrees, rate)
+    return tree.clip(file.stem, values, rate, metres, degrees=degrees)
 
 
 def find_asf(amc: str | Path) -> Path:
@@ -174,19 +162,16 @@ def _frame(words: list[str], degrees: bool) -> np.ndarray:
 
 def _root_bone(lines: list[str], degrees: bool) -> Bone:
     fields = {line.split()[0].lower(): line.split()[1:] for line in lines}
-    channels = tuple(word.lower() for word in fields.get("order", "TX TY TZ RX RY RZ".split()))
-    _check_channels(ROOT, channels)
+    channels = _channels_of(ROOT, fields.get("order", "TX TY TZ RX RY RZ".split()))
     axes = _frame([*fields.get("orientation", ["0", "0", "0"]), fields.get("axis", ["XYZ"])[0]], degrees)
     return Bone(ROOT, np.zeros(3), axes, channels)
 
 
-def _check_channels(bone: str, channels: tuple[str, ...]) -> None:
-    """Raise ValueError for an unknown or repeated degree of freedom."""
-    unknown = sorted(set(channels) - {"tx", "ty", "tz", "rx", "ry", "rz", "l"})
-    if unknown:
+def _channels_of(bone: str, words: list[str]) -> list[str]:
+    channels = [word.lower() for word in words]
+    if unknown := sorted(set(channels) - {"tx", "ty", "tz", "rx", "ry", "rz", "l"}):
         raise ValueError(f"bone {bone!r} has the unknown degree of freedom {unknown[0]!r}")
-    if len(set(channels)) != len(channels):
-        raise ValueError(f"bone {bone!r} has a degree of freedom twice: {' '.join(channels)}")
+    return channels
 
 
 def _bone(lines: list[str], degrees: bool) -> Bone:
@@ -196,12 +181,12 @@ def _bone(lines: list[str], degrees: bool) -> Bone:
         raise ValueError(f"bone {fields['name'][0]!r} has the direction {fields['direction']}")
     norm = float(np.linalg.norm(direction))
     vector = direction * (float(fields["length"][0]) / norm) if norm > 0 else np.zeros(3)
-    channels = tuple(word.lower() for word in fields.get("dof", []))
-    _check_channels(fields["name"][0], channels)
-    return Bone(fields["name"][0], vector, _frame(fields["axis"], degrees), channels)
+    name = fields["name"][0]
+    return Bone(name, vector, _frame(fields["axis"], degrees), _channels_of(name, fields.get("dof", [])))
 
 
-def _hierarchy(lines: list[str], bones: dict[str, Bone], name: str) -> tuple[list[str], list[int]]:
+def _tree(lines: list[str], bones: dict[str, Bone], name: str) -> FileSkeleton:
+    """Return the skeleton of the hierarchy; each joint is the start of the bone of its name."""
     names, parents = [ROOT], [-1]
     for block in _blocks(lines, name):
         for line in block:
@@ -213,15 +198,19 @@ def _hierarchy(lines: list[str], bones: dict[str, Bone], name: str) -> tuple[lis
                 raise MocapError(f"{name} lists the children of {parent!r} before {parent!r} itself")
             names += children
             parents += [names.index(parent)] * len(children)
-    check_tree(name, names, parents)
-    return names, parents
-
-
-def _bone_ends(bones: tuple[Bone, ...], parents: list[int]) -> np.ndarray:
-    ends: list[np.ndarray] = []
-    for bone, parent in zip(bones, parents, strict=True):
-        ends.append(bone.vector + (ends[parent] if parent >= 0 else 0.0))
-    return np.array(ends)
+    ordered, inner = [bones[bone] for bone in names], set(parents)
+    tree = FileSkeleton(
+        file=name,
+        names=names,
+        parents=parents,
+        offsets=[ordered[parent].vector if parent >= 0 else np.zeros(3) for parent in parents],
+        channels=[bone.channels for bone in ordered],
+        tips={bone.name: bone.vector for j, bone in enumerate(ordered) if j not in inner},
+        frames=[bone.frame for bone in ordered],
+        shifted=True,
+    )
+    tree.check()
+    return tree
 
 
 def _amc_header(text: str, degrees: bool, name: str) -> tuple[bool, str]:
@@ -237,10 +226,10 @@ def _amc_header(text: str, degrees: bool, name: str) -> tuple[bool, str]:
     return degrees, text[place.start() :]
 
 
-def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndarray]:
-    """Return the values (T, channels) of each bone, as written."""
+def _amc_values(body: str, tree: FileSkeleton, name: str) -> np.ndarray:
+    """Return the values (T, columns) as written, in the order of the skeleton's joints."""
     tokens = body.split()
-    width = {bone.name: len(bone.channels) for bone in skeleton.bones}
+    width = {bone: len(channels) for bone, channels in zip(tree.names, tree.channels, strict=True)}
     layout: list[str] = []
     place = 1
     while place < len(tokens) and not (layout and tokens[place + 1 : place + 2] == layout[:1]):
@@ -250,12 +239,12 @@ def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndar
                 raise MocapError(
                     f"{name} gives bone {layout[-1]!r} more values than the {width[layout[-1]]} of its skeleton"
                 )
-            raise MocapError(f"{name} moves the bone {bone!r}, which its skeleton {skeleton.name} does not have")
+            raise MocapError(f"{name} moves the bone {bone!r}, which its skeleton {tree.file} does not have")
         layout.append(bone)
         place += 1 + width[bone]
-    missing = [bone.name for bone in skeleton.bones if bone.channels and bone.name not in layout]
+    missing = [bone for bone in tree.names if width[bone] and bone not in layout]
     if missing:
-        raise MocapError(f"{name} does not move {', '.join(missing)} of its skeleton {skeleton.name} in frame 1")
+        raise MocapError(f"{name} does not move {', '.join(missing)} of its skeleton {tree.file} in frame 1")
     stride = place
     frames, left = divmod(len(tokens), stride)
     if left:
@@ -277,7 +266,7 @@ def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndar
         if not np.isfinite(table[bone]).all():
             raise MocapError(f"{name} holds a value of bone {bone!r} that is not finite; repair or remove the file")
         column += 1 + width[bone]
-    return table
+    return np.concatenate([table[bone] for bone in tree.names if bone in table], axis=1)
 
 
 def _is_number(word: str) -> bool:
@@ -286,33 +275,3 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _clip(name: str, skeleton: AsfSkeleton, table: dict[str, np.ndarray], degrees: bool, rate: float) -> Clip:
-    bones, parents, scale = skeleton.bones, skeleton.parents, skeleton.metres
-    frames = len(next(iter(table.values())))
-    rotations = np.broadcast_to(np.eye(3), (frames, len(bones), 3, 3)).copy()
-    starts = np.array([bones[p].vector if p >= 0 else np.zeros(3) for p in parents]) * scale
-    moves = np.zeros((frames, len(bones), 3))
-    for j, bone in enumerate(bones):
-        order = "".join(c[1] for c in bone.channels if c[0] == "r")
-        if order:
-            angles = table[bone.name][:, [k for k, c in enumerate(bone.channels) if c[0] == "r"]]
-            own = of_euler(order, angles, degrees=degrees, name=f"bone {bone.name!r} of {name}")
-            rotations[:, j] = bone.axes @ own @ bone.axes.T
-        for k, channel in enumerate(bone.channels):
-            if channel[0] == "t":
-                moves[:, j, "xyz".index(channel[1])] = table[bone.name][:, k] * scale
-    moves_bones = any(c[0] == "t" for bone in bones[1:] for c in bone.channels)
-    inner = set(parents)
-    return Clip(
-        name=name,
-        joint_names=tuple(bone.name for bone in bones),
-        parents=np.array(parents, dtype=np.int64),
-        offsets=starts,
-        rotations=rotations,
-        root_positions=moves[:, 0],
-        frame_rate=rate,
-        translations=starts + moves if moves_bones else None,
-        end_sites={bone.name: bone.vector * scale for j, bone in enumerate(bones) if j not in inner},
-    )

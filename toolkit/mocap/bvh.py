@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections import defaultdict
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from toolkit.body.rotations.matrices import of_euler
 from toolkit.io.errors import MocapError
 from toolkit.io.yaml_reader import read_text
-from toolkit.mocap.clip import Clip, check_tree
-from toolkit.mocap.units import metres_per_unit, rest_size
+from toolkit.mocap.clip import Clip
+from toolkit.mocap.file_skeleton import FileSkeleton, metres_per_unit
 
-POSITIONS = ("Xposition", "Yposition", "Zposition")
-ROTATIONS = {"Xrotation": "X", "Yrotation": "Y", "Zrotation": "Z"}
-
-
-@dataclass
-class _Tree:
-    """HIERARCHY section, in file units."""
-
-    names: list[str] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    offsets: list[list[float]] = field(default_factory=list)
-    channels: list[list[str]] = field(default_factory=list)
-    end_sites: dict[str, np.ndarray] = field(default_factory=dict)
+CHANNELS = {
+    "xposition": "tX", "yposition": "tY", "zposition": "tZ", "xrotation": "rX", "yrotation": "rY", "zrotation": "rZ",
+}  # fmt: skip
+"""Channel in small letters -> that of `FileSkeleton`."""
 
 
 def read_bvh(path: str | Path) -> Clip:
@@ -50,25 +38,9 @@ def read_bvh(path: str | Path) -> Clip:
     head, motion = _sections(file)
     tree = _parse_hierarchy(head, file.name)
     values, frame_rate = _parse_motion(motion, sum(map(len, tree.channels)), file.name)
-    offsets = np.array(tree.offsets, dtype=np.float64).reshape(-1, 3)
-    parents = np.array(tree.parents, dtype=np.int64)
-    rest = _rest_points(tree, offsets)
-    if not rest.any():
+    if not (size := tree.size()):
         raise MocapError(f"all joints of {file.name} lie in one place: its offsets are 0; export it again")
-    scale = metres_per_unit(rest_size(rest), file.name)
-    rotations, translations = _channels(tree, offsets, values, file.name)
-    moved = any(c in POSITIONS for channels in tree.channels[1:] for c in channels)
-    return Clip(
-        name=file.stem,
-        joint_names=tuple(tree.names),
-        parents=parents,
-        offsets=offsets * scale,
-        rotations=rotations,
-        root_positions=translations[:, 0] * scale,
-        frame_rate=frame_rate,
-        translations=translations * scale if moved else None,
-        end_sites={joint: tip * scale for joint, tip in tree.end_sites.items()},
-    )
+    return tree.clip(file.stem, values, frame_rate, metres_per_unit(size, file.name))
 
 
 def _sections(file: Path) -> tuple[str, str]:
@@ -83,8 +55,8 @@ def _sections(file: Path) -> tuple[str, str]:
     return head, motion
 
 
-def _parse_hierarchy(head: str, name: str) -> _Tree:
-    tree = _Tree()
+def _parse_hierarchy(head: str, name: str) -> FileSkeleton:
+    tree = FileSkeleton(name)
     stack: list[int] = []  # joints with an open brace; -1 is an end site
     tokens = iter(head.lstrip("\ufeff").split()[1:])
     pending = -2  # joint of the next brace; -2 means none
@@ -96,7 +68,7 @@ def _parse_hierarchy(head: str, name: str) -> _Tree:
                 pending = len(tree.names)
                 tree.names.append(next(tokens))
                 tree.parents.append(stack[-1] if stack else -1)
-                tree.offsets.append([0.0, 0.0, 0.0])
+                tree.offsets.append(np.zeros(3))
                 tree.channels.append([])
             elif token == "End":
                 next(tokens)
@@ -107,11 +79,11 @@ def _parse_hierarchy(head: str, name: str) -> _Tree:
             elif token == "}":
                 stack.pop()
             elif token == "OFFSET":
-                offset = [float(next(tokens)) for _ in range(3)]
+                offset = np.array([float(next(tokens)) for _ in range(3)])
                 if stack[-1] >= 0:
                     tree.offsets[stack[-1]] = offset
                 else:
-                    tree.end_sites.setdefault(tree.names[stack[-2]], np.array(offset))
+                    tree.tips.setdefault(tree.names[stack[-2]], offset)
             elif token == "CHANNELS":
                 if stack[-1] < 0:
                     raise ValueError("an End Site has channels")
@@ -124,16 +96,14 @@ def _parse_hierarchy(head: str, name: str) -> _Tree:
         raise MocapError(f"{name} has a broken hierarchy ({error}); export it again") from error
     if stack or not tree.names:
         raise MocapError(f"{name} has {len(stack)} unclosed braces and {len(tree.names)} joints; the file is truncated")
-    check_tree(name, tree.names, tree.parents)
+    tree.check()
     return tree
 
 
 def _channel(word: str, name: str) -> str:
-    canonical = word[:1].upper() + word[1:].lower()
-    if canonical not in POSITIONS and canonical not in ROTATIONS:
-        known = ", ".join((*POSITIONS, *ROTATIONS))
-        raise MocapError(f"{name} has the unknown channel {word!r}; known are {known}")
-    return canonical
+    if (channel := CHANNELS.get(word.lower())) is None:
+        raise MocapError(f"{name} has the unknown channel {word!r}; known are {', '.join(CHANNELS)}")
+    return channel
 
 
 def _parse_motion(motion: str, columns: int, name: str) -> tuple[np.ndarray, float]:
@@ -172,41 +142,3 @@ def _numbers(text: str, name: str) -> np.ndarray:
             return np.fromstring(text, dtype=np.float64, sep=" ")
         except (DeprecationWarning, ValueError):
             raise MocapError(f"{name} holds text among its frames where numbers belong; the file is damaged") from None
-
-
-def _rest_points(tree: _Tree, offsets: np.ndarray) -> np.ndarray:
-    """Return the rest positions of joints and tips, file units, for the size of the skeleton."""
-    points: list[np.ndarray] = []
-    for j, parent in enumerate(tree.parents):
-        points.append(offsets[j] + points[parent] if parent >= 0 else np.zeros(3))
-    place = dict(zip(tree.names, points, strict=True))
-    tips = [place[joint] + tip for joint, tip in tree.end_sites.items()]
-    return np.array(points + tips)
-
-
-def _channels(tree: _Tree, offsets: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the local rotations (T, J, 3, 3) and positions relative to the parent (T, J, 3), file units."""
-    frames, joints = len(values), len(tree.names)
-    rotations = np.broadcast_to(np.eye(3), (frames, joints, 3, 3)).copy()
-    translations = np.broadcast_to(offsets, (frames, joints, 3)).copy()
-    turning: dict[str, list[tuple[int, list[int]]]] = defaultdict(list)
-    column = 0
-    for j, channels in enumerate(tree.channels):
-        order, used = "", []
-        for k, channel in enumerate(channels, start=column):
-            if channel in POSITIONS:
-                translations[:, j, POSITIONS.index(channel)] = values[:, k]
-            else:
-                order += ROTATIONS[channel]
-                used.append(k)
-        column += len(channels)
-        if len(set(order)) != len(order):
-            raise MocapError(f"{name} turns joint {tree.names[j]!r} twice about one axis ({order}); export it again")
-        if order:
-            turning[order].append((j, used))
-    for order, members in turning.items():
-        numbers = [j for j, _ in members]
-        angles = values[:, [used for _, used in members]].reshape(-1, len(order))
-        matrices = of_euler(order, angles, degrees=True, name=name)
-        rotations[:, numbers] = matrices.reshape(frames, len(numbers), 3, 3)
-    return rotations, translations

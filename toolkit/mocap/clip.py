@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
@@ -157,15 +155,6 @@ def _sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
     """Return times (seconds from the first frame) at `new_rate` within `frames` frames at `rate`."""
     count = int(np.floor((frames - 1) / rate * new_rate + 1e-9)) + 1
     return np.arange(count) / new_rate
-
-
-def check_tree(name: str, joint_names: Sequence[str], parents: Sequence[int]) -> None:
-    """Raise MocapError for a repeated joint name or a child before its parent."""
-    for first, second in pairwise(sorted(joint_names)):
-        if first == second:
-            raise MocapError(f"{name} names the joint {first!r} twice; rename one of them")
-    if any(parent >= j for j, parent in enumerate(parents)):
-        raise MocapError(f"{name} lists a joint before its parent; write the hierarchy from the root outwards")
 
 
 def _neighbours(places: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:

@@ -93,12 +93,9 @@ def _sides(clip: Clip, joints: dict[str, int]) -> float:
     """
     if not {"left_foot", "right_foot"} <= joints.keys():
         return 0.0
-    places: list[np.ndarray] = []
-    for offset, parent in zip(clip.offsets, clip.parents, strict=True):
-        places.append(offset + (places[parent] if parent >= 0 else 0.0))
 
     def place(key: str) -> np.ndarray:
-        return places[joints[key]]
+        return clip.rest[joints[key]]
 
     left, up = place("left_hip") - place("right_hip"), place("head") - place("root")
     forward = place("left_foot") + place("right_foot") - place("left_ankle") - place("right_ankle")
