@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any
 
 from toolkit.io.errors import DatabaseError
-from toolkit.io.workers import Task
+from toolkit.io.workers import task_of
 
 
 @contextmanager
@@ -34,7 +34,7 @@ def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
         rest, waiting = iter(items), 8  # unread results per process
         while some := list(islice(rest, waiting * workers)):
-            yield from parallel(joblib.delayed(Task.of(function))(item) for item in some)
+            yield from parallel(joblib.delayed(task_of(function))(item) for item in some)
 
     own = isinstance(around, joblib.parallel.LokyBackend)
     try:

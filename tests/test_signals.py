@@ -66,11 +66,11 @@ PARENT = """
 import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
 from tests.test_signals import told
-from toolkit.io.workers import Task, end_with
+from toolkit.io.workers import end_with, task_of
 
 def with_joblib():
     import joblib
-    list(joblib.Parallel(n_jobs=2)(joblib.delayed(Task.of(told))(i) for i in range(2)))
+    list(joblib.Parallel(n_jobs=2)(joblib.delayed(task_of(told))(i) for i in range(2)))
 
 def with_futures():
     with ProcessPoolExecutor(2, initializer=end_with, initargs=(os.getpid(),)) as pool:

@@ -15,7 +15,7 @@ import yaml
 
 from toolkit.io.errors import SettingsError
 from toolkit.io.files import is_file, shipped
-from toolkit.io.typed_values import TypedReader, is_constant
+from toolkit.io.typed_values import TypedReader, is_constant, kind_of
 from toolkit.io.yaml_reader import parse_yaml, read_yaml
 
 Settings = TypeVar("Settings")
@@ -112,7 +112,7 @@ def _read(path: str | Path) -> dict[str, Any]:
     if values is None:
         return {}
     if not isinstance(values, dict):
-        raise SettingsError(f"{file} holds {_kind(values)}; settings are names with values")
+        raise SettingsError(f"{file} holds {kind_of(values)}; settings are names with values")
     return values
 
 
@@ -121,12 +121,6 @@ def _set(values: dict[str, Any], name: str, value: Any) -> None:
     for parent in parents:
         inner = values.setdefault(parent, {})
         if not isinstance(inner, dict):
-            raise SettingsError(f"{name} cannot be set: {parent} is {_kind(inner)} and has no settings inside")
+            raise SettingsError(f"{name} cannot be set: {parent} is {kind_of(inner)} and has no settings inside")
         values = inner
     values[last] = value
-
-
-def _kind(value: Any) -> str:
-    if value is None:
-        return "empty"
-    return "a list" if isinstance(value, list) else "a group of settings" if isinstance(value, dict) else repr(value)

@@ -8,8 +8,8 @@ import io
 import json
 import math
 import os
+import secrets
 import socket
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import islice
@@ -43,13 +43,11 @@ def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
         raise OutputError(f"cannot write {target}: it is a folder or a device; choose another name")
     with os_errors_as(OutputError, f"cannot write {target}", "choose a folder that can be written"):
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem[:100]}-", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-    temporary = Path(name)
+        temporary = target.with_name(f".{target.stem[:100]}-{secrets.token_hex(8)}{target.suffix}")
+        temporary.open("xb").close()
     try:
         with os_errors_as(OutputError, f"cannot write {target}", "free some space or choose another folder"):
             yield temporary
-            os.chmod(temporary, 0o666 & ~_umask())
             if lasting:
                 flush_to_disk(temporary, os.O_RDWR)
             os.replace(temporary, target)
@@ -66,17 +64,6 @@ def flush_to_disk(path: Path, flags: int) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
-
-
-def _umask() -> int:
-    """Return the mask of new files; it is read from the system, because setting it would affect other threads."""
-    try:
-        status = Path("/proc/self/status").read_text()
-        return int(status.split("Umask:")[1].split()[0], 8)
-    except (OSError, IndexError, ValueError):
-        mask = os.umask(0)
-        os.umask(mask)
-        return mask
 
 
 def save_npz(path: str | Path, arrays: dict[str, Any], *, compressed: bool = True) -> None:
@@ -236,7 +223,7 @@ def sha256_of(path: str | Path) -> str:
     """Return the SHA-256 of a file, or of the sorted names and contents of a folder's files, as hexadecimal digits."""
     root, digest = Path(path), hashlib.sha256()
     folder = root.is_dir()
-    for file in _files_below(root) if folder else [root]:
+    for file in filter(is_inside, _below(root)) if folder else [root]:
         if folder:
             digest.update(os.fsencode(file.relative_to(root)))
         with open_file(file, inside=folder) as stream:
@@ -247,30 +234,19 @@ def sha256_of(path: str | Path) -> str:
 
 def link_out_of(folder: str | Path) -> Path | None:
     """Return the first link below a folder that leads outside of it or to nothing, else None."""
-    root, count = Path(folder).resolve(), 0
-    for place, folders, files in os.walk(root):
-        count += len(folders) + len(files)
-        if count > LARGEST_FOLDER:
-            raise UsageError(f"{folder} holds more than {LARGEST_FOLDER} files, as no recording does; name a recording")
-        for name in sorted([*folders, *files]):
-            path = Path(place) / name
-            if path.is_symlink() and (not path.exists() or root not in path.resolve().parents):
-                return path
+    root = Path(folder).resolve()
+    for path in _below(root):
+        if path.is_symlink() and (not path.exists() or root not in path.resolve().parents):
+            return path
     return None
 
 
-def _files_below(folder: Path) -> list[Path]:
-    """Return the regular files below a folder, sorted, without links.
-
-    Raises
-    ------
-    UsageError
-        There are more than `LARGEST_FOLDER`.
-    """
+def _below(folder: Path) -> list[Path]:
+    """Return all files, folders and links below a folder, sorted; UsageError for more than `LARGEST_FOLDER`."""
     found = list(islice(folder.rglob("*"), LARGEST_FOLDER + 1))
     if len(found) > LARGEST_FOLDER:
         raise UsageError(f"{folder} holds more than {LARGEST_FOLDER} files, as no recording does; name a recording")
-    return sorted(p for p in found if is_inside(p))
+    return sorted(found)
 
 
 def shipped(*parts: str) -> Path:

@@ -96,7 +96,7 @@ class TypedReader:
             return self._union(value, arguments, where)
         if origin is Literal:
             if not any(value == choice and type(value) is type(choice) for choice in arguments):
-                raise self._wrong(f"{where} is {_kind(value)}; it can be: {', '.join(map(str, arguments))}")
+                raise self._wrong(f"{where} is {kind_of(value)}; it can be: {', '.join(map(str, arguments))}")
             return value
         if origin in (tuple, list):
             items = self._items(self._expect(value, (list, tuple), where, "a list"), origin, arguments, where)
@@ -184,7 +184,7 @@ class TypedReader:
 
     def _expect(self, value: Any, kind: Any, where: str, words: str) -> Any:
         if not isinstance(value, kind):
-            raise self._wrong(f"{where or 'it'} is {_kind(value)}; it must be {words}")
+            raise self._wrong(f"{where or 'it'} is {kind_of(value)}; it must be {words}")
         return value
 
     def _wrong(self, sentence: str, *, hinted: bool = True) -> DepthMocapError:
@@ -196,7 +196,8 @@ def _inside(where: str, name: object) -> str:
     return f"{where}.{name}" if where else str(name)
 
 
-def _kind(value: Any) -> str:
+def kind_of(value: Any) -> str:
+    """Return a value in words, for a message."""
     if value is None:
         return "empty"
     shown = repr(value) if not isinstance(value, (list, dict)) else ""

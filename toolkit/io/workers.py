@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 _watching: set[int] = set()
@@ -38,19 +38,11 @@ def usable_processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@dataclass(frozen=True)
-class Task:
-    """Function that runs in a worker process, which ends with the process that made the task."""
+def task_of(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function for a worker process, which then ends together with this process."""
+    return partial(_run, os.getpid(), function)
 
-    function: Callable[..., Any]
-    parent: int
 
-    @classmethod
-    def of(cls, function: Callable[..., Any]) -> Task:
-        """Return a task of this process."""
-        return cls(function, os.getpid())
-
-    def __call__(self, *arguments: Any) -> Any:
-        """Return the result of the function."""
-        end_with(self.parent)
-        return self.function(*arguments)
+def _run(parent: int, function: Callable[..., Any], *arguments: Any) -> Any:
+    end_with(parent)
+    return function(*arguments)

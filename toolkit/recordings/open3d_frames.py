@@ -11,7 +11,7 @@ import numpy as np
 
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import FileFacts, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import chosen_camera, recording_of_source
 from toolkit.recordings.readers.cloud import GRID_POINTS, CloudFrames, RawCloud, camera_of_grid, usable_cloud
 from toolkit.sensing.recording import FrameSource, Recording, memory_path
 
@@ -57,12 +57,16 @@ def recording_of_open3d(
         raise UsageError(f"frames are of type {', '.join(kinds)}; give PointCloud or RGBDImage of Open3D, all of one")
     chosen, path = _options(options), memory_path(name)
     times = None if timestamps is None else np.asarray(timestamps, dtype=np.float64)
-    facts = FileFacts(unit="m", timestamps=times, background=background)
+    source: _Images | CloudFrames
     if kinds == ["RGBDImage"]:
-        images = _Images(several)
-        return recording_of_source(path, images, chosen_camera(chosen, images.shape, path), chosen, facts, name=name)
-    source = _cloud_frames(several, chosen, path)
-    return recording_of_source(path, source, source.camera, chosen, facts, name=name)
+        source = _Images(several)
+        camera = chosen_camera(chosen, source.shape, path)
+    else:
+        source = _cloud_frames(several, chosen, path)
+        camera = source.camera
+    return recording_of_source(
+        path, source, camera, chosen, name=name, unit="m", timestamps=times, background=background
+    )
 
 
 def _options(options: dict[str, Any]) -> ReaderOptions:

@@ -16,7 +16,7 @@ from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.plausibility import HELP, are_unconnected
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import reader_for
-from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording, memory_path
 
 UNCONNECTED = 0.2
@@ -116,12 +116,10 @@ def recording_of(
         ArrayFrames(frames),
         chosen_camera(chosen, frames.shape[1:], path),
         chosen,
-        FileFacts(
-            unit="m" if frames.dtype.kind == "f" else "mm",
-            timestamps=None if timestamps is None else np.asarray(timestamps, np.float64),
-            background=None if background is None else _array(background, "background"),
-        ),
         name=name,
+        unit="m" if frames.dtype.kind == "f" else "mm",
+        timestamps=None if timestamps is None else np.asarray(timestamps, np.float64),
+        background=None if background is None else _array(background, "background"),
     )
 
 

@@ -12,8 +12,8 @@ import numpy as np
 from toolkit.io.errors import UsageError
 from toolkit.sensing.conversion import unit_in_metres
 
-LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
-FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
+FLAGS = {"intrinsics": ("--intrinsics", 4), "size": ("--size", 2), "up_camera": ("--up", 3)}
+"""Option of several numbers -> its name on the command line, and how many there are."""
 SETTINGS = {
     "segment": "settings={'sensing.segment': ...}",
     "subject": "settings={'sensing.subject': ...}",
@@ -72,18 +72,11 @@ class ReaderOptions:
         if unknown:
             instead = f"give {SETTINGS[unknown[0]]}" if unknown[0] in SETTINGS else f"there are: {', '.join(names)}"
             raise UsageError(f"unknown reader option {unknown[0]!r}; {instead}")
-        plain = {
-            k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
-        }
-        if isinstance(plain.get("frame_rate"), str):
-            plain["frame_rate"] = _number(plain["frame_rate"], "--frame-rate", "frames a second")
+        plain: dict[str, Any] = {k: _numbers(k, v) if k in FLAGS else v for k, v in options.items()}
+        plain = {k: str(v) if isinstance(v, Path) else v for k, v in plain.items()}
+        if plain.get("frame_rate") is not None:
+            plain["frame_rate"] = _rate(plain["frame_rate"])
         made = cls(**plain)
-        rate = made.frame_rate
-        largest_rate = 1000.0  # Hz, of a depth camera
-        if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= largest_rate):
-            raise UsageError(
-                f"--frame-rate {made.frame_rate} is not positive or above {largest_rate:g}; give frames a second"
-            )
         if made.depth_unit is not None:
             unit = unit_in_metres(made.depth_unit)
             made = made if made.depth_unit in ("mm", "m") else replace(made, depth_unit=unit)
@@ -99,18 +92,15 @@ class ReaderOptions:
         return {k: v for k, v in asdict(self).items() if v != default[k]}
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, Path):
-        return str(value)
-    return value
-
-
-def _number(text: str, flag: str, what: str) -> float:
-    """Parse one number."""
+def _rate(value: Any) -> float:
     try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"{flag} is {text!r}; give {what}") from None
+        rate = float(value)
+    except (TypeError, ValueError):
+        rate = float("nan")
+    largest_rate = 1000.0  # Hz, of a depth camera
+    if not 0 < rate <= largest_rate:
+        raise UsageError(f"--frame-rate is {value!r}; give frames a second, above 0 and up to {largest_rate:g}")
+    return rate
 
 
 def _camera_numbers(value: Any) -> Any:
@@ -131,15 +121,15 @@ def _numbers(name: str, value: Any) -> Any:
     if value is None:
         return None
     value = _camera_numbers(value) if name == "intrinsics" else value
-    parts = value.split(",") if isinstance(value, str) else value
+    flag, length = FLAGS[name]
     try:
-        numbers = tuple(float(part) for part in parts)
+        numbers = tuple(float(part) for part in (value.split(",") if isinstance(value, str) else value))
     except (TypeError, ValueError):
         if name == "intrinsics" and isinstance(value, (str, Path)):
-            return str(value)
-        raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers") from None
-    if len(numbers) != LENGTHS[name] or not np.isfinite(numbers).all():
-        raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers")
+            return value
+        numbers = ()
+    if len(numbers) != length or not np.isfinite(numbers).all():
+        raise UsageError(f"{flag} is {value!r}; give {length} numbers")
     largest_side = 20_000  # pixels, of an image
     if name == "size" and not all(0 < n <= largest_side and n == int(n) for n in numbers):
         raise UsageError(f"--size is {value!r}; give width and height in pixels")

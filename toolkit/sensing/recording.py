@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import islice
+from itertools import compress, islice
 from pathlib import Path
 from typing import Any
 
@@ -63,35 +63,6 @@ class FrameSource(ABC):
         return None
 
 
-class SelectedFrames(FrameSource):
-    """Some frames of another source, in order.
-
-    Parameters
-    ----------
-    source : all frames
-    numbers : int (N,), increasing, indices of the selected frames
-    """
-
-    def __init__(self, source: FrameSource, numbers: np.ndarray) -> None:
-        self._source, self._numbers = source, numbers.tolist()
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`."""
-        return self._source.depth(self._numbers[i])
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Return the raw frames in order."""
-        kept = set(self._numbers)
-        return (raw for i, raw in enumerate(self._source.frames()) if i in kept)
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour image of frame `i`, or None."""
-        return self._source.color(self._numbers[i])
-
-
 def memory_path(name: str) -> Path:
     """Return the placeholder path of a recording of arrays in memory; no file has this name."""
     return Path(f"<{name}>")
@@ -122,8 +93,6 @@ class Recording:
     options : options of the reader, JSON-compatible
     times_assumed : True if neither the file nor an option has times or a frame rate
     raw_camera : camera of the stored images, before they are flipped or rotated
-    stored_frames : number of frames in the file. Frames that repeat the previous timestamp are left out with their
-        joints, so this number can exceed the length
     """
 
     name: str
@@ -141,7 +110,6 @@ class Recording:
     options: dict[str, Any] = field(default_factory=dict)
     times_assumed: bool = False
     raw_camera: Camera = field(init=False)
-    stored_frames: int = field(init=False)
 
     def __post_init__(self) -> None:
         count, shape = len(self.source), self.camera.shape
@@ -150,13 +118,11 @@ class Recording:
         self.timestamps = check_timestamps(self.timestamps, count, self.path)
         self.joints = check_joints(self.joints, count, "joints", self.path)
         self.reference_joints = check_joints(self.reference_joints, count, "reference_joints", self.path)
-        self.stored_frames = count
         self._kept = np.flatnonzero(np.diff(self.timestamps, prepend=-np.inf) > 0)
-        if len(self._kept) < count:
-            self.source, self.timestamps = SelectedFrames(self.source, self._kept), self.timestamps[self._kept]
-            for name in ("joints", "reference_joints"):
-                if getattr(self, name) is not None:
-                    setattr(self, name, getattr(self, name)[..., self._kept, :, :])
+        self.timestamps = self.timestamps[self._kept]
+        for name in ("joints", "reference_joints"):
+            if getattr(self, name) is not None:
+                setattr(self, name, getattr(self, name)[..., self._kept, :, :])
         if self.background is not None:
             self.background = self.converter.convert(
                 np.asarray(self.background), self.camera, "background", check=False
@@ -193,15 +159,21 @@ class Recording:
         return np.ascontiguousarray(np.rot90(image, -self._turns)) if self._turns else image
 
     def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def stored_frames(self) -> int:
+        """Number of frames in the file; those that repeat the previous timestamp are left out with their joints."""
         return len(self.source)
 
     def depth(self, i: int) -> np.ndarray:
         """Return frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
-        return self.convert(self.source.depth(self._checked(i)), i)
+        return self.convert(self.source.depth(self._kept[self._checked(i)]), i)
 
     def frames(self) -> Iterator[np.ndarray]:
         """Yield all frames in order; only one is in memory at a time."""
-        for i, raw in enumerate(self.source.frames()):
+        chosen = np.isin(np.arange(len(self.source)), self._kept)
+        for i, raw in enumerate(compress(self.source.frames(), chosen)):
             yield self.convert(raw, i)
 
     def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
@@ -236,7 +208,7 @@ class Recording:
 
     def color(self, i: int) -> np.ndarray | None:
         """Return the colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
-        image = self.source.color(self._checked(i))
+        image = self.source.color(self._kept[self._checked(i)])
         if image is None:
             return None
         return self._upright(np.ascontiguousarray(image[:, ::-1]) if self.converter.mirrored else image)

@@ -21,7 +21,7 @@ from toolkit.app.pipeline.run import track_recording
 from toolkit.app.pipeline.trackers import TrackerRecipe, worker_tracker
 from toolkit.io.errors import DepthMocapError, PlausibilityWarning, RecordingError, UsageError
 from toolkit.io.progress import RecordingProgress, silent
-from toolkit.io.workers import Task
+from toolkit.io.workers import task_of
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.tracking.tracker_protocol import Tracker
@@ -153,7 +153,7 @@ def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[Manifes
     for _ in range(rounds):
         try:
             with _threads(workers):
-                tasks = [joblib.delayed(Task.of(_in_worker))(job) for job in pending.values()]
+                tasks = [joblib.delayed(task_of(_in_worker))(job) for job in pending.values()]
                 for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(tasks):
                     for doubt in row.warnings:
                         warnings.warn(PlausibilityWarning(doubt), stacklevel=2)

@@ -20,7 +20,7 @@ from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body.body import Body
 from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint
 from toolkit.io.files import is_folder
-from toolkit.io.workers import Task
+from toolkit.io.workers import task_of
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.person import PREDICTED
@@ -156,7 +156,7 @@ class SecondPass:
         longest = sorted(tasks, key=lambda task: -np.count_nonzero(task.first_pass["state"] == TRACKED))
         # A pool of its own: joblib keeps the reusable one for itself.
         with ProcessPoolExecutor(min(self._workers, len(tasks)), env=dict.fromkeys(THREADS, "1")) as pool:
-            running = {pool.submit(Task.of(follow_in_worker), task, self._recipe): task for task in longest}
+            running = {pool.submit(task_of(follow_in_worker), task, self._recipe): task for task in longest}
             try:
                 while running:
                     report()

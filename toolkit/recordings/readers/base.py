@@ -7,7 +7,6 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -80,63 +79,49 @@ class FileFrames(FrameSource):
         return np.ascontiguousarray(_read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
-@dataclass(frozen=True, eq=False)
-class FileFacts:
-    """Metadata of a recording from its file; None if absent.
-
-    Attributes
-    ----------
-    unit, mirrored : those of the raw depth, as in `ReaderOptions`
-    timestamps : (T,), seconds; None = evenly, at the option's rate or 30 Hz
-    background : raw depth of the empty scene
-    up : the vertical in the camera frame
-    joints, reference_joints, image_joints : as in `Recording`
-    """
-
-    unit: str | float = "mm"
-    mirrored: bool = False
-    timestamps: np.ndarray | None = None
-    background: np.ndarray | None = None
-    up: np.ndarray | None = None
-    joints: np.ndarray | None = None
-    reference_joints: np.ndarray | None = None
-    image_joints: np.ndarray | None = None
-
-
 def recording_of_source(
     path: Path,
     source: FrameSource,
     camera: Camera,
     options: ReaderOptions,
-    facts: FileFacts | None = None,
     *,
     name: str | None = None,
+    unit: str | float = "mm",
+    mirrored: bool = False,
+    timestamps: np.ndarray | None = None,
+    background: np.ndarray | None = None,
+    up: np.ndarray | None = None,
+    **joints: np.ndarray | None,
 ) -> Recording:
-    """Return the recording of a file with metadata `facts`, where `options` have precedence.
+    """Return the recording of a file with its metadata, over which `options` have precedence.
 
-    `source` and `camera` are its raw frames and their camera; `name` is that of the path if None.
+    Parameters
+    ----------
+    source, camera : raw frames and their camera
+    name : name of the recording; None = that of the path
+    unit, mirrored : those of the raw depth, as in `ReaderOptions`
+    timestamps : (T,), seconds; None = evenly, at the option's rate or 30 Hz
+    background : raw depth of the empty scene
+    up : the vertical in the camera frame
+    joints : `joints`, `reference_joints` and `image_joints`, as in `Recording`
     """
-    facts = facts or FileFacts()
-    background = facts.background if options.background is None else read_depth_png(Path(options.background))
     return Recording(
         name=path.stem if name is None else name,
         path=path,
         camera=camera,
-        timestamps=frame_times(len(source), options) if facts.timestamps is None else facts.timestamps,
+        timestamps=frame_times(len(source), options) if timestamps is None else timestamps,
         source=source,
         converter=DepthConverter(
-            facts.unit if options.depth_unit is None else options.depth_unit,
+            unit if options.depth_unit is None else options.depth_unit,
             options.radial,
-            facts.mirrored if options.mirrored is None else options.mirrored,
+            mirrored if options.mirrored is None else options.mirrored,
         ),
-        background=background,
-        joints=facts.joints,
-        reference_joints=facts.reference_joints,
-        image_joints=facts.image_joints,
-        stored_up=facts.up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
+        background=background if options.background is None else read_depth_png(Path(options.background)),
+        stored_up=up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
         find_vertical=find_vertical,
         options=options.given(),
-        times_assumed=facts.timestamps is None and options.frame_rate is None,
+        times_assumed=timestamps is None and options.frame_rate is None,
+        **joints,
     )
 
 

@@ -18,7 +18,7 @@ from toolkit.io.errors import RecordingError
 from toolkit.io.safe_open import open_file
 from toolkit.kernels.image import depth as kernels
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, natural_key, recording_of_source
+from toolkit.recordings.readers.base import chosen_camera, damaged, natural_key, recording_of_source
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.kd_tree import KdTree
 from toolkit.sensing.recording import FrameSource, Recording
@@ -286,4 +286,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     first = load_cloud(files[0], options.axes)
     names = [str(file) for file in files]
     source = CloudFrames(names, lambda i: load_cloud(files[i], options.axes), first, options, path)
-    return recording_of_source(path, source, source.camera, options, FileFacts(unit="m"))
+    return recording_of_source(path, source, source.camera, options, unit="m")

@@ -19,7 +19,7 @@ from toolkit.io.errors import RecordingError
 from toolkit.io.files import is_file
 from toolkit.io.yaml_reader import parse_json
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, decoded, recording_of_source, upright
+from toolkit.recordings.readers.base import chosen_camera, damaged, decoded, recording_of_source, upright
 from toolkit.recordings.readers.matroska import Matroska, MatroskaTrack
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
@@ -180,7 +180,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     own = lenses is not None and options.intrinsics is None
     camera = lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path)
     times = 1e-9 * np.array([block.time - depth.blocks[0].time for block in depth.blocks], dtype=np.float64)
-    return recording_of_source(path, source, camera, options, FileFacts(timestamps=times, up=_up(path, file, lenses)))
+    return recording_of_source(path, source, camera, options, timestamps=times, up=_up(path, file, lenses))
 
 
 def _depth_track(path: Path, file: Matroska, wanted: str | None) -> MatroskaTrack:

@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.io.errors import RecordingError
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording
 
 
@@ -35,6 +35,5 @@ def read(path: Path, options: ReaderOptions) -> Recording:
             f"{path} has shape {depth.shape} of {depth.dtype}; save depth as numbers (frames, height, width)"
         )
     camera = chosen_camera(options, depth.shape[1:], path)
-    return recording_of_source(
-        path, ArrayFrames(depth), camera, options, FileFacts(unit="m" if depth.dtype.kind == "f" else "mm")
-    )
+    unit = "m" if depth.dtype.kind == "f" else "mm"
+    return recording_of_source(path, ArrayFrames(depth), camera, options, unit=unit)

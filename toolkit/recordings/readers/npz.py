@@ -13,7 +13,7 @@ import numpy as np
 from toolkit.io.archives import Column, archive_names, check_columns, load_archive, read_header, translated
 from toolkit.io.errors import RecordingError
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import LARGEST_PICTURE, FileFacts, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import LARGEST_PICTURE, chosen_camera, recording_of_source
 from toolkit.sensing.recording import FrameSource, Recording
 
 RECORD_AGAIN = "copy or record it again"
@@ -32,41 +32,37 @@ class MemberReader:
 
     def __init__(self, path: Path, name: str) -> None:
         self._path, self._name, self._member = path, name, f"{name}.npy"
-        self._stream: IO[bytes] | None = None
-        self._next = 0
-        with self._guarded(), zipfile.ZipFile(path) as archive, archive.open(self._member) as stream:
-            self.shape, by_column, self.dtype = read_header(archive, name, stream)
+        self._stream, self._next = self._opened(), 0
         if not self.shape or self.dtype.kind not in "iuf":
             raise RecordingError(f"{name} in {path} is {self.dtype} {self.shape}; it must be numbers, frame by frame")
-        if by_column:
+        if self._by_column:
             raise RecordingError(f"{name} in {path} is stored column by column; save it with np.ascontiguousarray")
         self._row_shape = self.shape[1:]
         self._row_bytes = int(np.prod(self._row_shape, dtype=np.int64)) * self.dtype.itemsize
 
     def rows(self) -> Iterator[np.ndarray]:
         """Yield all rows in order, each a new array."""
-        with self._guarded():
-            archive = zipfile.ZipFile(self._path)
-        with archive:
-            with self._guarded():
-                stream = archive.open(self._member)
-                read_header(archive, self._name, stream)
-            for i in range(self.shape[0]):
-                yield self._read(stream, i)
+        stream = self._opened()
+        for i in range(self.shape[0]):
+            yield self._read(stream, i)
 
     def row(self, i: int) -> np.ndarray:
         """Return row `i` as a new array."""
-        with self._guarded():
-            if self._stream is None or i < self._next:
-                archive = zipfile.ZipFile(self._path)
-                self._stream = archive.open(self._member)
-                read_header(archive, self._name, self._stream)
-                self._next = 0
-            while self._next < i:
-                self._read(self._stream, self._next)
-                self._next += 1
+        if i < self._next:
+            self._stream, self._next = self._opened(), 0
+        while self._next < i:
+            self._read(self._stream, self._next)
+            self._next += 1
         self._next = i + 1
         return self._read(self._stream, i)
+
+    def _opened(self) -> IO[bytes]:
+        """Return the member at its first row; it closes with the last reference to it."""
+        with self._guarded():
+            archive = zipfile.ZipFile(self._path)
+            stream = archive.open(self._member)
+            self.shape, self._by_column, self.dtype = read_header(archive, self._name, stream)
+        return stream
 
     def _read(self, stream: IO[bytes], i: int) -> np.ndarray:
         with self._guarded():
@@ -151,12 +147,10 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         source,
         camera,
         options,
-        FileFacts(
-            timestamps=small.get("timestamps"),
-            background=small.get("background"),
-            up=small.get("up_camera"),
-            joints=small.get("joints"),
-            reference_joints=small.get("reference_joints"),
-            image_joints=small.get("joints_2d"),
-        ),
+        timestamps=small.get("timestamps"),
+        background=small.get("background"),
+        up=small.get("up_camera"),
+        joints=small.get("joints"),
+        reference_joints=small.get("reference_joints"),
+        image_joints=small.get("joints_2d"),
     )

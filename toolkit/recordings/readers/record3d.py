@@ -18,7 +18,6 @@ from toolkit.io.yaml_reader import LARGEST_JSON, parse_json
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
     LARGEST_FILE,
-    FileFacts,
     chosen_camera,
     damaged,
     decoded,
@@ -83,7 +82,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         source = _Record3dFrames(path, shape)
     camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
     stored = times if len(times) == len(source) else None
-    return recording_of_source(path, source, camera, options, FileFacts(unit="m", timestamps=stored))
+    return recording_of_source(path, source, camera, options, unit="m", timestamps=stored)
 
 
 def facts_of(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:

@@ -22,7 +22,7 @@ import numpy as np
 from toolkit.io.errors import RecordingError
 from toolkit.io.files import is_file, is_folder
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import FileFacts, chosen_camera, damaged, decoded, recording_of_source, upright
+from toolkit.recordings.readers.base import chosen_camera, damaged, decoded, recording_of_source, upright
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
@@ -241,11 +241,9 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         source,
         camera or chosen_camera(options, image.shape, path),
         options,
-        FileFacts(
-            unit="m" if image.dtype == np.float32 else _unit(file, topic, first[1]),
-            timestamps=1e-9 * (source.times - source.times[0]),
-            up=_up(file),
-        ),
+        unit="m" if image.dtype == np.float32 else _unit(file, topic, first[1]),
+        timestamps=1e-9 * (source.times - source.times[0]),
+        up=_up(file),
     )
 
 

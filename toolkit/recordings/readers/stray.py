@@ -16,7 +16,6 @@ from toolkit.io.files import is_file, is_folder
 from toolkit.io.yaml_reader import read_table, read_text
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
-    FileFacts,
     FileFrames,
     chosen_camera,
     natural_key,
@@ -88,4 +87,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
             times = measured[: len(files)] - measured[0]
     given = options.intrinsics is not None
     camera = chosen_camera(options, shape, path) if given else camera_of(path / MATRIX, shape)
-    return recording_of_source(path, source, camera, options, FileFacts(timestamps=times, up=up))
+    return recording_of_source(path, source, camera, options, timestamps=times, up=up)

@@ -16,7 +16,6 @@ from toolkit.io.files import is_file, is_folder
 from toolkit.io.yaml_reader import read_text
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
-    FileFacts,
     FileFrames,
     camera_beside,
     chosen_camera,
@@ -76,4 +75,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     camera = None if options.intrinsics is not None else camera_beside([path], path / "depth", shape)
     camera = camera or chosen_camera(options, shape, path, CAMERA.get(shape))
     unit = 0.0002  # metres per unit of depth
-    return recording_of_source(path, source, camera, options, FileFacts(unit=unit, timestamps=times - times[0]))
+    return recording_of_source(path, source, camera, options, unit=unit, timestamps=times - times[0])

@@ -17,7 +17,7 @@ from toolkit.body import skeleton
 from toolkit.io.errors import RecordingError
 from toolkit.io.matlab import read_matlab
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import ArrayFrames, FileFacts, chosen_camera, frame_times, recording_of_source
+from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
 SUFFIX = "_depth"
@@ -61,7 +61,9 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         ArrayFrames(depth),
         chosen_camera(options, depth.shape[1:], path, np.array(intrinsics)),
         options,
-        FileFacts(mirrored=True, timestamps=frame_times(len(depth), options, frame_rate), reference_joints=reference),
+        mirrored=True,
+        timestamps=frame_times(len(depth), options, frame_rate),
+        reference_joints=reference,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.io.errors import RetrievalError
 from toolkit.io.progress import Progress, silent
-from toolkit.io.workers import Task
+from toolkit.io.workers import task_of
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack, relational_features
@@ -181,7 +181,7 @@ def learn(
     tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
     solutions: dict[str, list[Individual]] = {label: [] for label in labels}
     jobs = (
-        delayed(Task.of(evolve))(training[label], templates[label], settings.genetic, np.random.default_rng(seed))
+        delayed(task_of(evolve))(training[label], templates[label], settings.genetic, np.random.default_rng(seed))
         for label, seed in tasks
     )
     runs = Parallel(n_jobs=workers, return_as="generator")(jobs)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from toolkit.io.files import check_output
-from toolkit.io.workers import Task
+from toolkit.io.workers import task_of
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
@@ -40,7 +40,7 @@ def index_motions(
     files = find_motions(paths)
     check_output(output, files)
     documents = []
-    for features in Parallel(n_jobs=workers, return_as="generator")(delayed(Task.of(_read))(file) for file in files):
+    for features in Parallel(n_jobs=workers, return_as="generator")(delayed(task_of(_read))(file) for file in files):
         documents.append(features)
         if progress is not None:
             progress("features", len(documents), len(files))
