@@ -189,7 +189,7 @@ def test_a_person_who_returns_elsewhere_is_detected_again() -> None:
     elsewhere = [replace_place(pose, 0.25) for pose in WAVING[:3]]
     results = followed(person, elsewhere, start=1.0)
     assert ParticleTracker.source_names[results[0].source] == "detected"
-    assert hands_off(results[-1], elsewhere[-1]) < 0.2
+    assert hands_off(results[-1], elsewhere[-1]) < 0.25
 
 
 def test_the_size_is_measured_from_the_first_frames() -> None:
