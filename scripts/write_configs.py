@@ -39,7 +39,8 @@ def explained_text(settings: Any, indent: str = "") -> str:
     """
     lines: list[str] = []
     texts = attributes_of(type(settings))
-    for field in (field for field in fields(settings) if not is_constant(field)):
+    shown = [field for field in fields(settings) if not is_constant(field)]
+    for field in sorted(shown, key=lambda field: is_dataclass(getattr(settings, field.name))):
         value = getattr(settings, field.name)
         for names, text in texts.items():
             if names.split(", ")[0] == field.name:
@@ -57,18 +58,21 @@ def explained_text(settings: Any, indent: str = "") -> str:
 
 
 def attributes_of(kind: type) -> dict[str, str]:
-    """Return the descriptions of the attributes in a class docstring by name, or by names separated by commas."""
+    """Return the descriptions of the attributes in the docstrings of a class and its bases, by name or names."""
     found: dict[str, str] = {}
-    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
-    for line in section.splitlines():
-        if line and not line.startswith(" "):
+    for line in [line for each in reversed(kind.__mro__) for line in _attribute_lines(each)]:
+        if not line.startswith(" "):
             names, _, text = line.partition(" : ")
             found[names] = text
-        elif line:
-            found[names] += " " + line.strip()
         else:
-            break
+            found[names] += " " + line.strip()
     return found
+
+
+def _attribute_lines(kind: type) -> list[str]:
+    """Return the lines of the section `Attributes` of a class docstring."""
+    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
+    return section.partition("\n\n")[0].splitlines()
 
 
 def config_text(kind: type) -> str:

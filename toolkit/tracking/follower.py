@@ -33,7 +33,7 @@ from toolkit.tracking.search.search_protocol import (
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import head_top, off_floor, stature_prior_cost
-from toolkit.tracking.tracking_settings import FollowerSettings
+from toolkit.tracking.tracker_settings import SearchingSettings
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 
@@ -107,7 +107,7 @@ class Follower(FollowedPerson):
         searches: Sequence[Search],
         objective: Objective,
         level_rotation: np.ndarray,
-        settings: FollowerSettings,
+        settings: SearchingSettings,
         sizes: Sequence[Body],
         sources: Sequence[str],
         state: PersonState,

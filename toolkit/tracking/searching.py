@@ -6,19 +6,16 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Protocol
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
-from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.joint_confidence import JointConfidence, joint_confidence
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner
-from toolkit.fitting.shape import ShapeSettings
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.body_learning import FollowedBody
 from toolkit.tracking.follower import Follower
@@ -29,19 +26,8 @@ from toolkit.tracking.planning import Plan, Planner
 from toolkit.tracking.search.search_protocol import Search, Verifier
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
-from toolkit.tracking.tracker_protocol import TrackerSettings, Wanted
-from toolkit.tracking.tracking_settings import FollowerSettings
-
-
-class SearchingSettings(TrackerSettings, FollowerSettings, Protocol):
-    """Settings of such a tracker besides those of its searches; see `HybridSettings`."""
-
-    @property
-    def sizes(self) -> tuple[float, ...]: ...  # noqa: D102
-    @property
-    def fitting(self) -> FittingSettings: ...  # noqa: D102
-    @property
-    def shape(self) -> ShapeSettings: ...  # noqa: D102
+from toolkit.tracking.tracker_protocol import Wanted
+from toolkit.tracking.tracker_settings import SearchingSettings
 
 
 class SearchingTracker(ABC):
@@ -51,14 +37,13 @@ class SearchingTracker(ABC):
 
     Parameters
     ----------
-    settings : see `SearchingSettings`
     body : the person's own body, if it is known; otherwise it is learnt from the recording
     """
 
     kind: type[Follower] = Follower
+    settings: SearchingSettings
 
-    def __init__(self, settings: SearchingSettings, body: Body | None) -> None:
-        self._common = settings
+    def __init__(self, body: Body | None) -> None:
         self._known_body: Body | None = None
         self._first_body = load_body("neutral")
         if body is not None:
@@ -114,13 +99,13 @@ class SearchingTracker(ABC):
     @property
     def learning_seconds(self) -> float:
         """See `Tracker.learning_seconds`."""
-        return self._common.shape.seconds if self._known_body is None else 0.0
+        return self.settings.shape.seconds if self._known_body is None else 0.0
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FollowedBody:
         """See `Tracker.learner`."""
         follower = self._follower(camera, level_rotation, self._first_body, sized=False, learning=True, floor=floor)
         preview = partial(self.of_preview()._follower, camera, level_rotation, self._first_body, sized=False)
-        return FollowedBody(follower, preview, self.stage_names, self._common.shape, self._common.fitting)
+        return FollowedBody(follower, preview, self.stage_names, self.settings.shape, self.settings.fitting)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
         """See `Tracker.follower`."""
@@ -137,7 +122,7 @@ class SearchingTracker(ABC):
 
     @property
     def passes(self) -> int:
-        """See `TwoPassTracker.passes`."""
+        """Number of passes over a recording; 2 adds the second pass over each person."""
         return 1
 
     def planner(
@@ -150,12 +135,12 @@ class SearchingTracker(ABC):
         first_pass: np.ndarray,
         floor: float | None = None,
     ) -> Planner:
-        """See `TwoPassTracker.planner`."""
+        """Return the planner of the person with these sightings; body and rows are those of the first pass."""
         maker = self if len(timestamps) > 1 else self.of_still()
         learner = maker.learner(camera, level_rotation, floor)
         follower = maker.follower(camera, level_rotation, body)
         return Planner(
-            learner, follower, seen, timestamps, self.stage_names, self._common.smallest_person, body, first_pass,
+            learner, follower, seen, timestamps, self.stage_names, self.settings.smallest_person, body, first_pass,
             relearn=self._known_body is None,
         )  # fmt: skip
 
@@ -168,7 +153,7 @@ class SearchingTracker(ABC):
         plan: Plan,
         first_pass: np.ndarray,
     ) -> BidirectionalTracker:
-        """See `TwoPassTracker.bidirectional`."""
+        """Return what follows that person a second time; see `BidirectionalTracker`."""
         maker = self if len(timestamps) > 1 else self.of_still()
         follower = maker.follower(camera, level_rotation, plan.body)
         return BidirectionalTracker(follower, seen, timestamps, plan, self.stage_names, first_pass)
@@ -185,7 +170,7 @@ class SearchingTracker(ABC):
         """Return a follower of these parts."""
         members = self.searches(objective, refiner)
         return self.kind(
-            observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state,
+            observer, members, objective, level_rotation, self.settings, self._sizes, self.source_names, state,
             self.occluded_limbs, self.verifier(objective, refiner), floor,
         )  # fmt: skip
 
@@ -199,7 +184,7 @@ class SearchingTracker(ABC):
         learning: bool = False,
         floor: float | None = None,
     ) -> Follower:
-        settings = self._common
+        settings = self.settings
         large_width = 200  # pixels; larger images are drawn at half resolution
         small = camera.subsampled(2) if camera.width > large_width else camera
         placer = Placer(self._first_body, small, level_rotation)
@@ -213,7 +198,7 @@ class SearchingTracker(ABC):
     def _sizes(self) -> Sequence[Body]:
         """Return bodies to try for a person of unknown size; small ones have the proportions of toddlers."""
         space, bodies = ShapeSpace.load(), []
-        for size in self._common.sizes:
+        for size in self.settings.sizes:
             shape = space.childhood(size) + self._first_body.shape
             shape[0] = size
             bodies.append(space.body(shape))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -10,51 +10,11 @@ from toolkit.body.body import Body
 from toolkit.io.parts import Parts
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.tracker_settings import TrackerSettings
 from toolkit.tracks import FrameResult
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from toolkit.fitting.priors import PoseTerm
-    from toolkit.tracking.passes import BidirectionalTracker
-    from toolkit.tracking.planning import Plan, Planner
-    from toolkit.tracking.sightings import PersonSightings
-
 Wanted = Literal["none", "offered", "required"]
-
-
-class TrackerSettings(Protocol):
-    """Frozen dataclass of settings.
-
-    Attributes
-    ----------
-    tracker : name under which the tracker is registered
-    seed : seed of all random numbers
-    sensing : settings of segmentation and depth filter
-    smallest_person : measured points below which a frame counts as empty
-    """
-
-    @property
-    def tracker(self) -> str:
-        """See above."""
-        ...
-
-    @property
-    def seed(self) -> int:
-        """See above."""
-        ...
-
-    @property
-    def sensing(self) -> SensingSettings:
-        """See above."""
-        ...
-
-    @property
-    def smallest_person(self) -> int:
-        """See above."""
-        ...
 
 
 class PersonFollower(Protocol):
@@ -183,50 +143,4 @@ class Tracker(Protocol):
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
         """Return a follower of one person, with the body of a `learner` if there is one."""
-        ...
-
-
-@runtime_checkable
-class TwoPassTracker(Tracker, Protocol):
-    """Tracker with a second pass over the people of a recording.
-
-    Attributes
-    ----------
-    passes : number of passes, 1 or 2
-    priors : terms in the pose vector, the prior of a pose
-    """
-
-    @property
-    def passes(self) -> int:
-        """See above."""
-        ...
-
-    @property
-    def priors(self) -> Sequence[PoseTerm]:
-        """See above."""
-        ...
-
-    def planner(
-        self,
-        camera: Camera,
-        level_rotation: np.ndarray,
-        seen: PersonSightings,
-        timestamps: np.ndarray,
-        body: Body,
-        first_pass: np.ndarray,
-        floor: float | None = None,
-    ) -> Planner:
-        """Return the planner of the person with these sightings; body and rows are those of the first pass."""
-        ...
-
-    def bidirectional(
-        self,
-        camera: Camera,
-        level_rotation: np.ndarray,
-        seen: PersonSightings,
-        timestamps: np.ndarray,
-        plan: Plan,
-        first_pass: np.ndarray,
-    ) -> BidirectionalTracker:
-        """Return what follows that person a second time; see `BidirectionalTracker`."""
         ...

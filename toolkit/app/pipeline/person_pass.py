@@ -14,8 +14,8 @@ from toolkit.app.pipeline.watch import stop_request
 from toolkit.body.body import Body
 from toolkit.io.parts import Parts
 from toolkit.sensing.camera import Camera
+from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.sightings import PersonSightings, SightingFile
-from toolkit.tracking.tracker_protocol import TwoPassTracker
 from toolkit.tracks import FrameResult
 
 BEFORE_FOUND = "before"
@@ -62,7 +62,7 @@ class PersonTask:
         both = [stack.enter_context(closing(SightingFile(folder, self.camera, frames))) for folder in folders]
         return both[0].of(self.person, both[1].of(self.person))
 
-    def run(self, tracker: TwoPassTracker) -> Parts[Followed | None]:
+    def run(self, tracker: SearchingTracker) -> Parts[Followed | None]:
         """Plan and follow, a frame at a time; return None if too little was seen."""
         camera, rotation, times = self.camera, self.level_rotation, self.timestamps
         with ExitStack() as stack:
@@ -79,7 +79,7 @@ class PersonTask:
 def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Followed | None, bool]:
     """Follow a person in a worker process; return the result, and whether the person is done."""
     tracker = worker_tracker(recipe)
-    assert isinstance(tracker, TwoPassTracker), "only trackers with two passes have tasks"
+    assert isinstance(tracker, SearchingTracker), "only trackers with two passes have tasks"
     parts = task.run(tracker)
     with stop_request() as stop:
         while not (stop.is_set() or (task.folder / STOP_FILE).exists()):

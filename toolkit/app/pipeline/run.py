@@ -36,7 +36,8 @@ from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording, frame_rate_of
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
-from toolkit.tracking.tracker_protocol import Tracker, TwoPassTracker
+from toolkit.tracking.searching import SearchingTracker
+from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import RunInfo
 
 if TYPE_CHECKING:
@@ -232,7 +233,7 @@ def _first_pass(
 def _second_pass(job: Job, sink: RunSink) -> SecondPass | None:
     """Return the second pass, or None for a tracker with one pass or a watcher."""
     tracker, recording = job.tracker, job.recording
-    if job.watcher is not None or not isinstance(tracker, TwoPassTracker) or tracker.passes < 2:
+    if job.watcher is not None or not isinstance(tracker, SearchingTracker) or tracker.passes < 2:
         return None
     camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
     rotation, floor = level_rotation(recording.up_camera), floor_of(recording)

@@ -24,8 +24,8 @@ from toolkit.io.workers import task_of
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.person import PREDICTED
+from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.sightings import SightingFile, StoredSighting
-from toolkit.tracking.tracker_protocol import TwoPassTracker
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 FOLDER = "second"
@@ -66,7 +66,7 @@ class SecondPass:
     def __init__(
         self,
         run: Path,
-        tracker: TwoPassTracker,
+        tracker: SearchingTracker,
         camera: Camera,
         level_rotation: np.ndarray,
         timestamps: np.ndarray,

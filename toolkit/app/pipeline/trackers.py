@@ -13,7 +13,8 @@ from toolkit.io.errors import UsageError
 from toolkit.io.files import is_file, sha256_of
 from toolkit.tracking.guide import Guide
 from toolkit.tracking.registry import DEFAULT, Registration, registered
-from toolkit.tracking.tracker_protocol import Tracker, TrackerSettings
+from toolkit.tracking.tracker_protocol import AcceptsBody, Tracker
+from toolkit.tracking.tracker_settings import TrackerSettings
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,6 @@ def _with_body(tracker: Tracker, body: str | Path | None) -> Tracker:
     if body is None:
         return tracker
     from toolkit.body.personal import load_body_file
-    from toolkit.tracking.tracker_protocol import AcceptsBody
 
     own = load_body_file(body)
     if not isinstance(tracker, AcceptsBody):

@@ -45,6 +45,8 @@ class HybridTracker(SearchingTracker):
     database_path : path of the database, for `run.json`
     """
 
+    settings: HybridSettings
+
     def __init__(
         self,
         database: PoseDatabase,
@@ -55,7 +57,7 @@ class HybridTracker(SearchingTracker):
     ) -> None:
         self.guide: Guide = NoGuide()
         self.settings = settings or HybridSettings()
-        super().__init__(self.settings, body)
+        super().__init__(body)
         self.database = database_path
         search = self.settings.lookup.search
         self._poses = database if search == database.search else replace(database, search=search)
@@ -75,7 +77,7 @@ class HybridTracker(SearchingTracker):
 
     @property
     def passes(self) -> int:
-        """See `TwoPassTracker.passes`."""
+        """See `SearchingTracker.passes`."""
         return self.settings.passes
 
     @property

@@ -19,7 +19,6 @@ from toolkit.landmarks.graph import Workspace
 from toolkit.people.connection import connected
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.trackers.lopez2011.costs import ParticleFrame, mean_cost
 from toolkit.trackers.lopez2011.effectors import Effectors, EffectorSettings, find_effectors, find_fork
 from toolkit.trackers.lopez2011.filter import ParticleSettings, UpperFilter
@@ -32,27 +31,24 @@ from toolkit.tracking.person import PREDICTED, FollowedPerson
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.tracker_protocol import Wanted
-from toolkit.tracking.tracking_settings import check_seed
+from toolkit.tracking.tracker_settings import TrackerSettings
 from toolkit.tracks import EMPTY, LOST, TRACKED, FrameResult
 
 PARTICLES, DETECTED = "particles", "detected"
 
 
 @dataclass(frozen=True)
-class ParticleTrackerSettings:
+class ParticleTrackerSettings(TrackerSettings):
     """Settings of the particle filter tracker.
 
     Attributes
     ----------
-    tracker : the name under which this tracker is registered
-    seed : seed of all random numbers
     reach : maximum distance below the crown, metres; laps and chairs below it would attract trunk and arms. People
         truncated at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
     lap : maximum distance below the crown for points in front of the trunk, metres: thighs, knees and desks. Elbows
         hang 0.6 m down; 0 = no limit
     measured_seconds : duration of the size measurement at the beginning, seconds ("a short period of time"); 0 = an
         average body
-    smallest_person : minimum number of measured points; frames with fewer are empty. A person at 8 m in a 176x144 image
     lost_cost : cost of an estimate above which a frame is lost; a body that explains nothing costs 60, a correct one of
         the wrong size 20 to 30. A first pose is accepted if its log-probability by Eq. 7 exceeds the negative value: on
         the tuning takes the accepted ones are within 195 mm, the rejected one is 251 mm off
@@ -60,14 +56,11 @@ class ParticleTrackerSettings:
     """
 
     tracker: Literal["particles"] = "particles"
-    seed: int = 0
     reach: NotNegative = 0.9
     lap: NotNegative = 0.6
     measured_seconds: NotNegative = 1.5
-    smallest_person: Annotated[int, Range(0)] = 300
     lost_cost: Annotated[float, Range(1e-6)] = 48.0
     patience: Annotated[float, Range(1e-6)] = 0.15
-    sensing: SensingSettings = field(default_factory=SensingSettings)
     effectors: EffectorSettings = field(default_factory=EffectorSettings)
     particles: ParticleSettings = field(default_factory=ParticleSettings)
     fitting: FittingSettings = constant(FittingSettings())
@@ -76,9 +69,6 @@ class ParticleTrackerSettings:
     def limits(self) -> Limits:
         """Return the limits of the upper body."""
         return Limits(self.reach, self.lap)
-
-    def __post_init__(self) -> None:
-        check_seed(self.seed)
 
 
 class ParticleFollower(FollowedPerson):
@@ -274,7 +264,7 @@ class ParticleTracker:
         return self.settings.measured_seconds if self._known_body is None else 0.0
 
     def set_body(self, body: Body) -> None:
-        """See `AcceptsBody.set_body`."""
+        """Set the body of all people tracked from now on; none is measured."""
         self._known_body = body
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> MeasuredBody:
