@@ -112,10 +112,11 @@ def test_a_state_of_other_contents_under_a_right_checksum_is_one_sentence(
     with np.load(begun / "state.npz") as stored:
         arrays = dict(stored)
     del arrays[CHECKSUM]
-    for name in sorted(set(arrays) - {"header"}):
+    fewer_times = {"state/timestamps"} if change == "a row less" else set()  # a state of an earlier frame
+    for name in sorted(set(arrays) - {"header"} - fewer_times):
         odd = {**arrays, name: STATES[change](arrays[name])}
         np.savez(begun / "state.npz", **odd, **{CHECKSUM: np.array(checksum_of(odd))})
-        with pytest.raises(TrackError, match="the state"):
+        with pytest.raises(TrackError, match="the state|of another recording"):
             go_on(stopped, begun)
 
 
