@@ -12,8 +12,7 @@ import typer
 
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from tests.run_helpers import run
-from toolkit.app.cli.examples import EXAMPLES
-from toolkit.app.cli.main import app
+from toolkit.app.cli.main import EXAMPLES, app
 from toolkit.app.pipeline import TrackerRecipe
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.clock import StageClock
@@ -38,8 +37,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
 
 ALL_HELP = """
 import contextlib, io, sys
-from toolkit.app.cli.examples import EXAMPLES
-from toolkit.app.cli.main import main
+from toolkit.app.cli.main import EXAMPLES, main
 for words in ([], *(verb.split() for verb in EXAMPLES)):
     with contextlib.suppress(SystemExit), contextlib.redirect_stdout(sys.stdout if not words else io.StringIO()):
         main([*words, '--help'])

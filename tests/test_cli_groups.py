@@ -13,8 +13,8 @@ import typer
 from typer.testing import CliRunner
 
 from tests.run_helpers import write_run
-from toolkit.app.cli import report as report_verb
-from toolkit.app.cli.groups import spread
+from toolkit.app.cli import run_verbs as report_verb
+from toolkit.app.cli.options import spread
 from toolkit.body import skeleton
 from toolkit.output.report import page
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from toolkit.app.cli.annotate import annotate as annotate_verb
+from toolkit.app.cli.motion_verbs import annotate as annotate_verb
 from toolkit.app.cli.retrieval import index as index_verb
 from toolkit.app.cli.retrieval import learn as learn_verb
 from toolkit.app.cli.retrieval import search as search_verb

@@ -14,7 +14,7 @@ from toolkit.io.interrupts import ENDING
 
 SLOW = """
 import os, signal, sys
-from toolkit.app.cli import info
+from toolkit.app.cli import recording_verbs as info
 from toolkit.app.cli.main import main
 from toolkit.io import files
 from toolkit.recordings import opening

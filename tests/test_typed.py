@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import pytest
 
-from toolkit.app.cli.reading import Joints, Reading, people_of
+from toolkit.app.cli.options import Joints, Reading, people_of
 from toolkit.inertial.sensor_files import UNITS, factors_of
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io import typed_values as typed

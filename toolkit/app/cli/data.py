@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.terminal import print_lines, print_table, progress_bars
 
 if TYPE_CHECKING:
     from toolkit.datasets.registry import DataSet
@@ -28,7 +28,6 @@ def list_data(
     data: Folder = None,
 ) -> None:
     """List the data sets: size, licence, files that are there; with names, source, citation and missing files too."""
-    from toolkit.app.cli.terminal import print_table
     from toolkit.datasets.folder import data_folder
     from toolkit.datasets.registry import DATA_SETS, data_set_of
 
@@ -55,7 +54,6 @@ def fetch(
     data: Folder = None,
 ) -> None:
     """Download data sets from their publishers and check every file; files that are there are not fetched again."""
-    from toolkit.app.cli.terminal import progress_bars
     from toolkit.datasets.fetch import fetch_data_set
     from toolkit.datasets.registry import data_set_of
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import Output
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.terminal import print_lines, progress_bars
 
 app = typer.Typer(help="Build a pose database from motion capture, or describe one.", no_args_is_help=True)
 
@@ -39,7 +39,6 @@ def build(
 ) -> None:
     """Read motion capture, sample its poses evenly and write a pose database."""
     from database_builder.build import SAMPLING_THRESHOLD, Sampling, build_database
-    from toolkit.app.cli.terminal import progress_bars
     from toolkit.body.shape import load_body
 
     with progress_bars() as bars:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from toolkit.app.cli.terminal import next_commands, print_lines
+from toolkit.app.cli.terminal import doing_words, next_commands, print_lines, print_table, progress_bars
 from toolkit.io.errors import DataError
 from toolkit.io.progress import Progress, silent
 
@@ -56,7 +56,6 @@ def run_demo(
     OutputError
         The folder cannot be written.
     """
-    from toolkit.app.cli.terminal import doing_words
     from toolkit.app.pipeline import TrackerRecipe, track_recording
     from toolkit.database.default import default_database_path
     from toolkit.evaluation.evaluate import evaluate_runs
@@ -128,7 +127,6 @@ def demo(
     ] = False,
 ) -> None:
     """Run the whole pipeline on bundled motions: simulated recording, track, table, film and a page."""
-    from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.app.cli.track import print_done
 
     start = time.monotonic()

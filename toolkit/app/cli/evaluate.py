@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from toolkit.app.cli.options import MovedRecording
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.terminal import print_lines, print_table, progress_bars
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -57,7 +57,6 @@ def evaluate(
     ] = None,
 ) -> None:
     """Compare tracks with true joints or another skeleton, and fitted bodies with the depth, in one table."""
-    from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.marker_files import is_marker_file
     from toolkit.evaluation.score_report import FILES, write_evaluation
@@ -89,7 +88,6 @@ def _validate(
     runs: list[Path], references: list[Path], output: Path | None, markers: str | None, lag: float | None
 ) -> None:
     """Compare one run with one marker file."""
-    from toolkit.app.cli.terminal import print_table
     from toolkit.evaluation.marker_validation import validate
     from toolkit.io.errors import UsageError
     from toolkit.io.files import check_output

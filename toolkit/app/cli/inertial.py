@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import Output
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.terminal import print_lines, print_table
 
 app = typer.Typer(
     help="Check a track with inertial sensors: read files, calibrate, detect errors.",
@@ -40,7 +40,6 @@ def read(
     """Convert sensor files of any supported format to the canonical one."""
     from rich.table import Table
 
-    from toolkit.app.cli.terminal import print_table
     from toolkit.inertial.sensor_files import SensorOptions
     from toolkit.inertial.workflow import read_sensors
 
@@ -74,7 +73,6 @@ def calibrate(
     """Estimate the mounting of each sensor on its limb and the rotation between the sensor and track frames."""
     from rich.table import Table
 
-    from toolkit.app.cli.terminal import print_table
     from toolkit.inertial.calibrate import CalibrationSettings
     from toolkit.inertial.workflow import calibrate_runs
 
@@ -112,7 +110,6 @@ def check(
     """Detect disagreement between tracks and sensors: curves, errors, a picture and a page for each run."""
     from rich.table import Table
 
-    from toolkit.app.cli.terminal import print_table
     from toolkit.evaluation.orientation_report import write_check
     from toolkit.evaluation.orientations import check_runs
 

@@ -9,8 +9,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.app.cli.groups import spread
-from toolkit.app.cli.reading import Reading, people_of
+from toolkit.app.cli.options import Reading, people_of, spread
 from toolkit.app.cli.terminal import print_lines
 from toolkit.app.cli.track import Tracking
 

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.app.cli.groups import spread
-from toolkit.app.cli.options import LabelTable, Motions, Output, Seed
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.options import LabelTable, Motions, Output, Seed, spread
+from toolkit.app.cli.terminal import print_lines, print_table, progress_bars
 
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
@@ -30,7 +29,6 @@ def index(
     workers: Annotated[int, typer.Option(help="Number of reading processes; does not change the result.", min=1)] = 1,
 ) -> None:
     """Index motions by their relational features, for `depthmocap search`."""
-    from toolkit.app.cli.terminal import progress_bars
     from toolkit.retrieval.workflow.index import index_motions
 
     with progress_bars() as bars:
@@ -161,8 +159,6 @@ def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExampl
 def _show(report: SearchReport, limit: int) -> None:
     from rich.table import Table
 
-    from toolkit.app.cli.terminal import print_table
-
     title = f"{report.label or 'query'}: {len(report.matches)} results"
     ranked = report.share is None
     if report.share is not None:
@@ -213,7 +209,6 @@ def learn(
 
     The class of a clip is the name of its folder, or comes from the clip's name if all clips are in one folder.
     """
-    from toolkit.app.cli.terminal import progress_bars
     from toolkit.retrieval.workflow.learn import learn_templates
     from toolkit.retrieval.workflow.motions import find_motions, tags_of
 
@@ -237,7 +232,6 @@ def _learn_queries(
     import numpy as np
     from rich.table import Table
 
-    from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.retrieval.learning.queries import LearningSettings
     from toolkit.retrieval.workflow.learn import learn_queries
 
@@ -260,7 +254,6 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
     import numpy as np
     from rich.table import Table
 
-    from toolkit.app.cli.terminal import print_table, progress_bars
     from toolkit.retrieval.annotation.measures import Scores
     from toolkit.retrieval.workflow.learn import learn_model
 

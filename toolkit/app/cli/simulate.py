@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from toolkit.app.cli.groups import spread
-from toolkit.app.cli.options import Output, numbers
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.options import Output, numbers, spread
+from toolkit.app.cli.terminal import print_lines, progress_bars
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
@@ -138,7 +137,6 @@ def simulate(
     cast: SubjectOptions = SubjectOptions(),
 ) -> None:
     """Simulate a depth recording with exact joint positions from motions, bodies, furniture and a camera."""
-    from toolkit.app.cli.terminal import progress_bars
     from toolkit.simulation.simulate import simulate_scene
 
     people, shot = cast.people(clips or []), view.shot()

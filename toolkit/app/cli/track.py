@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 
-from toolkit.app.cli.groups import spread
-from toolkit.app.cli.options import SettingOption, given
-from toolkit.app.cli.reading import Joints, Reading, SegmentOption, people_of
-from toolkit.app.cli.terminal import print_lines
+from toolkit.app.cli.options import Joints, Reading, SegmentOption, SettingOption, given, people_of, spread
+from toolkit.app.cli.terminal import doing_words, next_commands, print_lines, progress_bars
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
@@ -215,7 +213,6 @@ def _track_one(
     how: dict[str, Any],
 ) -> None:  # fmt: skip
     """Track one recording into `run`. Exit code 1 if it is not finished, 3 without a tracked person."""
-    from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recording
     from toolkit.io.workers import usable_processors
     from toolkit.recordings.opening import open_upright
@@ -264,7 +261,6 @@ def _track_batch(
 ) -> None:
     """Track several recordings, with one line each. Exit code 1 if one is not finished, 3 if one has no tracked
     person."""
-    from toolkit.app.cli.terminal import doing_words, next_commands, progress_bars
     from toolkit.app.pipeline import track_recordings
     from toolkit.app.pipeline.manifest import DONE
 
