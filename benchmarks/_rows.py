@@ -11,7 +11,7 @@ import numpy as np
 from tests.support.suite import LONGEST, WORK, database
 from toolkit.app.config import load_settings
 from toolkit.app.pipeline import track_recording
-from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.app.pipeline.image_joints import JointChoice
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective

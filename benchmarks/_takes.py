@@ -12,9 +12,8 @@ from tests.support.scenes import record_scene
 from tests.support.sequences import DISTANCE, record_sequence, sequence_body
 from tests.support.solo import Solo
 from tests.support.suite import digest_of
-from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.app.pipeline.image_joints import JointChoice, store_joints
 from toolkit.app.pipeline.scan import VIEW_FRAMES, scan_recordings
-from toolkit.app.pipeline.store_joints import store_joints
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body

@@ -16,8 +16,7 @@ from benchmarks._record import benchmark, script
 from benchmarks._rows import DATABASE, poses_of
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe, track_recording
-from toolkit.app.pipeline.joint_choice import JointChoice
-from toolkit.app.pipeline.store_joints import store_joints
+from toolkit.app.pipeline.image_joints import JointChoice, store_joints
 from toolkit.datasets.folder import data_folder
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.sensing.recording import Recording

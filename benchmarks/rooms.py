@@ -38,7 +38,7 @@ from benchmarks._rows import DATABASE, poses_of, track_each
 from tests.support.suite import ROOT
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
-from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.app.pipeline.image_joints import JointChoice
 from toolkit.body.skeleton import REPORTED
 from toolkit.datasets.folder import data_folder
 from toolkit.landmarks.joint_network import OPPOSITE

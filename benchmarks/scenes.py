@@ -20,7 +20,7 @@ from tests.support.scene_scores import SceneScore, scene_figures, score_scene
 from tests.support.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene
 from toolkit.app.config import parse_overrides
 from toolkit.app.pipeline import TrackerRecipe
-from toolkit.app.pipeline.joint_choice import JointChoice
+from toolkit.app.pipeline.image_joints import JointChoice
 from toolkit.recordings.opening import open_recording
 from toolkit.tracking.tracker_protocol import Tracker
 from toolkit.tracks import TRACK_FILE, Track

@@ -19,7 +19,7 @@ import pytest
 from tests.file_formats import FORMATS, Format, digest
 from tests.run_helpers import write_run
 from toolkit.app.config import load_settings, settings_text
-from toolkit.app.pipeline.manifest import DONE, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.app.pipeline.batch import DONE, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.body import skeleton
 from toolkit.io.files import save_text
 from toolkit.output.export.run import export_run

@@ -9,7 +9,7 @@ import pytest
 
 from tests.fake_tracker import FakeTracker
 from toolkit.app.pipeline import track_recording
-from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source
+from toolkit.app.pipeline.image_joints import JointChoice, give_joints, joint_source
 from toolkit.body import skeleton
 from toolkit.io.errors import ModelError, UsageError
 from toolkit.people.image_joints.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points

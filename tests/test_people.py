@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, ConstantOdds, neutral, scene, standing, up_of_tilt
-from toolkit.app.pipeline.run import finder_of
 from toolkit.body.shape import load_body
 from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE, REPORTED
 from toolkit.io.checkpoint import plain, restore
@@ -16,7 +15,7 @@ from toolkit.people.person_network import PersonNetwork
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings
-from toolkit.people.survey import find_people
+from toolkit.people.survey import find, find_people
 from toolkit.people.view import CoarseCamera
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.recordings.opening import open_recording
@@ -226,7 +225,7 @@ def test_a_room_is_known_from_its_empty_scene_or_learnt_from_people_who_walk(tmp
 @pytest.mark.data("realsense")
 def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(data_folder):
     recording = open_recording(data_folder / "depth/realsense/images_n40")
-    finder = finder_of(recording, None, SensingSettings())
+    finder = find(recording, None, SensingSettings())
     ids = [tuple(s.id for s in finder.find(recording.depth(i), i / 30, {})) for i in range(0, len(recording), 3)]
     assert set(ids) == {(1, 2)}
 

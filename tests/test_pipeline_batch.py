@@ -12,8 +12,8 @@ from tests.fake_tracker import FakeRecipe, FakeTracker, write_recording
 from tests.inertial_scenes import RATE
 from tests.test_retrieval_online import body, classes, document
 from toolkit.app.pipeline import track_recording, track_recordings
+from toolkit.app.pipeline.batch import DONE, FAILED, INTERRUPTED, MANIFEST_FILE
 from toolkit.app.pipeline.events import EventStream
-from toolkit.app.pipeline.manifest import DONE, FAILED, INTERRUPTED, MANIFEST_FILE
 from toolkit.io.errors import UsageError
 from toolkit.recordings.opening import open_recording
 from toolkit.tracks import TRACKED, FrameResult, Track

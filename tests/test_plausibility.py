@@ -19,7 +19,7 @@ from tests.sensing_scenes import KINECT, neutral, scene, standing
 from toolkit.app.cli.main import standard_streams
 from toolkit.app.cli.terminal import program
 from toolkit.app.pipeline import TrackerRecipe
-from toolkit.app.pipeline.manifest import MANIFEST_FILE
+from toolkit.app.pipeline.batch import MANIFEST_FILE
 from toolkit.app.pipeline.run_summary import RunSummary, track_warnings
 from toolkit.body import skeleton
 from toolkit.io.errors import PlausibilityWarning, RecordingError

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.run_helpers import run
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
-from toolkit.app.pipeline.store_joints import store_joints
+from toolkit.app.pipeline.image_joints import store_joints
 from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.datasets.folder import data_folder

@@ -15,7 +15,7 @@ from tests.support.image_joints import DetectorErrors, detected
 from tests.support.solo import Solo
 from tests.support.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.app.config import load_settings
-from toolkit.app.pipeline.joint_choice import JointChoice, joint_source
+from toolkit.app.pipeline.image_joints import JointChoice, joint_source
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint

@@ -21,7 +21,7 @@ from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting, Wrapp
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings, first_look
 from toolkit.people.survey import SAMPLES, find_people
-from toolkit.people.vertical import floor_height
+from toolkit.people.vertical import floor_of
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
@@ -60,8 +60,7 @@ def live_finder(first: Recording, sensing: SensingSettings, people: int | None) 
         return find_people(first, sensing, most=people)
     most = MOST_PEOPLE if people in (None, 1) else people
     finder = MultiPersonFinder(first.camera, first.up_camera, look, sensing, most)
-    height = floor_height(first)
-    learning = RoomLearningFinder(finder, sensing, first, None if height is None else -height)
+    learning = RoomLearningFinder(finder, sensing, first, floor_of(first))
     return FirstPersonFinder(learning) if people == 1 else learning
 
 

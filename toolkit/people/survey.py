@@ -16,7 +16,7 @@ from toolkit.people.selected_person import SelectedPersonFinder, meant_person
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.single_person import SinglePersonSegmenter
 from toolkit.people.surroundings import Surroundings, empty_scene, first_look, is_cut_out, nothing_but_people
-from toolkit.people.vertical import floor_height
+from toolkit.people.vertical import floor_of
 from toolkit.people.view import CoarseCamera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
@@ -25,6 +25,11 @@ from toolkit.sensing.sensing_settings import SegmentationMode, SensingSettings
 logger = logging.getLogger(__name__)
 
 SAMPLES = 40  # frames over a recording: a walking person leaves each pixel free in most of them
+
+
+def find(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
+    """Return the finder of the selected person (1), of up to `people` people, or (None) of all."""
+    return find_person(recording, sensing) if people == 1 else find_people(recording, sensing, most=people)
 
 
 def find_people(
@@ -93,8 +98,7 @@ def survey(recording: Recording, sensing: SensingSettings) -> Surroundings:
         if all(is_cut_out(depth, coarse) for depth in first):
             return nothing_but_people(coarse)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
-    height = floor_height(recording)
-    floor = None if height is None else -height
+    floor = floor_of(recording)
     frames = list(_coarse(recording, polisher, coarse, spread))
     if np.median(np.diff(recording.timestamps[spread], prepend=-np.inf)) > HELD and rooms_differ(frames, coarse):
         return first_look(frames[0], coarse)

@@ -139,3 +139,9 @@ def _chest(points: np.ndarray, head: np.ndarray, coarse: CoarseCamera) -> np.nda
 
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.arccos(np.clip(linear.dot(a, b), -1.0, 1.0)))
+
+
+def floor_of(recording: Recording) -> float | None:
+    """Return the y of the floor in the level frame, metres; None without a visible floor."""
+    height = floor_height(recording)
+    return None if height is None else -height

@@ -16,7 +16,7 @@ import typer
 from toolkit.io.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.app.pipeline.joint_choice import JointChoice
+    from toolkit.app.pipeline.image_joints import JointChoice
 
 
 MOST_FRAMES = 1_000_000_000
@@ -147,7 +147,7 @@ class Joints:
         UsageError
             A size or a source cannot be parsed.
         """
-        from toolkit.app.pipeline.joint_choice import JointChoice
+        from toolkit.app.pipeline.image_joints import JointChoice
 
         size = None
         if self.joints_size is not None:

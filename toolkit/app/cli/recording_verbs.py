@@ -60,7 +60,7 @@ def joints(
         return
     if recording is None or output is None:
         raise UsageError("name a RECORDING and the NPZ file with --output, or get the network with --fetch")
-    from toolkit.app.pipeline.store_joints import store_joints
+    from toolkit.app.pipeline.image_joints import store_joints
     from toolkit.recordings.opening import open_recording
     from toolkit.sensing.sensing_settings import SensingSettings
 

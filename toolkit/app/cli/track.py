@@ -262,7 +262,7 @@ def _track_batch(
     """Track several recordings, with one line each. Exit code 1 if one is not finished, 3 if one has no tracked
     person."""
     from toolkit.app.pipeline import track_recordings
-    from toolkit.app.pipeline.manifest import DONE
+    from toolkit.app.pipeline.batch import DONE
 
     if guiding.guide(recordings) or guiding.watcher(recordings):
         raise UsageError("sensors and events belong to one recording; leave --workers out")

@@ -7,24 +7,106 @@ run on a cluster.
 
 from __future__ import annotations
 
+import json
+import os
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from toolkit.app.pipeline.joint_choice import JointChoice
-from toolkit.app.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
+from toolkit.app.pipeline.image_joints import JointChoice
 from toolkit.app.pipeline.run import track_recording
 from toolkit.app.pipeline.trackers import TrackerRecipe, worker_tracker
-from toolkit.io.errors import DepthMocapError, PlausibilityWarning, RecordingError, UsageError
+from toolkit.io.errors import (
+    DepthMocapError,
+    OutputError,
+    PlausibilityWarning,
+    RecordingError,
+    UsageError,
+    os_errors_as,
+)
 from toolkit.io.progress import RecordingProgress, silent
+from toolkit.io.safe_open import open_file
 from toolkit.io.workers import task_of
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.tracking.tracker_protocol import Tracker
+
+MANIFEST_FILE = "manifest.jsonl"
+DONE, FAILED, INTERRUPTED = "done", "failed", "interrupted"
+HEAD = b'{"command": "track"}\n'
+"""Content of the first line."""
+
+
+@dataclass(frozen=True)
+class ManifestRow:
+    """Outcome of one recording.
+
+    Attributes
+    ----------
+    recording, run : paths
+    status : "done", "failed" or "interrupted"
+    reason : why it failed, empty otherwise
+    text : the summary for people, empty where it failed
+    seconds : wall-clock time
+    frames : rows of its track
+    tracked : frames in which a person is tracked, of all people together
+    warnings : reasons to doubt the recording or its track
+    """
+
+    recording: str
+    run: str
+    status: str
+    reason: str = ""
+    text: str = ""
+    seconds: float = 0.0
+    frames: int = 0
+    tracked: int = 0
+    warnings: tuple[str, ...] = ()
+
+
+class Manifest:
+    """Manifest in the output folder of a batch; replaces the manifest of an earlier batch.
+
+    Attributes
+    ----------
+    path : path of the file, which is written with its first row
+    rows : so far, by recording
+
+    Raises
+    ------
+    UsageError
+        The folder holds a manifest of another program.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.path = Path(folder) / MANIFEST_FILE
+        self.rows: dict[str, ManifestRow] = {}
+        if not os.path.lexists(self.path):
+            return
+        with os_errors_as(UsageError, f"cannot read {self.path}", "choose another output"):
+            with open_file(self.path, inside=True) as stream:
+                own = HEAD.startswith(stream.readline(len(HEAD)))  # a partially written first line counts as a header
+        if not own:
+            raise UsageError(f"{self.path} is the manifest of something else; choose another output")
+
+    def append(self, row: ManifestRow) -> None:
+        """Append a row; it is on the disk when this returns.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        with os_errors_as(OutputError, f"cannot write {self.path}", "free some space"):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with open_file(self.path, "a+b" if self.rows else "w+b", inside=True) as stream:
+                stream.write((b"" if self.rows else HEAD) + json.dumps(asdict(row)).encode() + b"\n")
+                stream.flush()
+                os.fsync(stream.fileno())
+        self.rows[row.recording] = row
 
 
 def track_recordings(
@@ -78,6 +160,8 @@ def track_recordings(
         rows = _one_by_one(jobs, tracker, progress, workers or 1) if workers == 1 or alone else None
         for row in rows or _in_processes(jobs, workers):
             manifest.append(row)
+            for doubt in row.warnings:
+                warnings.warn(PlausibilityWarning(doubt), stacklevel=2)
             progress("recordings", "tracked", len(manifest.rows), len(jobs))
     except KeyboardInterrupt:
         status, reason = INTERRUPTED, "the batch was stopped; start it again"
@@ -115,7 +199,8 @@ class _Job:
         """Track the recording and return its row, also after a failure."""
         start = time.perf_counter()
         try:
-            with _recorded() as doubts:
+            with warnings.catch_warnings(record=True) as doubts:  # those of a worker process are shown by the caller
+                warnings.simplefilter("always", PlausibilityWarning)
                 summary = track_recording(
                     open_upright(self.recording, **self.options), tracker, self.run,
                     people=self.people, resume=self.resume, progress=progress, joints=self.joints,
@@ -126,10 +211,9 @@ class _Job:
             return ManifestRow(self.recording, self.run, FAILED, reason, seconds=time.perf_counter() - start)
         status = INTERRUPTED if summary.interrupted else DONE
         spent = time.perf_counter() - start
+        texts = tuple(str(doubt.message) for doubt in doubts if issubclass(doubt.category, PlausibilityWarning))
         tracked = summary.states["tracked"]
-        return ManifestRow(
-            self.recording, self.run, status, "", summary.text(), spent, summary.frames, tracked, tuple(doubts)
-        )
+        return ManifestRow(self.recording, self.run, status, "", summary.text(), spent, summary.frames, tracked, texts)
 
 
 def _one_by_one(
@@ -155,29 +239,11 @@ def _in_processes(jobs: Sequence[_Job], workers: int | None) -> Iterator[Manifes
             with _threads(workers):
                 tasks = [joblib.delayed(task_of(_in_worker))(job) for job in pending.values()]
                 for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(tasks):
-                    for doubt in row.warnings:
-                        warnings.warn(PlausibilityWarning(doubt), stacklevel=2)
                     del pending[row.recording]
                     yield row
             return
         except TerminatedWorkerError:
             continue
-
-
-@contextmanager
-def _recorded() -> Iterator[list[str]]:
-    """Collect the texts of all warnings about recordings and tracks that are issued within the block."""
-    texts: list[str] = []
-    with warnings.catch_warnings():
-        shown = warnings.showwarning
-
-        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
-            if issubclass(category, PlausibilityWarning):
-                texts.append(str(message))
-            shown(message, category, *where, **more)
-
-        warnings.showwarning = show
-        yield texts
 
 
 def _threads(workers: int | None) -> Any:
@@ -191,10 +257,7 @@ def _threads(workers: int | None) -> Any:
 
 def _in_worker(job: _Job) -> ManifestRow:
     """Run a job in a worker process and return its row."""
-    with warnings.catch_warnings():  # the calling process shows them
-        warnings.simplefilter("always", PlausibilityWarning)
-        warnings.showwarning = lambda *arguments, **named: None
-        return job.done(worker_tracker(job.recipe))
+    return job.done(worker_tracker(job.recipe))
 
 
 def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any]) -> dict[Path, str]:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.app.pipeline.run import floor_of
 from toolkit.app.pipeline.watch import stop_request
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
@@ -20,6 +19,7 @@ from toolkit.io.errors import DepthMocapError
 from toolkit.output.pose_stream import LiveOutput, LiveUpdate
 from toolkit.people.live_room import live_finder
 from toolkit.people.single_person import SinglePersonSegmenter
+from toolkit.people.vertical import floor_of
 from toolkit.recordings.live_sources import LiveSource
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera, level_rotation

@@ -10,11 +10,11 @@ import warnings
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from toolkit.app.pipeline.earlier import sightings_before
 from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_run_file, info_of, tracks_of_same_run
-from toolkit.app.pipeline.joint_choice import JointChoice, give_joints, joint_source, name_of
+from toolkit.app.pipeline.image_joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.app.pipeline.run_summary import RunSummary, summarised, track_warnings
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.second import SecondPass
@@ -28,13 +28,11 @@ from toolkit.io.progress import RecordingProgress, silent
 from toolkit.people.evidence import furniture
 from toolkit.people.joint_masks import JointSource
 from toolkit.people.plausibility import plausibility
-from toolkit.people.sighting import PeopleFinder
-from toolkit.people.survey import find_people, find_person
-from toolkit.people.vertical import floor_height
+from toolkit.people.survey import find
+from toolkit.people.vertical import floor_of
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording, frame_rate_of
-from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.tracker_protocol import Tracker
@@ -47,49 +45,6 @@ logger = logging.getLogger(__name__)
 
 MEMORY_SECONDS = 2.0
 """Interval between two stored states of the first pass, seconds; a killed run loses at most this much of its work."""
-
-
-class Job(NamedTuple):
-    """One tracking job: recording, tracker and options.
-
-    Attributes
-    ----------
-    recording : read frame by frame
-    tracker : makes a follower for each person
-    people : maximum number of tracked people; None = all
-    joints : source of image joints
-    folder : the run folder
-    report : called as the run advances
-    watcher : called with each row of a single tracked person; then there is one pass
-    workers : number of processes that share the people in the second pass
-    shared : recipe of the tracker in each of them; None = this process only
-    """
-
-    recording: Recording
-    tracker: Tracker
-    people: int | None
-    joints: JointSource
-    folder: Path
-    report: RecordingProgress
-    watcher: EventStream | None
-    workers: int
-    shared: TrackerRecipe | None
-
-    def finder(self) -> PeopleFinder:
-        """Return the finder of the people."""
-        return finder_of(self.recording, self.people, self.tracker.settings.sensing)
-
-    def people_tracker(self) -> MultiPersonTracker:
-        """Return the multi-person tracker of the first pass."""
-        recording = self.recording
-        return MultiPersonTracker(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
-
-
-def finder_of(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
-    """Return the finder of the selected person, of up to `people` people, or (None) of all."""
-    if people == 1:
-        return find_person(recording, sensing)
-    return find_people(recording, sensing, most=people)
 
 
 def track_recording(
@@ -149,165 +104,165 @@ def track_recording(
     choice = joints or JointChoice()
     give_joints(recording, choice)
     source = joint_source(recording, choice, tracker.joints_wanted)
-    shared = made_of if workers > 1 and made_of is not None and made_of.sensors is None else None
-    job = Job(recording, tracker, people, source, Path(run), progress, watcher, workers, shared)
+    job = _Run(recording, tracker, Path(run), people, source, progress, watcher)
     with locked(run):
         info = replace(info_of(recording, tracker), joints_2d=name_of(source, recording), **recipe.digests())
-        return _track(job, info, resume)
+        return job.track(info, resume, workers, None if made_of is None or made_of.sensors else made_of)
 
 
-def _track(job: Job, info: RunInfo, resume: bool) -> RunSummary:
-    """Track as `track_recording`, in a folder that this process has locked."""
-    recording, tracker, folder, several = job.recording, job.tracker, job.folder, job.people != 1
-    check_run_file(folder)
-    if resume:
-        tracks = tracks_of_same_run(folder, info, tracker, several=several)
-        if tracks is not None and all(len(track) == len(recording) for track in tracks):
-            return summarised(recording.name, folder, tracks, len(recording))
-    sink = RunSink(folder, tracker, info, several=several, resume=resume)
-    try:
-        with log_file(folder), stop_request() as stop:
-            _warn_of(recording)
-            second = _second_pass(job, sink)
-            frames = len(recording)
-            if second is not None and resume and second.restore():
-                bodies = second.bodies
-                sink.remove_furniture(second.evidence)
-            else:
-                bodies, frames = _first_pass(job, sink, stop, second)
-            complete = frames == len(recording)
-            if second is not None and complete:
-                complete = second.follow(stop, partial(job.report, recording.name, "second pass"))
-                bodies = second.bodies
-            tracks = sink.finish(bodies, complete=complete)
-            if complete:
-                (folder / STATE_FILE).unlink(missing_ok=True)
-            logger.info("%s: %d of %d frames written", recording.name, frames, len(recording))
-    except DepthMocapError:
-        sink.abandon()
-        raise
-    stature = None if several else next((float(body.height) for body in bodies.values()), None)
-    summary = summarised(recording.name, folder, tracks, len(recording), unfinished=not complete, stature=stature)
-    for warning in track_warnings(summary, [float(body.height) for body in bodies.values()]):
-        warnings.warn(warning, stacklevel=4)
-    return summary
+class _Run:
+    """A tracking job in a folder that this process has locked; see `track_recording` for its parameters."""
 
+    def __init__(
+        self,
+        recording: Recording,
+        tracker: Tracker,
+        folder: Path,
+        people: int | None,
+        joints: JointSource,
+        report: RecordingProgress,
+        watcher: EventStream | None,
+    ) -> None:
+        self.recording, self.tracker, self.folder, self.several = recording, tracker, folder, people != 1
+        self.count, self.joints, self.report, self.watcher = people, joints, report, watcher
+        self.floor, self.total = floor_of(recording), len(recording)
 
-def _warn_of(recording: Recording) -> None:
-    """Warn of a recording that is not plausible, on the screen and in the run's log."""
-    for concern in plausibility(recording):
-        logger.warning("%s: %s", recording.name, concern.text)
-        warnings.warn(concern.warning(recording.name), stacklevel=5)
-
-
-def _first_pass(
-    job: Job, sink: RunSink, stop: threading.Event, second: SecondPass | None
-) -> tuple[dict[int, Body], int]:
-    """Run the first pass; return the bodies of the people and the number of frames."""
-    recording, watcher = job.recording, job.watcher
-    people_tracker = _restored(job, sink)
-    if second is not None:
-        people_tracker.sightings = second.sightings(people_tracker.frames)
-    logger.info("%s: tracking frames %d to %d", recording.name, people_tracker.frames, len(recording))
-    if watcher is not None:
-        watcher.begin(frame_rate_of(recording.timestamps), people_tracker.bodies.get(1), sink.past())
-    try:
-        _follow(job, people_tracker, sink, stop)
-    except RecordingError:
-        if people_tracker.settled and sink.begun:
-            sink.finish(people_tracker.bodies, complete=False)
-        raise
-    bodies, complete = people_tracker.bodies, people_tracker.frames == len(recording)
-    if complete:
-        sink.remove_furniture(people_tracker.finder.evidence)
-        bodies = {
-            person: body for person, body in bodies.items() if person not in furniture(people_tracker.finder.evidence)
-        }
-    if second is not None and people_tracker.sightings is not None and complete:
-        before = list(sightings_before(recording, people_tracker.finder, people_tracker.sightings, bodies))
-        people_tracker.sightings.close()  # flush the rows before a state that depends on them
-        second.begin(bodies, people_tracker.finder.evidence, before)
-    return bodies, people_tracker.frames
-
-
-def _second_pass(job: Job, sink: RunSink) -> SecondPass | None:
-    """Return the second pass, or None for a tracker with one pass or a watcher."""
-    tracker, recording = job.tracker, job.recording
-    if job.watcher is not None or not isinstance(tracker, SearchingTracker) or tracker.passes < 2:
-        return None
-    camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
-    rotation, floor = level_rotation(recording.up_camera), floor_of(recording)
-    return SecondPass(job.folder, tracker, camera, rotation, recording.timestamps, floor, sink, job.workers, job.shared)
-
-
-def floor_of(recording: Recording) -> float | None:
-    """Return the floor height, y in the level frame, metres; None without a visible floor."""
-    height = floor_height(recording)
-    return None if height is None else -height
-
-
-def _follow(job: Job, people_tracker: MultiPersonTracker, sink: RunSink, stop: threading.Event) -> None:
-    """Track from the next frame to the last one, or until a stop is requested."""
-    recording, report, watcher = job.recording, job.report, job.watcher
-    total, remembered = len(recording), time.monotonic()
-    report(recording.name, "tracking" if people_tracker.frames else "learning", people_tracker.frames, total)
-    measured = people_tracker.frames > 0
-    for frame in recording.stream(people_tracker.frames, color=people_tracker.joints.needs_color):
-        if stop.is_set():
-            break
-        measured = measured or bool(frame.depth_mm.any())
-        _write(sink, people_tracker, people_tracker.step(frame), watcher)
-        report(recording.name, "tracking" if people_tracker.settled else "learning", people_tracker.frames, total)
-        if people_tracker.settled and time.monotonic() - remembered > MEMORY_SECONDS:
-            _remember(sink, people_tracker)
-            remembered = time.monotonic()
-    if people_tracker.settled and people_tracker.frames < total:
-        _remember(sink, people_tracker)
-    # During body estimation there is no state to resume from: `resume` computes these rows again.
-    _write(sink, people_tracker, people_tracker.finish(), watcher)
-    if not measured and not stop.is_set():
-        raise RecordingError(
-            f"no frame of {recording.name} holds a measurement, only 0 or 65535; record it again, or see its unit"
-        )
-    if watcher is not None and not stop.is_set():
-        watcher.end()
-    if not stop.is_set() and people_tracker.frames < total:
-        raise RecordingError(
-            f"{recording.name} ended after {people_tracker.frames} of {total} frames; "
-            "copy it again and continue with --resume"
-        )
-
-
-def _write(sink: RunSink, people_tracker: MultiPersonTracker, rows: list[Row], watcher: EventStream | None) -> None:
-    sink.write(rows)
-    if watcher is not None:
-        for row in rows:
-            watcher.row(row.result, row.timestamp, people_tracker.bodies[row.person])
-
-
-def _remember(sink: RunSink, people_tracker: MultiPersonTracker) -> None:
-    sink.keep()
-    if people_tracker.sightings is not None:
-        people_tracker.sightings.flush()
-    save_checkpoint(sink.run / STATE_FILE, people_tracker.tracker.settings.tracker, people_tracker)
-
-
-def _restored(job: Job, sink: RunSink) -> MultiPersonTracker:
-    """Return the tracker restored from the last stored state; later rows are computed again.
-
-    If rows before the state are missing, for example after a power failure, all rows are computed again.
-    """
-    recording, tracker, path = job.recording, job.tracker, job.folder / STATE_FILE
-    people_tracker = job.people_tracker()
-    if sink.begun and os.path.lexists(path):
-        state = load_checkpoint(path, tracker.settings.tracker)
+    def track(self, info: RunInfo, resume: bool, workers: int, recipe: TrackerRecipe | None) -> RunSummary:
+        """Track as `track_recording`; `recipe` makes the tracker in worker processes."""
+        name, folder, several = self.recording.name, self.folder, self.several
+        check_run_file(folder)
+        if resume:
+            tracks = tracks_of_same_run(folder, info, self.tracker, several=several)
+            if tracks is not None and all(len(track) == self.total for track in tracks):
+                return summarised(name, folder, tracks, self.total)
+        sink = RunSink(folder, self.tracker, info, several=several, resume=resume)
         try:
-            people, frames = state["followers"], len(state["timestamps"])
-            if not people or frames <= sink.rows(people):
-                people_tracker.restore_state(state)
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
-            raise TrackError(f"cannot resume from {path} ({error}); {HINT}") from error
-        if people_tracker.timestamps != recording.timestamps[: people_tracker.frames].tolist():
-            raise TrackError(f"{path} is of another recording; {HINT}")
-    sink.cut(people_tracker.frames, people_tracker.bodies)
-    return people_tracker
+            with log_file(folder), stop_request() as stop:
+                self._warn()
+                second, frames = self._second_pass(sink, workers, recipe), self.total
+                if second is not None and resume and second.restore():
+                    bodies = second.bodies
+                    sink.remove_furniture(second.evidence)
+                else:
+                    bodies, frames = self._first_pass(sink, stop, second)
+                complete = frames == self.total
+                if second is not None and complete:
+                    complete = second.follow(stop, partial(self.report, name, "second pass"))
+                    bodies = second.bodies
+                tracks = sink.finish(bodies, complete=complete)
+                if complete:
+                    (folder / STATE_FILE).unlink(missing_ok=True)
+                logger.info("%s: %d of %d frames written", name, frames, self.total)
+        except DepthMocapError:
+            sink.abandon()
+            raise
+        stature = None if several else next((float(body.height) for body in bodies.values()), None)
+        summary = summarised(name, folder, tracks, self.total, unfinished=not complete, stature=stature)
+        for warning in track_warnings(summary, [float(body.height) for body in bodies.values()]):
+            warnings.warn(warning, stacklevel=4)
+        return summary
+
+    def _warn(self) -> None:
+        """Warn of a recording that is not plausible, on the screen and in the run's log."""
+        for concern in plausibility(self.recording):
+            logger.warning("%s: %s", self.recording.name, concern.text)
+            warnings.warn(concern.warning(self.recording.name), stacklevel=5)
+
+    def _second_pass(self, sink: RunSink, workers: int, recipe: TrackerRecipe | None) -> SecondPass | None:
+        """Return the second pass, or None for a tracker with one pass or a watcher."""
+        tracker, recording = self.tracker, self.recording
+        if self.watcher is not None or not isinstance(tracker, SearchingTracker) or tracker.passes < 2:
+            return None
+        camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
+        rotation, times = level_rotation(recording.up_camera), recording.timestamps
+        return SecondPass(self.folder, tracker, camera, rotation, times, self.floor, sink, workers, recipe)
+
+    def _first_pass(
+        self, sink: RunSink, stop: threading.Event, second: SecondPass | None
+    ) -> tuple[dict[int, Body], int]:
+        """Run the first pass; return the bodies of the people and the number of frames."""
+        recording, people = self.recording, self._restored(sink)
+        if second is not None:
+            people.sightings = second.sightings(people.frames)
+        logger.info("%s: tracking frames %d to %d", recording.name, people.frames, self.total)
+        if self.watcher is not None:
+            self.watcher.begin(frame_rate_of(recording.timestamps), people.bodies.get(1), sink.past())
+        try:
+            self._follow(people, sink, stop)
+        except RecordingError:
+            if people.settled and sink.begun:
+                sink.finish(people.bodies, complete=False)
+            raise
+        bodies, evidence, complete = people.bodies, people.finder.evidence, people.frames == self.total
+        if complete:
+            sink.remove_furniture(evidence)
+            bodies = {person: body for person, body in bodies.items() if person not in furniture(evidence)}
+        if second is not None and people.sightings is not None and complete:
+            before = list(sightings_before(recording, people.finder, people.sightings, bodies))
+            people.sightings.close()  # flush the rows before a state that depends on them
+            second.begin(bodies, evidence, before)
+        return bodies, people.frames
+
+    def _follow(self, people: MultiPersonTracker, sink: RunSink, stop: threading.Event) -> None:
+        """Track from the next frame to the last one, or until a stop is requested."""
+        recording, remembered, measured = self.recording, time.monotonic(), people.frames > 0
+        self.report(recording.name, "tracking" if measured else "learning", people.frames, self.total)
+        for frame in recording.stream(people.frames, color=people.joints.needs_color):
+            if stop.is_set():
+                break
+            measured = measured or bool(frame.depth_mm.any())
+            self._write(people.step(frame), people, sink)
+            self.report(recording.name, "tracking" if people.settled else "learning", people.frames, self.total)
+            if people.settled and time.monotonic() - remembered > MEMORY_SECONDS:
+                self._remember(people, sink)
+                remembered = time.monotonic()
+        if people.settled and people.frames < self.total:
+            self._remember(people, sink)
+        # During body estimation there is no state to resume from: `resume` computes these rows again.
+        self._write(people.finish(), people, sink)
+        if stop.is_set():
+            return
+        if not measured:
+            raise RecordingError(
+                f"no frame of {recording.name} holds a measurement, only 0 or 65535; record it again, or see its unit"
+            )
+        if self.watcher is not None:
+            self.watcher.end()
+        if people.frames < self.total:
+            raise RecordingError(
+                f"{recording.name} ended after {people.frames} of {self.total} frames; "
+                "copy it again and continue with --resume"
+            )
+
+    def _write(self, rows: list[Row], people: MultiPersonTracker, sink: RunSink) -> None:
+        sink.write(rows)
+        if self.watcher is not None:
+            for row in rows:
+                self.watcher.row(row.result, row.timestamp, people.bodies[row.person])
+
+    def _remember(self, people: MultiPersonTracker, sink: RunSink) -> None:
+        sink.keep()
+        if people.sightings is not None:
+            people.sightings.flush()
+        save_checkpoint(self.folder / STATE_FILE, self.tracker.settings.tracker, people)
+
+    def _restored(self, sink: RunSink) -> MultiPersonTracker:
+        """Return the tracker of the people restored from the last stored state; later rows are computed again.
+
+        If rows before the state are missing, for example after a power failure, all rows are computed again.
+        """
+        recording, path = self.recording, self.folder / STATE_FILE
+        finder = find(recording, self.count, self.tracker.settings.sensing)
+        people = MultiPersonTracker(self.tracker, finder, recording.up_camera, self.joints, self.floor)
+        if sink.begun and os.path.lexists(path):
+            state = load_checkpoint(path, self.tracker.settings.tracker)
+            try:
+                known, frames = state["followers"], len(state["timestamps"])
+                if not known or frames <= sink.rows(known):
+                    people.restore_state(state)
+            except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
+                raise TrackError(f"cannot resume from {path} ({error}); {HINT}") from error
+            if people.timestamps != recording.timestamps[: people.frames].tolist():
+                raise TrackError(f"{path} is of another recording; {HINT}")
+        sink.cut(people.frames, people.bodies)
+        return people
