@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from database_builder.prior import learn_prior
-from database_builder.process_pool import process_pool
 from database_builder.reading import MocapFile, find_sources, of_clip, read_source
 from database_builder.sampling import PosePool
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import observed_offsets
-from toolkit.io.errors import MocapError, PlausibilityWarning, UsageError
+from toolkit.io.errors import DatabaseError, MocapError, PlausibilityWarning, UsageError
 from toolkit.io.files import check_output, is_folder
 from toolkit.io.progress import Progress, silent
-from toolkit.io.workers import usable_processors
+from toolkit.io.workers import task_of, usable_processors
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 
@@ -181,8 +182,8 @@ class _Build:
     def database(self, pool: PosePool, skipped: Sequence[tuple[str, str]]) -> PoseDatabase:
         """Return the selected poses with their observed offsets and their prior."""
         self.report("sample", 0, 1)
-        selected = pool.select()
-        poses = selected.rows.poses
+        selected, thinned = pool.select()
+        poses = selected.poses
         self.report("sample", 1, 1)
         self.end("sample")
         offsets = self.observe(poses)
@@ -192,7 +193,7 @@ class _Build:
         chosen = self.sampling
         notes = {
             "poses_read": pool.poses_read, "mirror": chosen.mirror, "seated": chosen.seated,
-            "max_poses": chosen.max_poses, "skipped": [list(s) for s in skipped], "thinned": selected.thinned,
+            "max_poses": chosen.max_poses, "skipped": [list(s) for s in skipped], "thinned": thinned,
         }  # fmt: skip
         return PoseDatabase.of_poses(
             poses, self.body, pool.origins(selected), offsets=offsets, threshold=chosen.threshold, notes=notes,
@@ -229,3 +230,39 @@ def _sources(sources: Sequence[str | Path | PoseClip] | None, body: Body) -> tup
     if not files and not clips:
         raise UsageError("there is no source to build a pose database from; give a folder with mocap")
     return files, clips
+
+
+@contextmanager
+def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
+
+    The pool is joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster replaces it. At most
+    8 results per process are buffered, so that memory does not grow with the number of items.
+
+    Raises
+    ------
+    DatabaseError
+        A process was killed.
+    """
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    around = joblib.parallel.get_active_backend()[0]
+    if workers <= 1 and isinstance(around, joblib.parallel.LokyBackend):
+        yield map
+        return
+
+    def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        rest, waiting = iter(items), 8  # unread results per process
+        while some := list(islice(rest, waiting * workers)):
+            yield from parallel(joblib.delayed(task_of(function))(item) for item in some)
+
+    own = isinstance(around, joblib.parallel.LokyBackend)
+    try:
+        with joblib.parallel_config("loky", inner_max_num_threads=1) if own else nullcontext():
+            with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
+                yield mapped
+    except TerminatedWorkerError as error:
+        raise DatabaseError(
+            "a process of the build was killed, perhaps by lack of memory; use fewer workers"
+        ) from error

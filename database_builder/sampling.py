@@ -9,7 +9,6 @@ cover of the selection of a selected one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -103,21 +102,6 @@ class Rows(NamedTuple):
         return Rows(*(column[rows] for column in self))
 
 
-@dataclass(frozen=True, eq=False)
-class Selection:
-    """Selected poses in the order of selection.
-
-    Attributes
-    ----------
-    rows : the poses
-    thinned : number of remaining candidates, and maximum distance of a pose from the nearest of them, metres in the
-        unit of Eq. 5.1; empty without thinning
-    """
-
-    rows: Rows
-    thinned: dict[str, float]
-
-
 class PosePool:
     """Collector of poses with selection.
 
@@ -163,13 +147,16 @@ class PosePool:
         self._left.append(part.taken(np.sort(chosen)))
         self._filled = 0
 
-    def origins(self, selected: Selection) -> PoseOrigins:
+    def origins(self, selected: Rows) -> PoseOrigins:
         """Return the origins of the selected poses."""
-        rows = selected.rows
-        return PoseOrigins(self.names, self.digests, rows.source, rows.frame, rows.mirrored)
+        return PoseOrigins(self.names, self.digests, selected.source, selected.frame, selected.mirrored)
 
-    def select(self) -> Selection:
-        """Select poses; the pool is empty afterwards."""
+    def select(self) -> tuple[Rows, dict[str, float]]:
+        """Return the selected poses in the order of selection; the pool is empty afterwards.
+
+        With them, empty without thinning, the number of remaining candidates, and the maximum distance of a pose from
+        the nearest of them, metres in the unit of Eq. 5.1.
+        """
         if not self._left:
             left = self._open.taken(slice(self._filled))
         else:
@@ -178,4 +165,4 @@ class PosePool:
             self._left, self._open = [], Rows.empty(0)
             left = Rows(*(np.concatenate(columns.pop(0)) for _ in Rows._fields))
         thinned = {"poses": len(left.poses), "cover": self._cover} if self._cover else {}
-        return Selection(left.taken(farthest_first(left.joints, self._threshold, self._max_poses)), thinned)
+        return left.taken(farthest_first(left.joints, self._threshold, self._max_poses)), thinned

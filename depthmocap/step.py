@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from depthmocap.tracks import Track, tracker_of
+from depthmocap.tracks import Track, count_of, tracker_of
 from toolkit.app.pipeline.live import begin_live
 from toolkit.body.body import Body
 from toolkit.io.errors import RecordingError, UsageError
@@ -102,11 +102,9 @@ class Tracker:
         keep_track: bool = True,
         **options: Any,
     ) -> None:
-        if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
-            raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
+        self._count = count_of(people)
         self._tracker = tracker_of(database, config, settings)
         self._options = {"intrinsics": intrinsics, **options}
-        self._count = None if people == "all" else people
         self._background, self._keep_track = background, keep_track
         self._recording: Recording | None = None
         self._people: LivePeople | None = None

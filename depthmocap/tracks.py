@@ -234,12 +234,10 @@ def track(
     """
     from toolkit.app.pipeline import track_recording
 
-    if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
-        raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
+    count = count_of(people)
     given = {"intrinsics": intrinsics, "frame_rate": frame_rate, **options}
     tracker = tracker_of(database, config, settings)
     recording = _recording(depth, timestamps, background, {k: v for k, v in given.items() if v is not None})
-    count = None if people == "all" else people
     with TemporaryDirectory(prefix="depthmocap-") as run:
         summary = track_recording(
             recording, tracker, run, people=count,
@@ -271,6 +269,13 @@ def _recording(
     if options:
         raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is already open")
     return depth
+
+
+def count_of(people: int | Literal["all"]) -> int | None:
+    """Return the number of people, None for all; raises UsageError for anything else."""
+    if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
+        raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
+    return None if people == "all" else people
 
 
 def tracker_of(database: str | Path | None, config: str | Path | None, settings: Mapping[str, Any] | None) -> Tracker:

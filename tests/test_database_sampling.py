@@ -101,17 +101,17 @@ def filled(threshold: float, most: int | None) -> PosePool:
 
 
 def test_what_fits_is_selected_plainly() -> None:
-    selected = filled(0.1, 40).select()
+    selected, thinned = filled(0.1, 40).select()
     joints = np.concatenate([one.joints for one in sources()])
-    np.testing.assert_array_equal(selected.rows.joints, joints[farthest_first(joints, 0.1, 40)])
-    assert selected.thinned == {}
+    np.testing.assert_array_equal(selected.joints, joints[farthest_first(joints, 0.1, 40)])
+    assert thinned == {}
 
 
 @pytest.mark.parametrize("part", [50, 64, 600])
 def test_each_row_has_its_origin(part: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampling, "PART", part)
     made = filled(0.05, None)
-    rows, given = made.select().rows, sources()
+    rows, given = made.select()[0], sources()
     assert made.poses_read == 2 * sum(SIZES) and made.names == [one.name for one in given]
     for pose, source, frame, mirrored in zip(rows.poses, rows.source, rows.frame, rows.mirrored, strict=True):
         np.testing.assert_array_equal(pose, given[source].poses[frame + mirrored * given[source].frames])
@@ -122,15 +122,15 @@ def test_thinned_parts_cover_all_poses_as_far_as_is_said(
     threshold: float, most: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sampling, "PART", 90)
-    selected = filled(threshold, most).select()
-    joints, chosen = np.concatenate([one.joints for one in sources()]), selected.rows.joints
+    selected, thinned = filled(threshold, most).select()
+    joints, chosen = np.concatenate([one.joints for one in sources()]), selected.joints
     nearest = np.array([pose_distance(chosen, one).min() for one in joints])
     last = pose_distance(chosen[:-1], chosen[-1]).min() if most else threshold
-    assert nearest.max() <= selected.thinned["cover"] + max(last, threshold) + 1e-6
-    assert len(chosen) < selected.thinned["poses"] < len(joints) and (most is None or len(chosen) <= most)
+    assert nearest.max() <= thinned["cover"] + max(last, threshold) + 1e-6
+    assert len(chosen) < thinned["poses"] < len(joints) and (most is None or len(chosen) <= most)
 
 
 def test_a_part_keeps_as_many_poses_as_are_wanted_in_all(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampling, "PART", 100)
-    assert filled(0.0, 60).select().thinned["poses"] == 6 * 60
-    assert filled(0.0, None).select().thinned["poses"] == 6 * 5
+    assert filled(0.0, 60).select()[1]["poses"] == 6 * 60
+    assert filled(0.0, None).select()[1]["poses"] == 6 * 5

@@ -491,8 +491,9 @@ def test_a_run_killed_after_leaving_a_track_out_resumes_from_the_other_rows(
     sink: Any = SimpleNamespace(rows=rows)
     body = load_body("neutral")
     for frames in (20, 21):
-        camera, times = open_recording(take).camera, np.arange(frames) / RATE
-        killed, again = (second.SecondPass(tmp_path, tracker, camera, np.eye(3), times, None, sink) for _ in range(2))
+        recording = open_recording(take)
+        recording.timestamps = np.arange(frames) / RATE
+        killed, again = (second.SecondPass(tmp_path, tracker, recording, None, sink) for _ in range(2))
         thing = Evidence(4, -40.0, 4)
         killed.begin({1: body, 2: body}, {1: Evidence(4, 8.0, 4), 2: thing}, [])
         assert again.restore() == (frames == 20) and set(again.bodies) == {1, 2}

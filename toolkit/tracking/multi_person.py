@@ -204,12 +204,6 @@ class MultiPersonTracker:
         ]
 
     def _row(self, person: int, sighting: Sighting | None, frame: int, timestamp: float, prepare_ms: float) -> Row:
-        return self._row_of(self._followers[person], person, sighting, frame, timestamp, prepare_ms)
-
-    def _row_of(
-        self, follower: PersonFollower, person: int, sighting: Sighting | None, frame: int, timestamp: float,
-        prepare_ms: float,
-    ) -> Row:  # fmt: skip
         clock = StageClock(self.tracker.stage_names)
         clock.charge(self.tracker.stage_names[0], prepare_ms)
-        return Row(person, frame, timestamp, follower.step(sighting, timestamp, clock))
+        return Row(person, frame, timestamp, self._followers[person].step(sighting, timestamp, clock))

@@ -11,6 +11,7 @@ from toolkit.io.parts import Parts
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.guide import Guide
 from toolkit.tracking.tracker_settings import TrackerSettings
 from toolkit.tracks import FrameResult
 
@@ -46,22 +47,16 @@ class PersonFollower(Protocol):
 
 
 class BodyLearner(Protocol):
-    """Learner of one person's body, from sighting to sighting.
-
-    Attributes
-    ----------
-    found : True once the person was found, so that `predicted` is available
-    body : as learnt so far; None before the first sighting
-    """
+    """Learner of one person's body, from sighting to sighting."""
 
     @property
     def found(self) -> bool:
-        """See above."""
+        """True once the person was found, so that `predicted` is available."""
         ...
 
     @property
     def body(self) -> Body | None:
-        """See above."""
+        """Body as learnt so far; None before the first sighting."""
         ...
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
@@ -93,45 +88,46 @@ class AcceptsBody(Protocol):
         ...
 
 
+@runtime_checkable
+class AcceptsGuide(Protocol):
+    """Tracker that inertial sensors guide."""
+
+    guide: Guide
+
+
 class Tracker(Protocol):
     """Tracking method with its settings; it makes the followers of the people in front of a camera.
 
     Attributes
     ----------
-    settings : written beside its results
     database : path of the pose database it uses, empty for none
-    stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
-    source_names : of the hypotheses that can win, indexed by `FrameResult.source`
-    learning_seconds : how long a person is seen before a body is learnt and the first row is written; 0 = no body is
-    joints_wanted : use of image joints: "none" ignores them, "offered" uses those of the recording or the user,
-        "required" needs them unless the user declines
     """
 
     database: str
 
     @property
     def settings(self) -> TrackerSettings:
-        """See above."""
+        """Settings, written beside the results."""
         ...
 
     @property
     def stage_names(self) -> tuple[str, ...]:
-        """See above."""
+        """Names of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"."""
         ...
 
     @property
     def source_names(self) -> tuple[str, ...]:
-        """See above."""
+        """Names of the hypotheses that can win, indexed by `FrameResult.source`."""
         ...
 
     @property
     def learning_seconds(self) -> float:
-        """See above."""
+        """Seconds in view before a body is learnt and the first row is written; 0 = no body is learnt."""
         ...
 
     @property
     def joints_wanted(self) -> Wanted:
-        """See above."""
+        """Use of image joints: "none", "offered" (of the recording or the user), "required" (unless declined)."""
         ...
 
     def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> BodyLearner:

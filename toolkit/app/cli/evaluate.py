@@ -70,12 +70,9 @@ def evaluate(
             check_output(output / name, references or ())
     with progress_bars() as bars:
         table = evaluate_runs(
-            runs,
-            references,
-            surface=surface,
-            recording=recording,
+            runs, references, surface=surface, recording=recording,
             progress=lambda name, done, total: bars("evaluating", done, total),
-        )
+        )  # fmt: skip
     print_table(table.to_rich())
     if output is None:
         print_lines("all figures as files and plots: --output FOLDER", file=sys.stderr)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -68,13 +69,9 @@ def joints(
     opened = open_recording(recording, **reading.options())
     with progress_bars() as bars:
         stored = store_joints(
-            opened,
-            output,
-            choice,
-            people=people_of(people),
-            sensing=SensingSettings(**given(segment=segment)),
-            progress=lambda done, total: bars("joints", done, total),
-        )
+            opened, output, choice, people=people_of(people), sensing=SensingSettings(**given(segment=segment)),
+            progress=partial(bars, "joints"),
+        )  # fmt: skip
     found = sum(bool(stored.joints_2d(i)) for i in range(len(stored)))
     print_lines(f"joints in {found} of {len(stored)} frames: {output}")
 

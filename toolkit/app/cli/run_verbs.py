@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -46,14 +47,9 @@ def render(
     frames = None if (start, end) == (0, None) else slice(start, end)
     with progress_bars() as bars:
         written = render_run(
-            run,
-            output,
-            recording=recording,
-            settings=settings,
-            frames=frames,
-            rate=rate,
-            progress=lambda done, total: bars("drawing", done, total),
-        )
+            run, output, recording=recording, settings=settings, frames=frames, rate=rate,
+            progress=partial(bars, "drawing"),
+        )  # fmt: skip
     print_lines(written)
 
 

@@ -7,7 +7,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,30 +29,18 @@ def print_lines(*texts: object, sep: str = " ", file: TextIO | None = None) -> N
     print("\n".join(map(printable, lines)), file=file or sys.stdout, flush=True)
 
 
-class LogLines:
-    """Progress as one line per minute, for a pipe or a log; short work prints nothing."""
+def log_lines(every: float = MINUTE) -> Progress:
+    """Return progress as at most one line per minute, for a pipe or a log; short work prints nothing."""
+    begun = last = time.monotonic()
 
-    def __init__(self, every: float = MINUTE) -> None:
-        self._latest: tuple[str, int, int] | None = None
-        self._every, self._begun, self._over = every, time.monotonic(), threading.Event()
-        self._thread = threading.Thread(target=self._print_line, daemon=True)
-        self._thread.start()
+    def show(doing: str, done: int, total: int) -> None:
+        nonlocal last
+        if time.monotonic() - last >= every:
+            last = time.monotonic()
+            minutes = (last - begun) / MINUTE
+            print(f"{doing}: {done} of {total} after {minutes:.0f} min", file=sys.stderr, flush=True)
 
-    def __call__(self, doing: str, done: int, total: int) -> None:
-        """See `Progress`."""
-        self._latest = (doing, done, total)
-
-    def close(self) -> None:
-        """Stop printing lines."""
-        self._over.set()
-        self._thread.join()
-
-    def _print_line(self) -> None:
-        while not self._over.wait(self._every):
-            if self._latest is not None:
-                doing, done, total = self._latest
-                minutes = (time.monotonic() - self._begun) / MINUTE
-                print(f"{doing}: {done} of {total} after {minutes:.0f} min", file=sys.stderr, flush=True)
+    return show
 
 
 def doing_words(doing: str) -> str:
@@ -66,11 +53,7 @@ def doing_words(doing: str) -> str:
 def progress_bars() -> Iterator[Progress]:
     """Show progress on the standard error: a bar per task in a terminal, else one line per minute."""
     if not sys.stderr.isatty():
-        lines = LogLines()
-        try:
-            yield lines
-        finally:
-            lines.close()
+        yield log_lines()
         return
     from rich import progress
     from rich.console import Console

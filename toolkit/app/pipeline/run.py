@@ -13,10 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from toolkit.app.pipeline.earlier import sightings_before
-from toolkit.app.pipeline.folder import STATE_FILE, check_inputs, check_run_file, info_of, tracks_of_same_run
 from toolkit.app.pipeline.image_joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.app.pipeline.run_summary import RunSummary, summarised, track_warnings
-from toolkit.app.pipeline.run_writer import RunSink
+from toolkit.app.pipeline.run_writer import (
+    STATE_FILE,
+    RunSink,
+    check_inputs,
+    check_run_file,
+    info_of,
+    tracks_of_same_run,
+)
 from toolkit.app.pipeline.second import SecondPass
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.app.pipeline.watch import log_file, stop_request
@@ -30,8 +36,6 @@ from toolkit.people.joint_masks import JointSource
 from toolkit.people.plausibility import plausibility
 from toolkit.people.survey import find
 from toolkit.people.vertical import floor_of
-from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording, frame_rate_of
 from toolkit.tracking.multi_person import MultiPersonTracker, Row
 from toolkit.tracking.searching import SearchingTracker
@@ -170,12 +174,10 @@ class _Run:
 
     def _second_pass(self, sink: RunSink, workers: int, recipe: TrackerRecipe | None) -> SecondPass | None:
         """Return the second pass, or None for a tracker with one pass or a watcher."""
-        tracker, recording = self.tracker, self.recording
+        tracker = self.tracker
         if self.watcher is not None or not isinstance(tracker, SearchingTracker) or tracker.passes < 2:
             return None
-        camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
-        rotation, times = level_rotation(recording.up_camera), recording.timestamps
-        return SecondPass(self.folder, tracker, camera, rotation, times, self.floor, sink, workers, recipe)
+        return SecondPass(self.folder, tracker, self.recording, self.floor, sink, workers, recipe)
 
     def _first_pass(
         self, sink: RunSink, stop: threading.Event, second: SecondPass | None

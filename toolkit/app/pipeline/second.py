@@ -10,7 +10,6 @@ from contextlib import ExitStack, closing
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,7 +21,9 @@ from toolkit.io.checkpoint import load_checkpoint, restore, save_checkpoint
 from toolkit.io.files import is_folder
 from toolkit.io.workers import task_of
 from toolkit.people.evidence import Evidence, furniture
-from toolkit.sensing.camera import Camera
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.depth_filter import DepthFilter
+from toolkit.sensing.recording import Recording
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.sightings import SightingFile, StoredSighting
@@ -45,8 +46,7 @@ class SecondPass:
     ----------
     run : the run folder, in which the sightings of the first pass lie
     tracker : tracker of the first pass
-    camera, level_rotation : those of the sightings
-    timestamps : float64 (T,), seconds, of all frames
+    recording : read in the first pass
     floor : y of the floor, metres, level frame, None where it is not known
     sink : holds the rows of the first pass
     workers : number of processes that share the people
@@ -67,16 +67,15 @@ class SecondPass:
         self,
         run: Path,
         tracker: SearchingTracker,
-        camera: Camera,
-        level_rotation: np.ndarray,
-        timestamps: np.ndarray,
+        recording: Recording,
         floor: float | None,
         sink: RunSink,
         workers: int = 1,
         recipe: TrackerRecipe | None = None,
     ) -> None:
-        self._folder, self._tracker, self._camera, self._rotation = run / FOLDER, tracker, camera, level_rotation
-        self._timestamps, self._floor, self._sink = timestamps, floor, sink
+        self._folder, self._tracker, self._floor, self._sink = run / FOLDER, tracker, floor, sink
+        self._camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
+        self._rotation, self._timestamps = level_rotation(recording.up_camera), recording.timestamps
         self.bodies, self.evidence, self._finished = {}, {}, []
         self._workers, self._recipe = workers, recipe
 
@@ -192,17 +191,9 @@ class SecondPass:
             if frame in rows:
                 last = rows[frame]
                 yield replace(last, stage_ms=last.stage_ms + spent[frame]), moment
-            else:
-                yield replace(last, source=predicted, stage_ms=spent[frame], **_nothing(last)), moment
+                continue
+            nothing = {"confidence": np.zeros_like(last.confidence), "observed": np.zeros_like(last.observed)}
+            yield replace(last, stage_ms=spent[frame], state=EMPTY, source=predicted, **nothing), moment
 
     def _keep(self) -> None:
         save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, self)
-
-
-def _nothing(result: FrameResult) -> dict[str, Any]:
-    """Return the row entries of unknown joints."""
-    return {
-        "state": EMPTY,
-        "confidence": np.zeros_like(result.confidence),
-        "observed": np.zeros_like(result.observed),
-    }

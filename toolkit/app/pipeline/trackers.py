@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from toolkit.app.config import load_settings, tracker_name
+from toolkit.body.personal import load_body_file
 from toolkit.database.database import PoseDatabase
 from toolkit.io.errors import UsageError
 from toolkit.io.files import is_file, sha256_of
 from toolkit.tracking.guide import Guide
 from toolkit.tracking.registry import DEFAULT, Registration, registered
-from toolkit.tracking.tracker_protocol import AcceptsBody, Tracker
+from toolkit.tracking.tracker_protocol import AcceptsBody, AcceptsGuide, Tracker
 from toolkit.tracking.tracker_settings import TrackerSettings
 
 
@@ -56,7 +57,16 @@ class TrackerRecipe:
             raise UsageError(f"the tracker {settings.tracker!r} needs a pose database; name one")
         else:
             tracker = self._registration().build(settings, PoseDatabase.load(self.database), str(self.database))
-        return _with_guide(_with_body(tracker, self.body), guide)
+        if self.body is not None:
+            own = load_body_file(self.body)
+            if not isinstance(tracker, AcceptsBody):
+                raise UsageError(f"the tracker {settings.tracker!r} takes no body; leave --body out")
+            tracker.set_body(own)
+        if guide is not None:
+            if not isinstance(tracker, AcceptsGuide):
+                raise UsageError(f"the tracker {settings.tracker!r} takes no inertial sensors; use the hybrid one")
+            tracker.guide = guide
+        return tracker
 
     def settings(self) -> TrackerSettings:
         """Return the settings of the tracker; raises SettingsError as `build`."""
@@ -96,26 +106,3 @@ def worker_tracker(recipe: TrackerRecipe) -> Tracker:
     if key not in _WORKER_TRACKERS:
         _WORKER_TRACKERS[key] = recipe.build()
     return _WORKER_TRACKERS[key]
-
-
-def _with_body(tracker: Tracker, body: str | Path | None) -> Tracker:
-    if body is None:
-        return tracker
-    from toolkit.body.personal import load_body_file
-
-    own = load_body_file(body)
-    if not isinstance(tracker, AcceptsBody):
-        raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no body; leave --body out")
-    tracker.set_body(own)
-    return tracker
-
-
-def _with_guide(tracker: Tracker, guide: Guide | None) -> Tracker:
-    if guide is None:
-        return tracker
-    from toolkit.trackers.hybrid.tracker import HybridTracker
-
-    if not isinstance(tracker, HybridTracker):
-        raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no inertial sensors; use the hybrid one")
-    tracker.guide = guide
-    return tracker
