@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -82,26 +82,21 @@ def _options(options: dict[str, Any]) -> ReaderOptions:
 def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> CloudFrames:
     """Return frames of clouds; the first one that has points decides on the camera."""
 
+    grid: tuple[int, int] | None = None
+
     def loaded(i: int) -> RawCloud | None:
         points, colors = _arrays(clouds[i])
-        return usable_cloud(points, colors, None, options.axes, f"cloud {i}") if len(points) else None
+        if not len(points):
+            return None
+        fits = grid is not None and len(points) == grid[0] * grid[1]
+        return usable_cloud(points, colors, grid if fits else None, options.axes, f"cloud {i}")
 
-    number = next((i for i, cloud in enumerate(clouds) if len(_arrays(cloud)[0])), None)
-    if number is None:
+    first = next((cloud for i in range(len(clouds)) if (cloud := loaded(i)) is not None), None)
+    if first is None:
         raise RecordingError(f"none of the {len(clouds)} clouds holds a point; give at least one measurement")
-    first = loaded(number)
-    assert first is not None
     grid = _grid_of(first.points, options.size)
-    with_grid: Callable[[int], RawCloud | None] = loaded
-    if grid is not None:
-        count = grid[0] * grid[1]
-
-        def with_grid(i: int) -> RawCloud | None:
-            cloud = loaded(i)
-            return replace(cloud, grid=grid) if cloud is not None and len(cloud.points) == count else cloud
-
     names = [f"cloud {i}" for i in range(len(clouds))]
-    return CloudFrames(names, with_grid, replace(first, grid=grid), options, path)
+    return CloudFrames(names, loaded, replace(first, grid=grid), options, path)
 
 
 def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int] | None:

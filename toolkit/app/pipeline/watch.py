@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from toolkit.io.errors import OutputError, os_errors_as
-from toolkit.io.interrupts import ENDING
+from toolkit.io.interrupts import ENDING, signals_handled
 from toolkit.io.safe_open import open_file
 
 LOG_FILE = "log.txt"
@@ -24,23 +24,13 @@ def stop_request() -> Iterator[threading.Event]:
     Signals can only be handled in the main thread; in others the event is never set.
     """
     stop = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, *ENDING)}
-    before = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}  # as by nohup
 
-    def request(number: int, frame: object) -> None:
+    def request(number: int) -> None:
         stop.set()
-        signal.signal(number, before[signal.Signals(number)])
+        signal.signal(number, usual[number])
 
-    for number in before:
-        signal.signal(number, request)
-    try:
+    with signals_handled((signal.SIGINT, *ENDING), request) as usual:
         yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 class _Quiet(logging.StreamHandler):

@@ -6,19 +6,25 @@ from collections.abc import Callable
 from pathlib import Path
 
 from toolkit.io.errors import RecordingError, UsageError
+from toolkit.io.files import is_file
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import cloud, mkv, npy, npz, png, raw, record3d, ros, stray, tum, utd_mhad
 from toolkit.sensing.recording import Recording
 
 Reader = Callable[[Path, ReaderOptions], Recording]
 
+
+def _ends_in(suffix: str) -> Callable[[Path], bool]:
+    return lambda path: path.suffix.lower() == suffix and is_file(path)
+
+
 READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
-    "npz": (npz.matches, npz.read),
-    "npy": (npy.matches, npy.read),
-    "utd_mhad": (utd_mhad.matches, utd_mhad.read),
+    "npz": (_ends_in(".npz"), npz.read),
+    "npy": (_ends_in(".npy"), npy.read),
+    "utd_mhad": (_ends_in(".mat"), utd_mhad.read),
     "ros": (ros.matches, ros.read),
-    "mkv": (mkv.matches, mkv.read),
-    "record3d": (record3d.matches, record3d.read),
+    "mkv": (_ends_in(".mkv"), mkv.read),
+    "record3d": (_ends_in(".r3d"), record3d.read),
     "tum": (tum.matches, tum.read),
     "stray": (stray.matches, stray.read),
     "png": (png.matches, png.read),

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from toolkit.io.errors import RecordingError
-from toolkit.io.files import is_file
 from toolkit.io.yaml_reader import parse_json
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import chosen_camera, damaged, decoded, recording_of_source, upright
@@ -35,11 +34,6 @@ DEPTH_MODES = {
 """Image size -> side of the binned sensor in pixels, and first column and row of the window."""
 IMU_CODEC, IMU_SAMPLE = "S_K4A/IMU", struct.Struct("<Q3fQ3f")
 """Record of time in ns, acceleration in m/s^2, time, and angular velocity."""
-
-
-def matches(path: Path) -> bool:
-    """Return whether `path` has the suffix of Matroska."""
-    return is_file(path) and path.suffix.lower() == ".mkv"
 
 
 @dataclass(frozen=True)
@@ -120,7 +114,6 @@ class _MkvFrames(FrameSource):
         return len(self._depth.blocks)
 
     def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`, uint16 (H, W)."""
         shape = (self._depth.height, self._depth.width)
         with damaged(self._path):
             data = self._file.read(self._depth.blocks[i])

@@ -12,11 +12,6 @@ from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, recordin
 from toolkit.sensing.recording import Recording
 
 
-def matches(path: Path) -> bool:
-    """Return whether `path` has the suffix of a NumPy array."""
-    return path.suffix == ".npy"
-
-
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open an array of depth images without reading it: integers are millimetres, floats metres.
 

@@ -88,11 +88,6 @@ METADATA = {
 """Members that are read immediately; the others are read frame by frame or ignored."""
 
 
-def matches(path: Path) -> bool:
-    """Return whether `path` has the suffix of NPZ."""
-    return path.suffix == ".npz"
-
-
 class _NpzFrames(FrameSource):
     """Frames of the members `depth` and `color` of an NPZ file."""
 
@@ -120,11 +115,9 @@ class _NpzFrames(FrameSource):
         return self._depth.row(i)
 
     def frames(self) -> Iterator[np.ndarray]:
-        """Yield the raw frames in order."""
         return self._depth.rows()
 
     def color(self, i: int) -> np.ndarray | None:
-        """Return the colour of frame `i`, or None."""
         return None if self._color is None else self._color.row(i)
 
 

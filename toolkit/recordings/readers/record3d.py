@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from toolkit.io.errors import RecordingError, optional_package
-from toolkit.io.files import is_file
 from toolkit.io.yaml_reader import LARGEST_JSON, parse_json
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
@@ -25,11 +24,6 @@ from toolkit.recordings.readers.base import (
 )
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
-
-
-def matches(path: Path) -> bool:
-    """Return whether `path` has the suffix of Record3D."""
-    return is_file(path) and path.suffix.lower() == ".r3d"
 
 
 class _Record3dFrames(FrameSource):
@@ -46,7 +40,6 @@ class _Record3dFrames(FrameSource):
         return self._count
 
     def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`, float32 (H, W), metres."""
         with damaged(self._path):
             data = self._decompress(self._member(f"rgbd/{i}.depth"))
             return np.frombuffer(data, "<f4").reshape(self._shape)

@@ -203,7 +203,6 @@ class _RosFrames(FrameSource):
         return image
 
     def frames(self) -> Iterator[np.ndarray]:
-        """Yield the raw frames in order."""
         return self._images(self._depth, 0)
 
     def color(self, i: int) -> np.ndarray | None:

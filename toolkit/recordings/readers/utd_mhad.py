@@ -25,11 +25,6 @@ SUFFIX = "_depth"
 _OURS_FROM_KINECT = {3: 0, **{4 + i: 4 + i for i in range(16)}}
 
 
-def matches(path: Path) -> bool:
-    """Return whether `path` has the suffix of MATLAB."""
-    return path.suffix == ".mat"
-
-
 def joints_from_kinect(found: np.ndarray) -> np.ndarray:
     """Return our 20 joints, camera frame of the raw image, of a Kinect skeleton (20, 3, T): float32 (T, 20, 3), metres.
 
