@@ -12,7 +12,8 @@ import numpy as np
 from toolkit.io.errors import RecordingError, UsageError
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import chosen_camera, recording_of_source
-from toolkit.recordings.readers.cloud import GRID_POINTS, CloudFrames, RawCloud, camera_of_grid, usable_cloud
+from toolkit.recordings.readers.cloud import GRID_POINTS, RawCloud, camera_of_grid, cloud_frames, usable_cloud
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording, memory_path
 
 
@@ -57,13 +58,11 @@ def recording_of_open3d(
         raise UsageError(f"frames are of type {', '.join(kinds)}; give PointCloud or RGBDImage of Open3D, all of one")
     chosen, path = _options(options), memory_path(name)
     times = None if timestamps is None else np.asarray(timestamps, dtype=np.float64)
-    source: _Images | CloudFrames
     if kinds == ["RGBDImage"]:
-        source = _Images(several)
-        camera = chosen_camera(chosen, source.shape, path)
+        source, shape = _image_frames(several)
+        camera = chosen_camera(chosen, shape, path)
     else:
-        source = _cloud_frames(several, chosen, path)
-        camera = source.camera
+        source, camera = _clouds(several, chosen, path)
     return recording_of_source(
         path, source, camera, chosen, name=name, unit="m", timestamps=times, background=background
     )
@@ -79,8 +78,8 @@ def _options(options: dict[str, Any]) -> ReaderOptions:
     return ReaderOptions.from_mapping({**sized, **options, "intrinsics": numbers})
 
 
-def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> CloudFrames:
-    """Return frames of clouds; the first one that has points decides on the camera."""
+def _clouds(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> tuple[FrameSource, Camera]:
+    """Return frames of clouds and their camera; the first one that has points decides on the camera."""
 
     grid: tuple[int, int] | None = None
 
@@ -96,7 +95,7 @@ def _cloud_frames(clouds: Sequence[Any], options: ReaderOptions, path: Path) -> 
         raise RecordingError(f"none of the {len(clouds)} clouds holds a point; give at least one measurement")
     grid = _grid_of(first.points, options.size)
     names = [f"cloud {i}" for i in range(len(clouds))]
-    return CloudFrames(names, loaded, replace(first, grid=grid), options, path)
+    return cloud_frames(names, loaded, replace(first, grid=grid), options, path)
 
 
 def _grid_of(points: np.ndarray, size: tuple[int, int] | None) -> tuple[int, int] | None:
@@ -126,30 +125,26 @@ def _arrays(cloud: Any) -> tuple[np.ndarray, np.ndarray | None]:
     return np.array(points, dtype=np.float64), colors
 
 
-class _Images(FrameSource):
-    """Depth and colour of RGB-D images; whole numbers are millimetres, others metres."""
+def _image_frames(images: Sequence[Any]) -> tuple[FrameSource, tuple[int, ...]]:
+    """Return the frames of RGB-D images and their shape; whole numbers are millimetres, others metres.
 
-    def __init__(self, images: Sequence[Any]) -> None:
-        self._images = images
-        first = _pixels(images[0].depth)
-        if first.ndim != 2 or not first.size:
-            raise RecordingError(f"the depth of image 0 has shape {first.shape}; give images (height, width)")
-        self.shape = first.shape
+    Colour is None for an image without one, a grey one or one of another size.
+    """
+    shape = _pixels(images[0].depth).shape
+    if len(shape) != 2 or 0 in shape:
+        raise RecordingError(f"the depth of image 0 has shape {shape}; give images (height, width)")
 
-    def __len__(self) -> int:
-        return len(self._images)
+    def depth(i: int) -> np.ndarray:
+        pixels = _pixels(images[i].depth)
+        return pixels if pixels.dtype.kind == "f" else pixels.astype(np.float32) / np.float32(1000.0)
 
-    def depth(self, i: int) -> np.ndarray:
-        """Return frame `i`, float32 (H, W), metres, 0 = no measurement."""
-        depth = _pixels(self._images[i].depth)
-        return depth if depth.dtype.kind == "f" else depth.astype(np.float32) / np.float32(1000.0)
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour of frame `i`, uint8 (H, W, 3); None for an image without one, grey or of another size."""
-        color = _pixels(self._images[i].color)
-        if color.shape != (*self.shape, 3):
+    def color(i: int) -> np.ndarray | None:
+        pixels = _pixels(images[i].color)
+        if pixels.shape != (*shape, 3):
             return None
-        return color if color.dtype == np.uint8 else np.rint(np.clip(color, 0, 1) * 255).astype(np.uint8)
+        return pixels if pixels.dtype == np.uint8 else np.rint(np.clip(pixels, 0, 1) * 255).astype(np.uint8)
+
+    return FrameSource(len(images), depth, color), shape
 
 
 def _pixels(image: Any) -> np.ndarray:

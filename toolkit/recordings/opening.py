@@ -16,7 +16,7 @@ from toolkit.people.image_rotation import quarter_turns
 from toolkit.people.plausibility import HELP, are_unconnected
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers import reader_for
-from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import array_frames, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording, memory_path
 
 UNCONNECTED = 0.2
@@ -113,7 +113,7 @@ def recording_of(
     chosen, path = ReaderOptions.from_mapping(options), memory_path(name)
     return recording_of_source(
         path,
-        ArrayFrames(frames),
+        array_frames(frames),
         chosen_camera(chosen, frames.shape[1:], path),
         chosen,
         name=name,

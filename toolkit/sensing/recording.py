@@ -7,7 +7,6 @@ time; a long recording is never read whole.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -44,23 +43,26 @@ class Vertical:
     height: float | None = None
 
 
-class FrameSource(ABC):
-    """Raw frames as stored in files, before the conversion of units, mirroring and projection."""
+@dataclass(frozen=True, eq=False)
+class FrameSource:
+    """Raw frames as stored in files, before the conversion of units, mirroring and projection.
 
-    @abstractmethod
-    def __len__(self) -> int: ...
+    Attributes
+    ----------
+    count : number of frames
+    depth : function that returns raw frame `i`: numbers (H, W)
+    color : function that returns the colour of frame `i`, uint8 (H, W, 3), RGB, or None
+    in_order : function that returns the raw frames in order, where `depth` is slower; None = `depth`
+    """
 
-    @abstractmethod
-    def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`: numbers (H, W)."""
+    count: int
+    depth: Callable[[int], np.ndarray]
+    color: Callable[[int], np.ndarray | None] = lambda i: None
+    in_order: Callable[[], Iterator[np.ndarray]] | None = None
 
     def frames(self) -> Iterator[np.ndarray]:
         """Return the raw frames in order."""
-        return (self.depth(i) for i in range(len(self)))
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour of frame `i`, uint8 (H, W, 3), RGB, or None (the default)."""
-        return None
+        return map(self.depth, range(self.count)) if self.in_order is None else self.in_order()
 
 
 def memory_path(name: str) -> Path:
@@ -112,7 +114,7 @@ class Recording:
     raw_camera: Camera = field(init=False)
 
     def __post_init__(self) -> None:
-        count, shape = len(self.source), self.camera.shape
+        count, shape = self.source.count, self.camera.shape
         if count == 0:
             raise RecordingError(f"{self.path} holds no frame; check that it was written to its end")
         self.timestamps = check_timestamps(self.timestamps, count, self.path)
@@ -164,7 +166,7 @@ class Recording:
     @property
     def stored_frames(self) -> int:
         """Number of frames in the file; those that repeat the previous timestamp are left out with their joints."""
-        return len(self.source)
+        return self.source.count
 
     def depth(self, i: int) -> np.ndarray:
         """Return frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
@@ -172,7 +174,7 @@ class Recording:
 
     def frames(self) -> Iterator[np.ndarray]:
         """Yield all frames in order; only one is in memory at a time."""
-        chosen = np.isin(np.arange(len(self.source)), self._kept)
+        chosen = np.isin(np.arange(self.source.count), self._kept)
         for i, raw in enumerate(compress(self.source.frames(), chosen)):
             yield self.convert(raw, i)
 

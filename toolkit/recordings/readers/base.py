@@ -36,22 +36,15 @@ def frame_times(count: int, options: ReaderOptions, rate: float = 30.0) -> np.nd
     return np.arange(count, dtype=np.float64) / (options.frame_rate or rate)
 
 
-class ArrayFrames(FrameSource):
-    """Raw frames of an array (T, H, W)."""
-
-    def __init__(self, depth: np.ndarray) -> None:
-        self._depth = depth
-
-    def __len__(self) -> int:
-        return len(self._depth)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`."""
-        return np.asarray(self._depth[i])
+def array_frames(depth: np.ndarray) -> FrameSource:
+    """Return the raw frames of an array (T, H, W)."""
+    return FrameSource(len(depth), lambda i: np.asarray(depth[i]))
 
 
-class FileFrames(FrameSource):
-    """Frames with one file each.
+def file_frames(
+    files: Sequence[Path], read: Callable[[Path], np.ndarray], color: Sequence[Path] | None = None
+) -> FrameSource:
+    """Return frames with one file each.
 
     Parameters
     ----------
@@ -60,23 +53,14 @@ class FileFrames(FrameSource):
     color : images of the same view, one for each frame, or none
     """
 
-    def __init__(self, files: Sequence[Path], read: Callable[[Path], np.ndarray], color: Sequence[Path] = ()) -> None:
-        self._files, self._read, self._color = files, read, color
-
-    def __len__(self) -> int:
-        return len(self._files)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`."""
-        return self._read(self._files[i])
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour image of frame `i`, RGB, or None."""
-        if not self._color:
+    def color_of(i: int) -> np.ndarray | None:
+        if not color:
             return None
         import cv2
 
-        return np.ascontiguousarray(_read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
+        return np.ascontiguousarray(_read_image(color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
+
+    return FrameSource(len(files), lambda i: read(files[i]), color_of)
 
 
 def recording_of_source(
@@ -109,7 +93,7 @@ def recording_of_source(
         name=path.stem if name is None else name,
         path=path,
         camera=camera,
-        timestamps=frame_times(len(source), options) if timestamps is None else timestamps,
+        timestamps=frame_times(source.count, options) if timestamps is None else timestamps,
         source=source,
         converter=DepthConverter(
             unit if options.depth_unit is None else options.depth_unit,

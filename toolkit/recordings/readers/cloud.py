@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -201,10 +202,17 @@ def _virtual_camera(points: np.ndarray) -> Camera:
     return Camera(1 / pitch, 1 / pitch, cx, cy, width, height)
 
 
-class CloudFrames(FrameSource):
-    """Depth images of clouds in the clouds' unit (float64).
+def cloud_frames(
+    names: Sequence[str],
+    load: Callable[[int], RawCloud | None],
+    first: RawCloud,
+    options: ReaderOptions,
+    path: Path,
+) -> tuple[FrameSource, Camera]:
+    """Return depth images of clouds in the clouds' unit (float64), and the camera that sees the points.
 
-    The camera is that of the options, of the pixel grid of the first cloud by least squares, or a virtual one.
+    The camera is that of the options, of the pixel grid of the first cloud by least squares, or a virtual one. Clouds
+    with a pixel grid and colour have colour images, black without points.
 
     Parameters
     ----------
@@ -218,64 +226,46 @@ class CloudFrames(FrameSource):
     ------
     RecordingError
         The options hold intrinsics without a size, and the cloud has no pixel grid.
-
-    Attributes
-    ----------
-    camera : camera that sees the points
     """
+    found = None if first.grid is None else camera_of_grid(first.points, first.grid)
+    if found is not None:
+        camera = found if options.intrinsics is None else chosen_camera(options, found.shape, path)
+    elif options.intrinsics is None:
+        camera = _virtual_camera(first.points)
+    elif options.size is None:
+        raise RecordingError(f"{path} has no pixel grid; give --size WIDTH,HEIGHT together with --intrinsics")
+    else:
+        camera = chosen_camera(options, (options.size[1], options.size[0]), path)
+    organised = found is not None
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        load: Callable[[int], RawCloud | None],
-        first: RawCloud,
-        options: ReaderOptions,
-        path: Path,
-    ) -> None:
-        self._names, self._load = names, load
-        found = None if first.grid is None else camera_of_grid(first.points, first.grid)
-        self._organised = found is not None
-        self._colored = self._organised and first.colors is not None
-        if found is not None and first.grid is not None:
-            self.camera = found if options.intrinsics is None else chosen_camera(options, first.grid, path)
-        elif options.intrinsics is None:
-            self.camera = _virtual_camera(first.points)
-        elif options.size is None:
-            raise RecordingError(f"{path} has no pixel grid; give --size WIDTH,HEIGHT together with --intrinsics")
-        else:
-            self.camera = chosen_camera(options, (options.size[1], options.size[0]), path)
-        self._held: tuple[int, RawCloud | None] | None = None
+    @lru_cache(maxsize=1)
+    def cloud_of(i: int) -> RawCloud | None:
+        cloud = load(i)
+        if organised and cloud is not None and cloud.grid != camera.shape:
+            raise RecordingError(
+                f"{names[i]} has the pixel grid {cloud.grid}, the first cloud has {camera.shape}; all frames must have "
+                "one size"
+            )
+        return cloud
 
-    def __len__(self) -> int:
-        return len(self._names)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Return frame `i`, float64 (H, W), the clouds' unit, 0 = no measurement."""
-        cloud, image = self._cloud(i), np.zeros(self.camera.shape)
+    def depth(i: int) -> np.ndarray:
+        cloud, image = cloud_of(i), np.zeros(camera.shape)
         if cloud is None:
             return image
-        if self._organised:
-            return cloud.points[:, 2].reshape(self.camera.shape)
-        kernels.z_buffer(cloud.points, self.camera.intrinsics, image)
+        if organised:
+            return cloud.points[:, 2].reshape(camera.shape)
+        kernels.z_buffer(cloud.points, camera.intrinsics, image)
         return image
 
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour of frame `i`, black without points; None for clouds without a grid or colour."""
-        cloud = self._cloud(i) if self._colored else None
+    def color(i: int) -> np.ndarray | None:
+        if not organised or first.colors is None:
+            return None
+        cloud = cloud_of(i)
         if cloud is None or cloud.colors is None:
-            return np.zeros((*self.camera.shape, 3), dtype=np.uint8) if self._colored else None
-        return cloud.colors.reshape(*self.camera.shape, 3)
+            return np.zeros((*camera.shape, 3), dtype=np.uint8)
+        return cloud.colors.reshape(*camera.shape, 3)
 
-    def _cloud(self, i: int) -> RawCloud | None:
-        if self._held is None or self._held[0] != i:
-            cloud = self._load(i)
-            if self._organised and cloud is not None and cloud.grid != self.camera.shape:
-                raise RecordingError(
-                    f"{self._names[i]} has the pixel grid {cloud.grid}, the first cloud has {self.camera.shape}; "
-                    "all frames must have one size"
-                )
-            self._held = (i, cloud)
-        return self._held[1]
+    return FrameSource(len(names), depth, color), camera
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
@@ -285,5 +275,5 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         raise RecordingError(f"{path} holds no PCD or PLY file; give a cloud or a folder of clouds")
     first = load_cloud(files[0], options.axes)
     names = [str(file) for file in files]
-    source = CloudFrames(names, lambda i: load_cloud(files[i], options.axes), first, options, path)
-    return recording_of_source(path, source, source.camera, options, unit="m")
+    source, camera = cloud_frames(names, lambda i: load_cloud(files[i], options.axes), first, options, path)
+    return recording_of_source(path, source, camera, options, unit="m")

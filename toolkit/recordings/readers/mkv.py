@@ -97,43 +97,33 @@ def _pose(entry: Any) -> tuple[np.ndarray, np.ndarray]:
     return rotation, np.array(entry["Rt"]["Translation"], dtype=np.float64).reshape(3)
 
 
-class _MkvFrames(FrameSource):
-    """Depth blocks, with the colour block that is nearest in time registered to each."""
+def _frames(
+    path: Path, file: Matroska, track: MatroskaTrack, colors: MatroskaTrack | None, lenses: FactoryCalibration | None
+) -> FrameSource:
+    """Return the depth blocks of a track, with the colour block that is nearest in time registered to each."""
+    shape = (track.height, track.width)
 
-    def __init__(
-        self,
-        path: Path,
-        file: Matroska,
-        depth: MatroskaTrack,
-        color: MatroskaTrack | None,
-        lenses: FactoryCalibration | None,
-    ) -> None:
-        self._path, self._file, self._depth, self._color, self._lenses = path, file, depth, color, lenses
-
-    def __len__(self) -> int:
-        return len(self._depth.blocks)
-
-    def depth(self, i: int) -> np.ndarray:
-        shape = (self._depth.height, self._depth.width)
-        with damaged(self._path):
-            data = self._file.read(self._depth.blocks[i])
+    def depth(i: int) -> np.ndarray:
+        with damaged(path):
+            data = file.read(track.blocks[i])
             if len(data) != 2 * shape[0] * shape[1]:
                 raise ValueError(f"frame {i} has {len(data)} bytes")
         return np.frombuffer(data, ">u2").reshape(shape).astype(np.uint16)
 
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour of each measured pixel of frame `i`, black elsewhere, or None without a colour track."""
-        if self._color is None or self._lenses is None or self._lenses.color is None or not self._color.blocks:
+    def color(i: int) -> np.ndarray | None:
+        if colors is None or lenses is None or lenses.color is None or not colors.blocks:
             return None
         import cv2
 
-        times = np.array([block.time for block in self._color.blocks])
-        nearest = self._color.blocks[int(np.abs(times - self._depth.blocks[i].time).argmin())]
-        with damaged(self._path):
-            image = decoded(self._file.read(nearest), cv2.IMREAD_COLOR)
+        times = np.array([block.time for block in colors.blocks])
+        nearest = colors.blocks[int(np.abs(times - track.blocks[i].time).argmin())]
+        with damaged(path):
+            image = decoded(file.read(nearest), cv2.IMREAD_COLOR)
             if image is None:
                 raise ValueError(f"the colour of frame {i} is no JPEG")
-        return registered(self.depth(i), image[:, :, ::-1], self._lenses)
+        return registered(depth(i), image[:, :, ::-1], lenses)
+
+    return FrameSource(len(track.blocks), depth, color)
 
 
 def registered(depth_mm: np.ndarray, color: np.ndarray, lenses: FactoryCalibration) -> np.ndarray:
@@ -169,7 +159,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         text = file.attachments["calibration.json"].rstrip(b"\0").decode("utf-8", "replace")
         size = None if color is None else (color.width, color.height)
         lenses = calibration_of(text, (depth.width, depth.height), size, str(path))
-    source = _MkvFrames(path, file, depth, color, lenses)
+    source = _frames(path, file, depth, color, lenses)
     own = lenses is not None and options.intrinsics is None
     camera = lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path)
     times = 1e-9 * np.array([block.time - depth.blocks[0].time for block in depth.blocks], dtype=np.float64)

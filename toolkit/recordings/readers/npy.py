@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.io.errors import RecordingError
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, recording_of_source
+from toolkit.recordings.readers.base import array_frames, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording
 
 
@@ -31,4 +31,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         )
     camera = chosen_camera(options, depth.shape[1:], path)
     unit = "m" if depth.dtype.kind == "f" else "mm"
-    return recording_of_source(path, ArrayFrames(depth), camera, options, unit=unit)
+    return recording_of_source(path, array_frames(depth), camera, options, unit=unit)

@@ -88,37 +88,21 @@ METADATA = {
 """Members that are read immediately; the others are read frame by frame or ignored."""
 
 
-class _NpzFrames(FrameSource):
-    """Frames of the members `depth` and `color` of an NPZ file."""
-
-    def __init__(self, path: Path, names: list[str]) -> None:
-        self._depth = MemberReader(path, "depth")
-        self._color = MemberReader(path, "color") if "color" in names else None
-        if len(self._depth.shape) != 3:
-            raise RecordingError(f"depth in {path} has shape {self._depth.shape}; expected (frames, height, width)")
-        count, height, width = self._depth.shape
-        most_frames = 50_000_000  # maximum number of frames (more than two weeks at 30 Hz)
-        if count > most_frames or height * width > LARGEST_PICTURE:
-            raise RecordingError(f"{path} states {count} frames of {width}x{height} pixels; {RECORD_AGAIN}")
-        expected = (*self._depth.shape, 3)
-        if self._color is not None and (self._color.shape != expected or self._color.dtype != np.uint8):
-            raise RecordingError(
-                f"color in {path} is {self._color.dtype} {self._color.shape}; expected uint8 {expected}"
-            )
-        self.shape = self._depth.shape[1:]
-
-    def __len__(self) -> int:
-        return self._depth.shape[0]
-
-    def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`; reading in order is fast, going back restarts a compressed file."""
-        return self._depth.row(i)
-
-    def frames(self) -> Iterator[np.ndarray]:
-        return self._depth.rows()
-
-    def color(self, i: int) -> np.ndarray | None:
-        return None if self._color is None else self._color.row(i)
+def _frames(path: Path, names: list[str]) -> tuple[FrameSource, tuple[int, int]]:
+    """Return the frames of the members `depth` and `color` of an NPZ file, and the shape of an image."""
+    depth = MemberReader(path, "depth")
+    if len(depth.shape) != 3:
+        raise RecordingError(f"depth in {path} has shape {depth.shape}; expected (frames, height, width)")
+    count, height, width = depth.shape
+    most_frames = 50_000_000  # maximum number of frames (more than two weeks at 30 Hz)
+    if count > most_frames or height * width > LARGEST_PICTURE:
+        raise RecordingError(f"{path} states {count} frames of {width}x{height} pixels; {RECORD_AGAIN}")
+    if "color" not in names:
+        return FrameSource(count, depth.row, in_order=depth.rows), (height, width)
+    color, expected = MemberReader(path, "color"), (*depth.shape, 3)
+    if color.shape != expected or color.dtype != np.uint8:
+        raise RecordingError(f"color in {path} is {color.dtype} {color.shape}; expected uint8 {expected}")
+    return FrameSource(count, depth.row, color.row, depth.rows), (height, width)
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
@@ -126,15 +110,14 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     names = archive_names(path, RecordingError, RECORD_AGAIN)
     if "depth" not in names:
         raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(names) or 'nothing'}")
-    source = _NpzFrames(path, names)
-    count, (height, width) = len(source), source.shape
+    source, shape = _frames(path, names)
     # Maximum number of bytes per value, of values beside frames and background, and of values per frame (joints of 64
     # people).
     max_item_bytes, max_small_values, max_numbers = 16, 1 << 16, 64 * 20 * 10
-    most = max_item_bytes * (2 * height * width + count * max_numbers + max_small_values)
+    most = max_item_bytes * (2 * shape[0] * shape[1] + source.count * max_numbers + max_small_values)
     small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA, most=most)
     check_columns(small, METADATA, RecordingError, str(path), "see docs/recordings.md for the format")
-    camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))
+    camera = chosen_camera(options, shape, path, small.get("intrinsics"), small.get("distortion"))
     return recording_of_source(
         path,
         source,

@@ -7,9 +7,9 @@ from pathlib import Path
 from toolkit.io.errors import RecordingError
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
-    FileFrames,
     camera_beside,
     chosen_camera,
+    file_frames,
     natural_key,
     read_depth_png,
     recording_of_source,
@@ -48,7 +48,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if not files:
         raise RecordingError(f"{path} holds no PNG file; give the folder of the depth images")
     folder = files[0].parent
-    source = FileFrames(files, read_depth_png, color_files(folder, files))
+    source = file_frames(files, read_depth_png, color_files(folder, files))
     shape: tuple[int, int] = source.depth(0).shape
     own = [folder, path] if folder.parent == path else [folder]
     camera = None if options.intrinsics is not None else camera_beside(own, own[-1].parent, shape)

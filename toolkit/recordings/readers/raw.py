@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.io.errors import RecordingError
 from toolkit.io.safe_open import read_file
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import LARGEST_FILE, FileFrames, chosen_camera, natural_key, recording_of_source
+from toolkit.recordings.readers.base import LARGEST_FILE, chosen_camera, file_frames, natural_key, recording_of_source
 from toolkit.sensing.recording import Recording
 
 KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240), (176, 144))}
@@ -55,5 +55,5 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if size is None:
         raise RecordingError(f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give --size WIDTH,HEIGHT")
     shape = (int(size[1]), int(size[0]))
-    source = FileFrames(files, partial(read_frame, shape=shape))
+    source = file_frames(files, partial(read_frame, shape=shape))
     return recording_of_source(path, source, chosen_camera(options, shape, path), options)

@@ -26,41 +26,34 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
 
-class _Record3dFrames(FrameSource):
-    """Depth and colour images of the archive, by number."""
+def _frames(path: Path, shape: tuple[int, int]) -> FrameSource:
+    """Return depth, float32 metres, and colour, scaled to the depth's size, of the archive."""
+    lzfse = optional_package("lzfse", "record3d", f"reading {path}")
+    archive = zipfile.ZipFile(path)
+    names = set(archive.namelist())
 
-    def __init__(self, path: Path, shape: tuple[int, int]) -> None:
-        lzfse = optional_package("lzfse", "record3d", f"reading {path}")
-        self._path, self._shape, self._decompress = path, shape, lzfse.decompress
-        self._archive = zipfile.ZipFile(path)
-        names = set(self._archive.namelist())
-        self._count = next(i for i in range(len(names) + 1) if f"rgbd/{i}.depth" not in names)
-
-    def __len__(self) -> int:
-        return self._count
-
-    def depth(self, i: int) -> np.ndarray:
-        with damaged(self._path):
-            data = self._decompress(self._member(f"rgbd/{i}.depth"))
-            return np.frombuffer(data, "<f4").reshape(self._shape)
-
-    def _member(self, name: str) -> bytes:
-        if self._archive.getinfo(name).file_size > LARGEST_FILE:
+    def member(name: str) -> bytes:
+        if archive.getinfo(name).file_size > LARGEST_FILE:
             raise ValueError(f"{name} is too large")
-        return self._archive.read(name)
+        return archive.read(name)
 
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour of frame `i`, scaled to the depth's size, or None."""
+    def depth(i: int) -> np.ndarray:
+        with damaged(path):
+            return np.frombuffer(lzfse.decompress(member(f"rgbd/{i}.depth")), "<f4").reshape(shape)
+
+    def color(i: int) -> np.ndarray | None:
         import cv2
 
-        if f"rgbd/{i}.jpg" not in self._archive.namelist():
+        if f"rgbd/{i}.jpg" not in names:
             return None
-        with damaged(self._path):
-            image = decoded(self._member(f"rgbd/{i}.jpg"), cv2.IMREAD_COLOR)
+        with damaged(path):
+            image = decoded(member(f"rgbd/{i}.jpg"), cv2.IMREAD_COLOR)
             if image is None:
                 raise ValueError(f"the colour of frame {i} is no JPEG")
-            small = cv2.resize(image, self._shape[::-1], interpolation=cv2.INTER_AREA)
+            small = cv2.resize(image, shape[::-1], interpolation=cv2.INTER_AREA)
         return np.ascontiguousarray(small[:, :, ::-1])
+
+    return FrameSource(next(i for i in range(len(names) + 1) if f"rgbd/{i}.depth" not in names), depth, color)
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
@@ -72,9 +65,9 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     known = parse_json(text, f"the metadata of {path}", RecordingError, "export it again")
     with damaged(path):
         shape, own, times = facts_of(known)
-        source = _Record3dFrames(path, shape)
+        source = _frames(path, shape)
     camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
-    stored = times if len(times) == len(source) else None
+    stored = times if len(times) == source.count else None
     return recording_of_source(path, source, camera, options, unit="m", timestamps=stored)
 
 

@@ -179,41 +179,31 @@ def compressed_pixels(message: Any) -> np.ndarray:
     return np.asarray(metres, dtype=np.float32)
 
 
-class _RosFrames(FrameSource):
-    """Depth images of a topic, with the nearest colour images in time of another topic."""
+def _frames(file: MessageFile, topic: str, color_topic: str | None) -> FrameSource:
+    """Return the depth images of a topic, with the nearest colour images in time of another topic."""
+    times = file.times(topic)
+    color_times = file.times(color_topic) if color_topic else np.empty(0, np.int64)
 
-    def __init__(self, file: MessageFile, depth: str, color: str | None) -> None:
-        self._file, self._depth, self._color = file, depth, color
-        self.times = file.times(depth)
-        self._color_times = file.times(color) if color else np.empty(0, np.int64)
-        self._ahead = (0, self._images(depth, 0))
+    def images(of: str, start: int) -> Iterator[np.ndarray]:
+        return (_image_of(file, of, message) for message, _ in file.messages(of, start))
 
-    def __len__(self) -> int:
-        return len(self.times)
+    ahead = (0, images(topic, 0))  # number of the next frame, and the frames from it on: reading in order is fast
 
-    def depth(self, i: int) -> np.ndarray:
-        """Return raw frame `i`; reading in order is fast."""
-        at, images = self._ahead
-        if at != i:
-            images = self._images(self._depth, i)
-        image = next(images, None)
+    def depth(i: int) -> np.ndarray:
+        nonlocal ahead
+        stream = ahead[1] if ahead[0] == i else images(topic, i)
+        image = next(stream, None)
         if image is None:
-            raise RecordingError(f"{self._file.path} ends before frame {i} of {self._depth}; copy or record it again")
-        self._ahead = (i + 1, images)
+            raise RecordingError(f"{file.path} ends before frame {i} of {topic}; copy or record it again")
+        ahead = (i + 1, stream)
         return image
 
-    def frames(self) -> Iterator[np.ndarray]:
-        return self._images(self._depth, 0)
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Return the colour at the time of frame `i` if it is registered to depth, else None."""
-        if self._color is None or not len(self._color_times):
+    def color(i: int) -> np.ndarray | None:
+        if color_topic is None or not len(color_times):
             return None
-        nearest = int(np.abs(self._color_times - self.times[i]).argmin())
-        return next(self._images(self._color, nearest))
+        return next(images(color_topic, int(np.abs(color_times - times[i]).argmin())))
 
-    def _images(self, topic: str, start: int) -> Iterator[np.ndarray]:
-        return (_image_of(self._file, topic, message) for message, _ in self._file.messages(topic, start))
+    return FrameSource(len(times), depth, color, lambda: images(topic, 0))
 
 
 def _image_of(file: MessageFile, topic: str, message: Any) -> np.ndarray:
@@ -233,7 +223,8 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     image = _image_of(file, topic, first[0])
     if image.ndim != 2:
         raise RecordingError(f"topic {topic} of {path} holds colour images; depth has 16 bits or is 32FC1")
-    source = _RosFrames(file, topic, color_topic(file, topic))
+    times = file.times(topic)
+    source = _frames(file, topic, color_topic(file, topic))
     camera = _camera(file, topic) if options.intrinsics is None else None
     return recording_of_source(
         path,
@@ -241,7 +232,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera or chosen_camera(options, image.shape, path),
         options,
         unit="m" if image.dtype == np.float32 else _unit(file, topic, first[1]),
-        timestamps=1e-9 * (source.times - source.times[0]),
+        timestamps=1e-9 * (times - times[0]),
         up=_up(file),
     )
 

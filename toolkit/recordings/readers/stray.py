@@ -16,8 +16,8 @@ from toolkit.io.files import is_file, is_folder
 from toolkit.io.yaml_reader import read_table, read_text
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
-    FileFrames,
     chosen_camera,
+    file_frames,
     natural_key,
     read_depth_png,
     recording_of_source,
@@ -78,7 +78,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     files = sorted((path / "depth").glob("*.png"), key=natural_key)
     if not files:
         raise RecordingError(f"{path / 'depth'} holds no PNG file; copy the recording again")
-    source = FileFrames(files, read_depth_png)
+    source = file_frames(files, read_depth_png)
     shape: tuple[int, int] = source.depth(0).shape
     times, up = None, None
     if is_file(path / ODOMETRY):

@@ -16,9 +16,9 @@ from toolkit.io.files import is_file, is_folder
 from toolkit.io.yaml_reader import read_text
 from toolkit.recordings.reader_options import ReaderOptions
 from toolkit.recordings.readers.base import (
-    FileFrames,
     camera_beside,
     chosen_camera,
+    file_frames,
     read_depth_png,
     recording_of_source,
 )
@@ -70,7 +70,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if is_file(path / COLOR_LIST):
         color_times, color_files = listed(path / COLOR_LIST)
         color = [color_files[int(np.abs(color_times - time).argmin())] for time in times]
-    source = FileFrames(files, read_depth_png, color)
+    source = file_frames(files, read_depth_png, color)
     shape: tuple[int, int] = source.depth(0).shape
     camera = None if options.intrinsics is not None else camera_beside([path], path / "depth", shape)
     camera = camera or chosen_camera(options, shape, path, CAMERA.get(shape))

@@ -17,7 +17,7 @@ from toolkit.body import skeleton
 from toolkit.io.errors import RecordingError
 from toolkit.io.matlab import read_matlab
 from toolkit.recordings.reader_options import ReaderOptions
-from toolkit.recordings.readers.base import ArrayFrames, chosen_camera, frame_times, recording_of_source
+from toolkit.recordings.readers.base import array_frames, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
 SUFFIX = "_depth"
@@ -53,7 +53,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     frame_rate = 18.8  # frame rate in Hz by the clock of the wearable sensors: median over the 108 shared clips
     return recording_of_source(
         path,
-        ArrayFrames(depth),
+        array_frames(depth),
         chosen_camera(options, depth.shape[1:], path, np.array(intrinsics)),
         options,
         mirrored=True,
