@@ -10,6 +10,7 @@ import math
 import types
 import typing
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -47,6 +48,13 @@ class Range:
 Share = Annotated[float, Range(0.0, 1.0)]
 NotNegative = Annotated[float, Range(0.0)]
 AtLeastOne = Annotated[int, Range(1)]
+
+
+_PLAIN: dict[Any, tuple[Any, str]] = {
+    bool: (bool, "true or false"), int: (int, "a whole number"), float: ((int, float), "a number"),
+    str: (str, "text"), Path: (str, "a path"),
+}  # fmt: skip
+"""Plain type -> accepted types and the word for them."""
 
 
 @dataclass(frozen=True)
@@ -151,23 +159,12 @@ class TypedReader:
         raise errors[0]
 
     def _plain(self, value: Any, kind: Any, where: str) -> Any:
-        if kind is float:
-            if isinstance(value, str) and self.written_by_hand:
-                try:
-                    return float(value)
-                except ValueError:
-                    pass
-            elif isinstance(value, int) and not isinstance(value, bool):
+        if kind is float and self.written_by_hand and isinstance(value, str):
+            with suppress(ValueError):
                 return float(value)
-            return self._expect(value, float, where, "a number")
-        if kind is int:
-            if isinstance(value, bool):
-                raise self._wrong(f"{where} is {value}; it must be a whole number")
-            return self._expect(value, int, where, "a whole number")
-        if kind is Path:
-            return Path(self._expect(value, str, where, "a path"))
-        words = {bool: "true or false", str: "text"}
-        return self._expect(value, kind, where, words.get(kind, "something else"))
+        accepted, words = _PLAIN.get(kind, (kind, "something else"))
+        self._expect(value, accepted, where, words)
+        return kind(value) if kind in (float, Path) else value
 
     def _within(self, value: Any, marks: tuple[Any, ...], where: str) -> Any:
         for mark in marks:
@@ -183,7 +180,7 @@ class TypedReader:
         return values
 
     def _expect(self, value: Any, kind: Any, where: str, words: str) -> Any:
-        if not isinstance(value, kind):
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
             raise self._wrong(f"{where or 'it'} is {kind_of(value)}; it must be {words}")
         return value
 

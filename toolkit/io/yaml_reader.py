@@ -6,9 +6,10 @@ import csv
 import io
 import json
 import math
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal
+
+import yaml
 
 from toolkit.io.errors import DepthMocapError
 from toolkit.io.safe_open import read_file
@@ -73,40 +74,35 @@ def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -
 
     Invalid dates and numbers, deep nesting, and aliases, which expand a few lines to gigabytes, raise `error`.
     """
-    import yaml
-
     try:
-        return yaml.load(text, _plain_yaml())  # a safe loader
+        return yaml.load(text, _PlainLoader)
     except (yaml.YAMLError, ValueError, RecursionError) as problem:
         raise error(f"{where} is no YAML ({' '.join(str(problem).split())}); {hint}") from problem
 
 
-@cache
-def _plain_yaml() -> Any:
-    """Return the safe loader that also rejects aliases, repeated keys and integers above float range."""
-    import yaml
+class _PlainLoader(yaml.SafeLoader):
+    """Safe loader that also rejects aliases, repeated keys and integers above float range."""
 
-    class Plain(yaml.SafeLoader):
-        def compose_node(self, parent: Any, index: Any) -> Any:
-            if self.check_event(yaml.events.AliasEvent):
-                raise ValueError("it holds an alias (*); write the value out")
-            return super().compose_node(parent, index)
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.events.AliasEvent):
+            raise ValueError("it holds an alias (*); write the value out")
+        return super().compose_node(parent, index)
 
-        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            twice = [key for i, key in enumerate(keys) if key in keys[:i]]
-            if twice:
-                raise ValueError(f"the key {twice[0]!r} stands twice")
-            return super().construct_mapping(node, deep=deep)
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        twice = [key for i, key in enumerate(keys) if key in keys[:i]]
+        if twice:
+            raise ValueError(f"the key {twice[0]!r} stands twice")
+        return super().construct_mapping(node, deep=deep)
 
-        def construct_yaml_int(self, node: Any) -> int:
-            value = super().construct_yaml_int(node)
-            if abs(value) >= 10**MOST_DIGITS:
-                raise ValueError(f"a number of more than {MOST_DIGITS} digits")
-            return value
+    def construct_yaml_int(self, node: Any) -> int:
+        value = super().construct_yaml_int(node)
+        if abs(value) >= 10**MOST_DIGITS:
+            raise ValueError(f"a number of more than {MOST_DIGITS} digits")
+        return value
 
-    Plain.add_constructor("tag:yaml.org,2002:int", Plain.construct_yaml_int)
-    return Plain
+
+_PlainLoader.add_constructor("tag:yaml.org,2002:int", _PlainLoader.construct_yaml_int)
 
 
 def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> list[dict[str, str]]:
