@@ -58,7 +58,6 @@ from toolkit.inertial.placement import load_placement
 from toolkit.inertial.sensor_files import read_file
 from toolkit.io.checkpoint import load_checkpoint, plain, read_state
 from toolkit.mocap.read import read_clip
-from toolkit.mocap.rig import read_map
 from toolkit.recordings.joint_files import read_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotation_report import read_segments
@@ -150,7 +149,6 @@ def _person_state(path: Path) -> Any:
 QUERIES = json.dumps(
     {"version": 1, "queries": [{"label": "a", "keyframes": [{"F1": 1}, {"F20": 0}], "distances": [[0, 30]], "lead": 3}]}
 )
-RIG = "joints:\n  root: Hips\n  thorax: [Spine2, Chest]\n  head: Head\n"
 
 STO = "DataRate=100.0\nDataType=Quaternion\nversion=3\nendheader\ntime\tpelvis_imu\n0.00\t1,0,0,0\n0.01\t0.8,0.6,0,0\n"
 
@@ -191,7 +189,6 @@ FORMATS: dict[str, Format] = {
     "settings yaml": Format(
         text_file("s.yaml", "seed: 3\nsensing:\n  segment: person\n"), lambda path: load_settings(HybridSettings, path)
     ),
-    "rig yaml": Format(text_file("r.yaml", RIG), read_map),
     "bvh": Format(bvh_file, read_clip),
     "amc": Format(text_file("arm_1.amc", AMC_ARM, {"arm.asf": ASF_ARM}), read_clip),
     "asf": Format(

@@ -34,17 +34,11 @@ class Bone:
     channels: list[str]
 
 
-def read_asf(path: str | Path) -> tuple[FileSkeleton, float, bool]:
+def _read_asf(file: Path) -> tuple[FileSkeleton, float, bool]:
     """Return an ASF skeleton, the metres of one file unit, and True if its angles are degrees.
 
-    A file unit is an inch divided by the file's `length`, or `units.metres_per_unit` if that is no person's size.
-
-    Raises
-    ------
-    MocapError
-        The file is missing, empty, truncated or invalid.
+    A file unit is an inch divided by the file's `length`, or `metres_per_unit` if that is no person's size.
     """
-    file = Path(path)
     sections = _asf_sections(_read(file), file.name)
     for needed in ("root", "bonedata", "hierarchy"):
         if needed not in sections:
@@ -86,7 +80,7 @@ def read_amc(path: str | Path) -> Clip:
     """
     file = Path(path)
     text = _read(file)
-    tree, metres, degrees = read_asf(find_asf(file))
+    tree, metres, degrees = _read_asf(find_asf(file))
     degrees, body = _amc_header(text, degrees, file.name)
     values = _amc_values(body, tree, file.name)
     named = re.search(r"_(\d+)$", file.stem)
@@ -219,11 +213,7 @@ def _amc_header(text: str, degrees: bool, name: str) -> tuple[bool, str]:
     if place is None:
         raise MocapError(f"{name} has no frame 1; it is truncated or not an AMC motion")
     head = text[: place.start()].upper()
-    if ":RADIANS" in head:
-        degrees = False
-    elif ":DEGREES" in head:
-        degrees = True
-    return degrees, text[place.start() :]
+    return ":RADIANS" not in head and (degrees or ":DEGREES" in head), text[place.start() :]
 
 
 def _amc_values(body: str, tree: FileSkeleton, name: str) -> np.ndarray:
@@ -235,7 +225,7 @@ def _amc_values(body: str, tree: FileSkeleton, name: str) -> np.ndarray:
     while place < len(tokens) and not (layout and tokens[place + 1 : place + 2] == layout[:1]):
         bone = tokens[place]
         if bone not in width:
-            if layout and _is_number(bone):
+            if layout and not bone[0].isalpha():
                 raise MocapError(
                     f"{name} gives bone {layout[-1]!r} more values than the {width[layout[-1]]} of its skeleton"
                 )
@@ -243,8 +233,10 @@ def _amc_values(body: str, tree: FileSkeleton, name: str) -> np.ndarray:
         layout.append(bone)
         place += 1 + width[bone]
     missing = [bone for bone in tree.names if width[bone] and bone not in layout]
-    if missing:
-        raise MocapError(f"{name} does not move {', '.join(missing)} of its skeleton {tree.file} in frame 1")
+    if missing or not layout:
+        raise MocapError(
+            f"{name} does not move {', '.join(missing) or 'any bone'} of its skeleton {tree.file} in frame 1"
+        )
     stride = place
     frames, left = divmod(len(tokens), stride)
     if left:
@@ -267,11 +259,3 @@ def _amc_values(body: str, tree: FileSkeleton, name: str) -> np.ndarray:
             raise MocapError(f"{name} holds a value of bone {bone!r} that is not finite; repair or remove the file")
         column += 1 + width[bone]
     return np.concatenate([table[bone] for bone in tree.names if bone in table], axis=1)
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from toolkit.io.errors import RigError
 from toolkit.io.files import shipped
@@ -40,13 +39,12 @@ def load_rig(clip: Clip) -> Rig:
     Raises
     ------
     RigError
-        No map fits (the message names the nearest one and the missing joints), or a map is invalid.
+        No map fits; the message names the nearest one and the missing joints.
     """
-    tried = [(path.stem, _shipped_map(path.stem)) for path in sorted(shipped("rigs").glob("*.yaml"))]
-    fits = [(name, _fit(names, clip.joint_names)) for name, names in tried]
+    fits = [(name, _fit(names, clip.joint_names)) for name, names in _shipped_maps().items()]
     name, joints = max(fits, key=lambda fit: (not _missing(fit[1]), len(fit[1])))
     if missing := _missing(joints):
-        wanted = dict(tried)[name]
+        wanted = _shipped_maps()[name]
         lacking = ", ".join(
             f"{key} ({' or '.join(wanted[key]) if key in wanted else 'not in the map'})" for key in missing
         )
@@ -62,29 +60,13 @@ def _missing(joints: dict[str, str]) -> list[str]:
 
 
 @cache
-def _shipped_map(name: str) -> dict[str, list[str]]:
-    return read_map(shipped("rigs", f"{name}.yaml"))
-
-
-def read_map(path: Path) -> dict[str, list[str]]:
-    """Return the joint names in the motion for each key in the `joints:` section; the first existing name is used.
-
-    Raises
-    ------
-    RigError
-        The file is invalid or has unknown keys.
-    """
+def _shipped_maps() -> dict[str, dict[str, list[str]]]:
+    """Return the maps: for each key the joint names in a motion, of which the first existing one is used."""
     hint = "write `joints:` with a name or a list of names per joint"
-    table = read_yaml(path, f"the joint map {path.name}", RigError, hint)
-    try:
-        joints = table["joints"]
-        maps = {key: [names] if isinstance(names, str) else list(names) for key, names in joints.items()}
-    except (KeyError, TypeError, AttributeError) as error:
-        raise RigError(
-            f"the joint map {path.name} is not understood; write `joints:` with a name or a list of names per joint"
-        ) from error
-    if unknown := sorted(set(maps) - set(KEYS)):
-        raise RigError(f"the joint map {path.name} has the unknown joint {unknown[0]!r}; known are {', '.join(KEYS)}")
+    maps = {}
+    for path in sorted(shipped("rigs").glob("*.yaml")):
+        joints = read_yaml(path, f"the joint map {path.name}", RigError, hint)["joints"]
+        maps[path.stem] = {key: [names] if isinstance(names, str) else names for key, names in joints.items()}
     return maps
 
 

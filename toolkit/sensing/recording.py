@@ -114,7 +114,7 @@ class Recording:
     raw_camera: Camera = field(init=False)
 
     def __post_init__(self) -> None:
-        count, shape = self.source.count, self.camera.shape
+        count = self.source.count
         if count == 0:
             raise RecordingError(f"{self.path} holds no frame; check that it was written to its end")
         self.timestamps = check_timestamps(self.timestamps, count, self.path)
@@ -129,11 +129,6 @@ class Recording:
             self.background = self.converter.convert(
                 np.asarray(self.background), self.camera, "background", check=False
             )
-            if self.background.shape != shape:
-                raise RecordingError(
-                    f"the background of {self.path} has shape {self.background.shape}, the frames have {shape}; "
-                    "give one of the same size"
-                )
         self.raw_camera = self.camera
         if self.converter.mirrored:
             self.camera = self.camera.mirrored()

@@ -54,14 +54,8 @@ class FactoryCalibration:
     R_imu_depth: np.ndarray
 
 
-def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | None, where: str) -> FactoryCalibration:
-    """Read the attachment for images of `depth` and `color` size, each (width, height).
-
-    Raises
-    ------
-    RecordingError
-        The attachment is no calibration, or the size belongs to no mode of the sensor.
-    """
+def _calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | None, where: str) -> FactoryCalibration:
+    """Read the attachment for images of `depth` and `color` size, each (width, height)."""
     hint = "record it again, or give --intrinsics fx,fy,cx,cy"
     content = parse_json(text, f"the calibration of {where}", RecordingError, hint)
     if depth not in DEPTH_MODES:
@@ -158,7 +152,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if "calibration.json" in file.attachments:
         text = file.attachments["calibration.json"].rstrip(b"\0").decode("utf-8", "replace")
         size = None if color is None else (color.width, color.height)
-        lenses = calibration_of(text, (depth.width, depth.height), size, str(path))
+        lenses = _calibration_of(text, (depth.width, depth.height), size, str(path))
     source = _frames(path, file, depth, color, lenses)
     own = lenses is not None and options.intrinsics is None
     camera = lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path)

@@ -19,10 +19,10 @@ KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240)
 
 def matches(path: Path) -> bool:
     """Return whether `path` is a raw file of a known size, or a folder with some."""
-    return any(file.stat().st_size in KNOWN_SIZES for file in frame_files(path))
+    return any(file.stat().st_size in KNOWN_SIZES for file in _frame_files(path))
 
 
-def frame_files(path: Path) -> list[Path]:
+def _frame_files(path: Path) -> list[Path]:
     """Return the files of the frames, sorted: the file itself, or the files of the folder with a frame's suffix."""
     if path.is_file():
         return [path]
@@ -32,7 +32,7 @@ def frame_files(path: Path) -> list[Path]:
     return sorted((p for p in files if p.suffix in suffixes) or files, key=natural_key)
 
 
-def read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
+def _read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
     """Read one image of a shape (height, width)."""
     try:
         content = read_file(path, LARGEST_FILE)
@@ -48,12 +48,12 @@ def read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open raw frames; requires the option `intrinsics`, and `size` for an unknown file size."""
-    files = frame_files(path)
+    files = _frame_files(path)
     if not files:
         raise RecordingError(f"{path} holds no file; give the folder of the raw frames")
     size = options.size or next((known for file in files if (known := KNOWN_SIZES.get(file.stat().st_size))), None)
     if size is None:
         raise RecordingError(f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give --size WIDTH,HEIGHT")
     shape = (int(size[1]), int(size[0]))
-    source = file_frames(files, partial(read_frame, shape=shape))
+    source = file_frames(files, partial(_read_frame, shape=shape))
     return recording_of_source(path, source, chosen_camera(options, shape, path), options)

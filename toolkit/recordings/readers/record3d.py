@@ -64,14 +64,14 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         text = archive.read("metadata").decode("utf-8")
     known = parse_json(text, f"the metadata of {path}", RecordingError, "export it again")
     with damaged(path):
-        shape, own, times = facts_of(known)
+        shape, own, times = _facts_of(known)
         source = _frames(path, shape)
     camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
     stored = times if len(times) == source.count else None
     return recording_of_source(path, source, camera, options, unit="m", timestamps=stored)
 
 
-def facts_of(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
+def _facts_of(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
     """Return the shape of the depth images, their camera, and times in seconds (empty without)."""
     shape = (int(known["dh"]), int(known["dw"]))
     largest_side = 4096  # maximum number of depth pixels of a phone

@@ -216,7 +216,7 @@ def _image_of(file: MessageFile, topic: str, message: Any) -> np.ndarray:
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a file of ROS messages; the option `track` names one of several depth topics."""
     file = MessageFile(path)
-    topic = depth_topic(file, options.track)
+    topic = _depth_topic(file, options.track)
     first = file.first(topic)
     if first is None:
         raise RecordingError(f"topic {topic} of {path} has no message; record it again")
@@ -237,14 +237,8 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     )
 
 
-def depth_topic(file: MessageFile, wanted: str | None) -> str:
-    """Return the depth topic: the named one, or the only one; raw images are preferred to compressed ones.
-
-    Raises
-    ------
-    RecordingError
-        No depth topic exists, or several and none is named.
-    """
+def _depth_topic(file: MessageFile, wanted: str | None) -> str:
+    """Return the depth topic: the named one, or the only one; raw images are preferred to compressed ones."""
     images = [topic for topic, kind in file.topics.items() if kind in (IMAGE, COMPRESSED)]
     found = [topic for topic in images if "depth" in topic.lower() or topic == wanted]
     bases = {topic.removesuffix("/compressedDepth"): topic for topic in sorted(found, reverse=True)}

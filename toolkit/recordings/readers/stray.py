@@ -33,14 +33,8 @@ def matches(path: Path) -> bool:
     return is_folder(path) and is_file(path / MATRIX) and is_folder(path / "depth")
 
 
-def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
-    """Return the camera of depth images of a shape (height, width) from the matrix of the video.
-
-    Raises
-    ------
-    RecordingError
-        The file is no 3x3 matrix.
-    """
+def _camera_of(path: Path, shape: tuple[int, int]) -> Camera:
+    """Return the camera of depth images of a shape (height, width) from the matrix of the video."""
     text = read_text(path, RecordingError, "give --intrinsics fx,fy,cx,cy")
     try:
         matrix = np.array([[float(word) for word in line.split(",")] for line in text.splitlines() if line.strip()])
@@ -53,14 +47,8 @@ def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
     return Camera.from_intrinsics(np.array(scaled), shape)
 
 
-def odometry_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (T,), seconds, and the vertical in the camera's frame (3,), the median over all frames.
-
-    Raises
-    ------
-    RecordingError
-        A column is missing or contains no numbers.
-    """
+def _odometry_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (T,), seconds, and the vertical in the camera's frame (3,), the median over all frames."""
     from scipy.spatial.transform import Rotation
 
     rows = read_table(path, RecordingError, "copy the recording again")
@@ -82,9 +70,9 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     shape: tuple[int, int] = source.depth(0).shape
     times, up = None, None
     if is_file(path / ODOMETRY):
-        measured, up = odometry_of(path / ODOMETRY)
+        measured, up = _odometry_of(path / ODOMETRY)
         if len(measured) >= len(files):
             times = measured[: len(files)] - measured[0]
     given = options.intrinsics is not None
-    camera = chosen_camera(options, shape, path) if given else camera_of(path / MATRIX, shape)
+    camera = chosen_camera(options, shape, path) if given else _camera_of(path / MATRIX, shape)
     return recording_of_source(path, source, camera, options, timestamps=times, up=up)

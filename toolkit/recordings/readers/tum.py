@@ -34,14 +34,8 @@ def matches(path: Path) -> bool:
     return is_folder(path) and is_file(path / DEPTH_LIST)
 
 
-def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
-    """Return times (T,), seconds, and files of a list: a time and a relative path per line, `#` for comments.
-
-    Raises
-    ------
-    RecordingError
-        A line has another form, or its path leads out of the folder.
-    """
+def _listed(path: Path) -> tuple[np.ndarray, list[Path]]:
+    """Return times (T,), seconds, and files of a list: a time and a relative path per line, `#` for comments."""
     hint = "write a time and a file on each line"
     times, files = [], []
     for number, line in enumerate(read_text(path, RecordingError, hint).splitlines(), start=1):
@@ -65,10 +59,10 @@ def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a folder; colour is the nearest image in time."""
-    times, files = listed(path / DEPTH_LIST)
+    times, files = _listed(path / DEPTH_LIST)
     color: list[Path] = []
     if is_file(path / COLOR_LIST):
-        color_times, color_files = listed(path / COLOR_LIST)
+        color_times, color_files = _listed(path / COLOR_LIST)
         color = [color_files[int(np.abs(color_times - time).argmin())] for time in times]
     source = file_frames(files, read_depth_png, color)
     shape: tuple[int, int] = source.depth(0).shape
