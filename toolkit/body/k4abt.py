@@ -53,42 +53,41 @@ def _frame(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 _LEFT_FRAMES = {
-    "arm": _frame(LEFT, FRONT), "hand": _frame(LEFT, UP), "leg": _frame(UP, FRONT), "foot": _frame(FRONT, -UP),
+    "trunk": _frame(UP, FRONT), "arm": _frame(LEFT, FRONT), "hand": _frame(LEFT, UP), "leg": _frame(UP, FRONT),
+    "foot": _frame(FRONT, -UP),
 }  # fmt: skip
-_KIND = dict.fromkeys(("CLAVICLE", "SHOULDER", "ELBOW", "THUMB"), "arm")
-_KIND |= dict.fromkeys(("WRIST", "HAND", "HANDTIP"), "hand") | dict.fromkeys(("HIP", "KNEE", "ANKLE"), "leg")
-_KIND |= {"FOOT": "foot"}
+_PARTS: dict[str, tuple[str, str, str]] = {
+    "PELVIS": ("trunk", "root", "pelvis"), "SPINE_NAVEL": ("trunk", "lumbar", "spine"),
+    "SPINE_CHEST": ("trunk", "thorax", "spine"), "NECK": ("trunk", "cervical", "neck"),
+    "CLAVICLE": ("arm", "clavicle", "shoulder"), "SHOULDER": ("arm", "shoulder", "shoulder"),
+    "ELBOW": ("arm", "elbow", "elbow"), "WRIST": ("hand", "wrist", "wrist"), "HAND": ("hand", "wrist", "hand"),
+    "HANDTIP": ("hand", "wrist", "hand"), "THUMB": ("arm", "wrist", "hand"), "HIP": ("leg", "hip", "hip"),
+    "KNEE": ("leg", "knee", "knee"), "ANKLE": ("leg", "ankle", "ankle"), "FOOT": ("foot", "ankle", "foot"),
+}  # fmt: skip
+"""Kind of the rest frame, joint with the same rotation, and closest reported joint of each SDK joint; the other joints
+belong to the head."""
 
 
-def _rest_frame(name: str) -> np.ndarray:
+def _on_body(name: str) -> tuple[np.ndarray, int, int]:
+    """Return the rest frame (3, 3), the row in `skeleton.JOINTS` and that in `skeleton.REPORTED` of an SDK joint."""
     part, _, side = name.rpartition("_")
-    if part not in _KIND:
-        return _frame(UP, FRONT)
-    left = _LEFT_FRAMES[_KIND[part]]
+    if name in _PARTS or part not in _PARTS:
+        kind, joint, closest = _PARTS.get(name, ("trunk", "cervical", "head"))
+        return _LEFT_FRAMES[kind], skeleton.JOINT_NAMES.index(joint), skeleton.REPORTED.index(closest)
+    kind, joint, closest = _PARTS[part]
     mirror = np.diag([-1.0, 1.0, 1.0])  # reflection of the subject's left to the right
-    return left if side == "LEFT" else -mirror @ left
+    frame = _LEFT_FRAMES[kind] if side == "LEFT" else -mirror @ _LEFT_FRAMES[kind]
+    carrier = skeleton.JOINT_NAMES.index(f"{side.lower()}_{joint}")
+    return frame, carrier, skeleton.REPORTED.index(f"{side.lower()}_{closest}")
 
 
-REST_FRAMES: np.ndarray = np.array([_rest_frame(name) for name in NAMES])
+_FRAMES, _CARRIERS, _WITNESSES = zip(*map(_on_body, NAMES), strict=True)
+REST_FRAMES: np.ndarray = np.array(_FRAMES)
 """float64 (32, 3, 3): columns are the axes x, y, z of each joint in a T-pose, in the body frame (left, up, front)."""
-
-_TRUNK = {"PELVIS": "root", "SPINE_NAVEL": "lumbar", "SPINE_CHEST": "thorax"}
-_TURNS = {"HAND": "wrist", "HANDTIP": "wrist", "THUMB": "wrist", "FOOT": "ankle"}
-
-
-def _carrier(name: str) -> int:
-    part, _, side = name.rpartition("_")
-    if name in _TRUNK:
-        joint = _TRUNK[name]
-    elif part in _KIND:
-        joint = f"{side.lower()}_{_TURNS.get(part, part.lower())}"
-    else:
-        joint = "cervical"
-    return skeleton.JOINT_NAMES.index(joint)
-
-
-CARRIERS: np.ndarray = np.array([_carrier(name) for name in NAMES])
+CARRIERS: np.ndarray = np.array(_CARRIERS)
 """Joint of `skeleton.JOINT_NAMES` whose rotation each SDK joint has, int64 (32,)."""
+WITNESS: np.ndarray = np.array(_WITNESSES)
+"""Reported joint whose confidence each SDK joint has, int64 (32,)."""
 
 
 def rest_points(body: Body) -> np.ndarray:
@@ -158,20 +157,3 @@ def reported(positions: np.ndarray) -> np.ndarray:
     found["pelvis"], found["spine"], found["neck"] = skeleton.trunk_of(hips, shoulders)
     found["head"] = 0.5 * (at["EAR_LEFT"] + at["EAR_RIGHT"])
     return np.stack([found[name] for name in skeleton.REPORTED], axis=-2)
-
-
-CLOSEST = {
-    "PELVIS": "pelvis", "SPINE_NAVEL": "spine", "SPINE_CHEST": "spine", "NECK": "neck", "CLAVICLE": "shoulder",
-    "SHOULDER": "shoulder", "ELBOW": "elbow", "WRIST": "wrist", "HAND": "hand", "HANDTIP": "hand", "THUMB": "hand",
-    "HIP": "hip", "KNEE": "knee", "ANKLE": "ankle", "FOOT": "foot",
-}  # fmt: skip
-
-
-def _closest(name: str) -> int:
-    part, _, side = name.rpartition("_")
-    own = CLOSEST.get(name) or (f"{side.lower()}_{CLOSEST[part]}" if part in CLOSEST else "head")
-    return skeleton.REPORTED.index(own)
-
-
-WITNESS: np.ndarray = np.array([_closest(name) for name in NAMES])
-"""Reported joint whose confidence each SDK joint has, int64 (32,)."""
