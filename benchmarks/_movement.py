@@ -14,7 +14,7 @@ from toolkit.app.pipeline.run import track_recording
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
-from toolkit.database.default import DEFAULT_DATABASE
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.mocap.clip import PoseClip
 from toolkit.motion.contact import foot_contacts
 from toolkit.recordings.opening import open_recording

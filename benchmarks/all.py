@@ -20,7 +20,7 @@ from benchmarks._data import check_data, commands
 from benchmarks._record import RESULTS, add_option, commit, parser_of
 from benchmarks._rows import DATABASE, poses_of
 from tests.support.suite import ROOT, WORK
-from toolkit.database.default import DEFAULT_DATABASE
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 
 COMMANDS: dict[str, str] = {

@@ -25,8 +25,8 @@ from tests.support.scenes import GROUPS, chosen_scenes, record_scene
 from tests.support.suite import WORK, chosen_takes
 from toolkit.app.pipeline import track_recording
 from toolkit.body import skeleton
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.database.database import PoseDatabase
-from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.datasets.folder import data_folder
 from toolkit.evaluation.agreement import torso_frames
 from toolkit.landmarks.joint_network import RELIABLE_WITHIN

@@ -38,7 +38,7 @@ from toolkit.app.pipeline.scan import scan_recordings
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.database.default import DEFAULT_DATABASE
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.evaluation.joint_errors import CURVE, accuracy
 from toolkit.evaluation.marker_alignment import align
 from toolkit.sensing.recording import Recording

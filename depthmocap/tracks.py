@@ -281,11 +281,11 @@ def count_of(people: int | Literal["all"]) -> int | None:
 def tracker_of(database: str | Path | None, config: str | Path | None, settings: Mapping[str, Any] | None) -> Tracker:
     """Return the recipe of a tracker, with the packaged database if it needs one and none is named."""
     from toolkit.app.pipeline.trackers import TrackerRecipe
-    from toolkit.database.default import default_database_path
+    from toolkit.database import DEFAULT_DATABASE
 
     recipe = TrackerRecipe(config, dict(settings or {}), database)
     if recipe.needs_database() and database is None:
-        recipe = replace(recipe, database=default_database_path())
+        recipe = replace(recipe, database=DEFAULT_DATABASE)
     return recipe.build()
 
 

@@ -90,13 +90,13 @@ def track_examples(folder: Path) -> Path:
     """Track the two recordings in one pass and in two, score and draw the person; return the recording of the room."""
     import depthmocap
     from toolkit.app.pipeline import TrackerRecipe, track_recording
-    from toolkit.database.default import default_database_path
+    from toolkit.database import DEFAULT_DATABASE
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.output.rendering.film import render_run
     from toolkit.recordings.opening import open_recording
 
     person, room = write_examples(folder)
-    track_recording(open_recording(person), TrackerRecipe(database=default_database_path()).build(), folder / "run")
+    track_recording(open_recording(person), TrackerRecipe(database=DEFAULT_DATABASE).build(), folder / "run")
     if find_spec("open3d"):  # the scores of surfaces need it; pip builds without it
         evaluate_runs([folder / "run"])
     for name in ("film.webm", "sheet.png"):

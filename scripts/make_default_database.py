@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))
 from database_builder.build import build_database  # noqa: E402
 from toolkit.app.cli.terminal import progress_bars  # noqa: E402
 from toolkit.body.shape import load_body  # noqa: E402
-from toolkit.database.default import DEFAULT_DATABASE  # noqa: E402
+from toolkit.database import DEFAULT_DATABASE  # noqa: E402
 from toolkit.io.files import sha256_of  # noqa: E402
 from toolkit.mocap.procedural import procedural_clips  # noqa: E402
 

@@ -1,4 +1,4 @@
-"""Pose database of the package: sources, size, and behaviour without it."""
+"""Pose database of the package: sources and size."""
 
 from pathlib import Path
 
@@ -6,23 +6,22 @@ import numpy as np
 import pytest
 
 from tests.support.suite import MOCAP
-from toolkit.database import default
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.database.database import PoseDatabase
 from toolkit.datasets.registry import digest_of
-from toolkit.io.errors import DatabaseError
 from toolkit.io.files import sha256_of
 from toolkit.mocap.procedural import DATABASE_MOTIONS, SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, SUBJECT_MOTIONS
 
-ASSETS = default.DEFAULT_DATABASE.parent
+ASSETS = DEFAULT_DATABASE.parent
 
 
 @pytest.fixture(scope="module")
 def database() -> PoseDatabase:
-    return PoseDatabase.load(default.default_database_path())
+    return PoseDatabase.load(DEFAULT_DATABASE)
 
 
 def test_it_is_small_and_comes_with_its_notice() -> None:
-    assert default.default_database_path().stat().st_size <= 3e6
+    assert DEFAULT_DATABASE.stat().st_size <= 3e6
     notice = (ASSETS / "LICENSE.md").read_text()
     assert "mocap.cs.cmu.edu" in notice and "NSF EIA-0196217" in notice
 
@@ -46,9 +45,3 @@ def test_its_mocap_is_that_of_the_listed_cmu_folders_only(database: PoseDatabase
     assert all(digest in known[name] for name, digest in mocap.items() if name.endswith(".bvh"))
     counts = np.bincount(database.pose_source, minlength=len(database.sources))
     assert counts.sum() == len(database)
-
-
-def test_an_installation_without_it_has_a_clear_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(default, "DEFAULT_DATABASE", tmp_path / "default.npz")
-    with pytest.raises(DatabaseError, match="--database"):
-        default.default_database_path()

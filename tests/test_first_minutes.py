@@ -15,7 +15,6 @@ from tests.sensing_scenes import KINECT, scene
 from toolkit.app import pipeline
 from toolkit.app.cli import terminal
 from toolkit.app.pipeline import TrackerRecipe
-from toolkit.database import default
 from toolkit.io.errors import RecordingError
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -27,15 +26,10 @@ def costly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Record the costly calls in their order."""
     asked: list[str] = []
 
-    def poses() -> str:
-        asked.append("poses")
-        return "poses.npz"
-
     def build(*arguments: object, **named: object) -> None:
         asked.append("tracker")
         raise SystemExit(7)
 
-    monkeypatch.setattr(default, "default_database_path", poses)
     monkeypatch.setattr(TrackerRecipe, "build", build)
     monkeypatch.setattr(pipeline, "track_recordings", build)
     return asked
@@ -65,7 +59,7 @@ def test_one_of_several_that_cannot_be_read_is_named_before_the_others_are_track
 ) -> None:
     good = write_recording(tmp_path / "good.npz")
     assert run("track", good, tmp_path / "bad.npz", "--output", tmp_path / "runs") == 7
-    assert "bad.npz" in capsys.readouterr().err and costly == ["poses", "tracker"]
+    assert "bad.npz" in capsys.readouterr().err and costly == ["tracker"]
 
 
 def test_a_log_gets_a_line_a_minute_and_nothing_of_what_takes_less(capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,8 +20,8 @@ from scipy.optimize import minimize
 from benchmarks.confidence import Rows, distances, files_of, offsets_of, rows_of, sources
 from tests.support.suite import WORK
 from toolkit.body import skeleton
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.database.database import PoseDatabase
-from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.fitting import joint_confidence as model
 from toolkit.fitting.joint_confidence import FEATURES, WITHOUT_NETWORK, JointConfidence
 from toolkit.io.files import save_json

@@ -26,8 +26,8 @@ from scipy.spatial.transform import Rotation
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.database.database import PoseDatabase
-from toolkit.database.default import default_database_path
 from toolkit.kernels import linear
 from toolkit.kernels.image import raster
 from training.occluders import box, occluder_meshes
@@ -281,7 +281,7 @@ def main() -> None:
     parser.add_argument("--held", action="store_true", help="of the held-out poses")
     options = parser.parse_args()
     start = time.perf_counter()
-    poses = PoseDatabase.load(default_database_path()).poses.astype(np.float64)
+    poses = PoseDatabase.load(DEFAULT_DATABASE).poses.astype(np.float64)
     crops = draw_crops(poses, options.count, options.seed, options.held)
     np.savez(options.out, **crops)
     print(f"{options.out}: {len(crops['depth'])} crops in {time.perf_counter() - start:.0f} s")

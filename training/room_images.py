@@ -25,8 +25,8 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
+from toolkit.database import DEFAULT_DATABASE
 from toolkit.database.database import PoseDatabase
-from toolkit.database.default import default_database_path
 from toolkit.kernels.image import raster
 from toolkit.kernels.linear import rotated
 from toolkit.simulation.mesh import Mesh, joined
@@ -302,7 +302,7 @@ def main() -> None:
     parser.add_argument("seed", type=int)
     options = parser.parse_args()
     start = time.perf_counter()
-    poses = PoseDatabase.load(default_database_path()).poses.astype(np.float64)
+    poses = PoseDatabase.load(DEFAULT_DATABASE).poses.astype(np.float64)
     images = draw_images(poses, options.count, options.seed)
     np.savez(options.out, **images)
     print(f"{options.out}: {len(images['depth'])} images in {time.perf_counter() - start:.0f} s")

@@ -57,7 +57,7 @@ def run_demo(
         The folder cannot be written.
     """
     from toolkit.app.pipeline import TrackerRecipe, track_recording
-    from toolkit.database.default import default_database_path
+    from toolkit.database import DEFAULT_DATABASE
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.score_report import write_evaluation
     from toolkit.output.rendering.film import render_run
@@ -70,7 +70,7 @@ def run_demo(
     for unfinished in run.rglob(PARTIAL_FILE):
         unfinished.unlink()
     summary = track_recording(
-        recording, TrackerRecipe(database=default_database_path()).build(), run, people=None if real else 1,
+        recording, TrackerRecipe(database=DEFAULT_DATABASE).build(), run, people=None if real else 1,
         progress=lambda name, doing, done, total: show(doing_words(doing), done, total),
     )  # fmt: skip
     files, table = [recording.path, run], None

@@ -131,14 +131,14 @@ class Tracking:
         A database for a tracker without lookup is ignored with a warning.
         """
         from toolkit.app.pipeline import TrackerRecipe
-        from toolkit.database.default import default_database_path
+        from toolkit.database import DEFAULT_DATABASE
 
         recipe = TrackerRecipe(self.config, self.overrides(), self.database, self.body, sensors)
         if not recipe.needs_database():
             if self.database is not None:
                 print_lines(f"{self.database} is not used: this tracker has no database lookup", file=sys.stderr)
             return replace(recipe, database=None)
-        return recipe if self.database else replace(recipe, database=default_database_path())
+        return recipe if self.database else replace(recipe, database=DEFAULT_DATABASE)
 
     def check(self) -> None:
         """Raise SettingsError for invalid settings before the work starts."""
