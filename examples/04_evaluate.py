@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.evaluation.score_report import write_evaluation
+from toolkit.evaluation.scores import write_evaluation
 
 OUTPUT = Path("output")
 

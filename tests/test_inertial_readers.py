@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from toolkit.inertial.sensor_files import SensorOptions, read_file, read_files
+from toolkit.inertial.sensor_files import read_file, read_files
 from toolkit.inertial.stream import GRAVITY
 from toolkit.io.errors import InertialError, UsageError
 
@@ -44,7 +44,7 @@ def test_any_csv_is_read_with_its_columns_and_units_declared(tmp_path):
     rows = [f"{10 * i},A,{','.join(f'{v:.6f}' for v in q)},90,0,0,0,0,1" for i, q in enumerate(TURNED)]
     path = write(tmp_path / "own.csv", "\n".join(["ms,who,a,b,c,d,u,v,w,x,y,z", *rows]))
     columns = "time_s=ms,sensor=who,qw=a,qx=b,qy=c,qz=d,gx=u,gy=v,gz=w,ax=x,ay=y,az=z"
-    (stream,) = read_file(path, SensorOptions(columns=columns, units="time=ms,gyro=deg/s,acceleration=g"))
+    (stream,) = read_file(path, columns=columns, units="time=ms,gyro=deg/s,acceleration=g")
     assert stream.name == "A"
     np.testing.assert_allclose(stream.times, [0, 0.01, 0.02, 0.03])
     np.testing.assert_allclose(stream.gyro[0], [np.pi / 2, 0, 0])
@@ -65,7 +65,7 @@ def test_any_csv_is_read_with_its_columns_and_units_declared(tmp_path):
 )
 def test_a_bad_table_is_refused(tmp_path, text, options, error, message):
     with pytest.raises(error, match=message):
-        read_file(write(tmp_path / "bad.csv", text), SensorOptions(**options))
+        read_file(write(tmp_path / "bad.csv", text), **options)
 
 
 def test_files_that_are_missing_or_unknown_are_refused(tmp_path):

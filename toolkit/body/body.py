@@ -172,13 +172,10 @@ def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _below() -> np.ndarray:
-    count = len(skeleton.JOINTS)
-    below = np.eye(count, dtype=np.bool_)
-    for j in range(count):
-        parent = skeleton.PARENTS[j]
-        while parent >= 0:
-            below[parent, j] = True
-            parent = skeleton.PARENTS[parent]
+    below = np.eye(len(skeleton.JOINTS), dtype=np.bool_)
+    for j, parent in enumerate(skeleton.PARENTS):
+        if parent >= 0:
+            below[:, j] |= below[:, parent]
     return below
 
 

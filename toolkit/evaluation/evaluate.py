@@ -121,7 +121,8 @@ def match_people(
     own: list[Reference | None] = [None] * len(tracks)
     for person, track in track_of.items():
         own[track] = Reference(reference.people[person, : len(tracks[track])], reference.is_truth)
-    return own, [reference.of(person) for person in range(len(reference.people)) if person not in track_of]
+    missed = [joints for person, joints in enumerate(reference.people) if person not in track_of]
+    return own, [Reference(joints, reference.is_truth) for joints in missed]
 
 
 def _mean_error(track: Track, person: np.ndarray) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.io.errors import RecordingError, optional_package
-from toolkit.io.yaml_reader import read_text
+from toolkit.io.yaml_reader import as_numbers, read_text
 
 UNITS = {"m": 1.0, "meters": 1.0, "cm": 0.01, "centimeters": 0.01, "mm": 0.001, "millimeters": 0.001}
 """Metres per unit, by the name that TRC and C3D files give it."""
@@ -109,17 +108,6 @@ def _split(names: list[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     return tuple(label for _, _, label in parts), tuple(subject for subject, _, _ in parts)
 
 
-def _numbers(rows: list[list[str]], width: int) -> np.ndarray:
-    """Return the numbers of the first `width` cells of each row (N, width), NaN for a cell without one."""
-    table = np.full((len(rows), width), np.nan)
-    for numbers, cells in zip(table, rows, strict=True):
-        for i, cell in enumerate(cells[:width]):
-            with suppress(ValueError):
-                numbers[i] = float(cell)
-    table[~np.isfinite(table)] = np.nan
-    return table
-
-
 def _read_trc(file: Path) -> MarkerRecording:
     hint = "export it as TRC again"
     lines = read_text(file, RecordingError, hint, errors="replace").splitlines()
@@ -131,7 +119,7 @@ def _read_trc(file: Path) -> MarkerRecording:
         raise RecordingError(f"{file} has the unit {fields.get('Units', '')!r}; use one of {', '.join(UNITS)}")
     names = [name for name in lines[3].split("\t")[2:] if name.strip()]
     labels, subjects = _split(names)
-    table = _numbers([line.split("\t") for line in lines[5:] if line.strip()], 2 + 3 * len(names))
+    table = as_numbers([line.split("\t") for line in lines[5:] if line.strip()], 2 + 3 * len(names))
     points = table[:, 2:].reshape(len(table), len(names), 3) * unit
     points[(points == 0).all(axis=2)] = np.nan  # a marker that was not seen, as some programs write it
     return MarkerRecording(file.stem, table[:, 1], labels, subjects, points)
@@ -166,7 +154,7 @@ def _read_csv(file: Path) -> MarkerRecording:
         raise RecordingError(f"{file} has no column {error.args[0]}; {hint}") from error
     if times_at is None or not names:
         raise RecordingError(f"{file} has no column `time` or no marker; {hint}")
-    table = _numbers([line.split(",") for line in lines[1:] if line.count(",") == len(head) - 1], len(head))
+    table = as_numbers([line.split(",") for line in lines[1:] if line.count(",") == len(head) - 1], len(head))
     points = table[:, order].reshape(len(table), len(names), 3)
     notes: tuple[str, ...] = ()
     # Metres from the origin that a capture volume can reach; larger coordinates of a file without unit are
@@ -199,7 +187,7 @@ def _read_mot(file: Path) -> MarkerRecording:
         raise RecordingError(f"{file} has no line `endheader` with rows behind it; {hint}")
     names = lines[start + 1].split()
     rows = [line.split() for line in lines[start + 2 :]]
-    table = _numbers([row for row in rows if len(row) == len(names)], len(names))
+    table = as_numbers([row for row in rows if len(row) == len(names)], len(names))
     if not len(table) or names[0].lower() != "time":
         raise RecordingError(f"the columns of {file} do not fit its names; {hint}")
     degrees = any(line.strip().lower().replace(" ", "") == "indegrees=yes" for line in lines[:start])

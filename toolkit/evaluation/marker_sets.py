@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import re
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -71,22 +70,13 @@ def load_marker_set(name: str | Path) -> MarkerSet:
     UsageError
         There is no such set, or the file is not understood.
     """
-    text = str(name)
-    if text.endswith((".yaml", ".yml")):
-        return _parse(Path(text))
-    if text not in marker_set_names():
-        raise UsageError(
-            f"there is no marker set {text!r}; there are {', '.join(marker_set_names())}, or give a YAML file"
-        )
-    return _shipped(text)
-
-
-@cache
-def _shipped(name: str) -> MarkerSet:
-    return _parse(shipped("markers", f"{name}.yaml"))
-
-
-def _parse(path: Path) -> MarkerSet:
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml"):
+        if str(name) not in marker_set_names():
+            raise UsageError(
+                f"there is no marker set {str(name)!r}; there are {', '.join(marker_set_names())}, or give a YAML file"
+            )
+        path = shipped("markers", f"{name}.yaml")
     hint = "write `joints:` with a list of lists of marker names per joint, as in configs/markers"
     table = read_yaml(path, f"the marker set {path.name}", UsageError, hint)
     try:
@@ -117,7 +107,7 @@ def joint_centres(recording: MarkerRecording, name: str | Path | None = None) ->
     RecordingError
         No set, or not the named one, defines at least 4 joints; the message names the nearest markers.
     """
-    sets = [load_marker_set(name)] if name is not None else [_shipped(each) for each in marker_set_names()]
+    sets = [load_marker_set(each) for each in (marker_set_names() if name is None else [name])]
     found = [_centres(recording, each) for each in sets]
     counts = [int(np.isfinite(each.points).all(axis=2).any(axis=0).sum()) for each in found]
     best = int(np.argmax(counts))

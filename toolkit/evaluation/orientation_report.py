@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 DISTANCES, ERRORS = "distances.csv", "errors.csv"
 PICTURE, PAGE = "distances.png", "report.html"
+ERROR_HEAD = ("part", "from s", "to s", "peak deg", "mean deg", "kind")
 
 
 def write_check(check: RunCheck, folder: str | Path) -> None:
@@ -69,6 +70,11 @@ def _plot_check(check: RunCheck) -> Figure:
     return figure
 
 
+def error_rows(check: RunCheck) -> list[tuple[str, ...]]:
+    """Return the cells of the table of errors, with the headings `ERROR_HEAD`."""
+    return [(e.limb, f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind) for e in check.errors]
+
+
 def _cell(value: float) -> str:
     return "" if np.isnan(value) else f"{value:.2f}"
 
@@ -80,11 +86,7 @@ def _page(check: RunCheck, drawn: bytes) -> str:
         rows = [(n, f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for n, s in check.scores().items()]
         parts.append(table(("against known errors, over", "precision", "recall", "F"), rows))
     parts.append(picture(drawn, "distance curves"))
-    errors = [
-        (escape(e.limb), f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind)
-        for e in check.errors
-    ]
-    parts.append(table(("part", "from (s)", "to (s)", "peak", "mean", "kind"), errors))
+    parts.append(table(ERROR_HEAD, error_rows(check)))
     sensors = [
         (escape(limb), s.status, f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", escape(s.reason))
         for limb, s in check.calibration.sensors.items()

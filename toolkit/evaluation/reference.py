@@ -27,10 +27,6 @@ class Reference:
         """Return the joints of all people, (N, T, 20, 3)."""
         return self.joints if self.joints.ndim == 4 else self.joints[None]
 
-    def of(self, person: int) -> Reference:
-        """Return the reference of one person by index."""
-        return Reference(self.people[person], self.is_truth)
-
 
 def find_reference(recording: Recording, paths: list[Path], frames: int) -> Reference | None:
     """Return the joints for the first `frames` frames of a recording, or None if no person has any.
@@ -73,7 +69,8 @@ def _from_path(recording: Recording, path: Path) -> Reference | None:
         raise RecordingError(f"there is no reference at {path}; check the path")
     if path.is_dir():
         own = [p for p in sorted(path.iterdir()) if p.stem == recording.name]
-        skeletons = [p for p in sorted(path.iterdir()) if p.stem == _skeleton_stem(recording.name)]
+        skeleton = f"{recording.name.removesuffix('_depth')}_skeleton"  # names of UTD-MHAD
+        skeletons = [p for p in sorted(path.iterdir()) if p.stem == skeleton]
     else:
         own, skeletons = ([], [path]) if path.stem.endswith("_skeleton") else ([path], [])
     for file in own:
@@ -95,8 +92,3 @@ def _kinect_bodies(recording: Recording, file: Path) -> Reference:
         raise RecordingError(f"no person is in {file}; there is nothing to compare with")
     joints = rotated_points(joints, int(recording.options.get("rotate", 0)) // 90).astype(np.float32)
     return Reference(joints[0] if len(joints) == 1 else joints, False)
-
-
-def _skeleton_stem(name: str) -> str:
-    """Return the skeleton path of UTD-MHAD: `a1_s1_t1_skeleton` for `a1_s1_t1_depth`."""
-    return f"{name.removesuffix('_depth')}_skeleton"

@@ -28,8 +28,6 @@ def oriented(sensors: Sensors) -> Sensors:
     InertialError
         A sensor without orientations has no gyroscope or no accelerometer.
     """
-    if all(stream.rotations is not None for stream in sensors):
-        return sensors
     streams = tuple(s if s.rotations is not None else fused(s) for s in sensors)
     return replace(sensors, streams=streams)
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ import numpy as np
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, SensorStream, checked_stream
 from toolkit.io.errors import InertialError, UsageError
 from toolkit.io.matlab import read_matlab
-from toolkit.io.yaml_reader import read_table, read_text
+from toolkit.io.yaml_reader import as_numbers, read_table, read_text
 
 DEGREE = np.pi / 180.0
 CSV_COLUMNS = ("sensor", "time_s", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
@@ -33,22 +32,13 @@ UNITS = {
 HINT = "export the recording again"
 
 
-@dataclass(frozen=True)
-class SensorOptions:
-    """Options of a CSV file.
-
-    Attributes
-    ----------
-    columns : ours=theirs pairs such as `time_s=t,qw=Q0`
-    units : `gyro=deg/s,acceleration=g,time=ms`; default rad/s, m/s2 and s
-    """
-
-    columns: str | None = None
-    units: str | None = None
-
-
-def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors:
+def read_file(path: str | Path, *, columns: str | None = None, units: str | None = None) -> Sensors:
     """Read the sensors of one file, with the file's names.
+
+    Parameters
+    ----------
+    columns : columns of a CSV file as ours=theirs pairs such as `time_s=t,qw=Q0`
+    units : its units such as `gyro=deg/s,acceleration=g,time=ms`; default rad/s, m/s2 and s
 
     Raises
     ------
@@ -57,10 +47,10 @@ def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors
     UsageError
         The options have another form.
     """
-    options, path = options or SensorOptions(), Path(path)
+    path = Path(path)
     if not path.is_file():
         raise InertialError(f"there is no file {path}; name a file that a sensor's software exported")
-    suffix = ".csv" if options.columns is not None else path.suffix.lower()
+    suffix = ".csv" if columns is not None else path.suffix.lower()
     if suffix == ".npz":
         return Sensors.load(path)
     if suffix == ".mat":
@@ -68,15 +58,15 @@ def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors
     if suffix == ".sto":
         return Sensors(tuple(_sto_streams(path)))
     if suffix == ".csv":
-        return Sensors(tuple(_csv_streams(path, options)))
+        return Sensors(tuple(_csv_streams(path, columns, units)))
     raise InertialError(
         f"{path} has no known sensor format; there are: npz, mat, sto, csv. "
         "A CSV of any other kind is read with --columns"
     )
 
 
-def read_files(paths: Sequence[str | Path], options: SensorOptions | None = None) -> Sensors:
-    """Read all sensors of several files of one recording, on one clock.
+def read_files(paths: Sequence[str | Path], *, columns: str | None = None, units: str | None = None) -> Sensors:
+    """Read all sensors of several files of one recording, on one clock; see `read_file`.
 
     Raises
     ------
@@ -87,7 +77,7 @@ def read_files(paths: Sequence[str | Path], options: SensorOptions | None = None
     """
     if not paths:
         raise UsageError("no sensor file is named; give at least one")
-    parts = [read_file(path, options) for path in paths]
+    parts = [read_file(path, columns=columns, units=units) for path in paths]
     devices = {limb: device for part in parts for limb, device in part.devices.items()}
     source = {"files": [Path(path).name for path in paths], "devices": devices}
     return Sensors(tuple(stream for part in parts for stream in part), source)
@@ -119,55 +109,44 @@ def _sto_streams(path: Path) -> list[SensorStream]:
     if len(rows) < 3 or rows[0][0].strip() != "time":
         raise InertialError(f"{path} has no table with the column time and at least two rows below its header")
     names = [name.strip() for name in rows[0][1:]]
-    cells = np.full((len(rows) - 1, len(names), 4), np.nan)
     for i, row in enumerate(rows[1:]):
-        for k, cell in enumerate(row[1 : len(names) + 1]):
-            parts = cell.split(",")
-            if len(parts) != 4:
-                raise InertialError(f"row {i} of {path} has the cell {cell!r} for {names[k]}; expected w,x,y,z")
-            cells[i, k] = [_number(part) for part in parts]
-    times = np.array([_number(row[0]) for row in rows[1:]])
-    return [checked_stream(name, times, rotations=cells[:, k]) for k, name in enumerate(names)]
+        for name, cell in zip(names, row[1:], strict=False):
+            if cell.count(",") != 3:
+                raise InertialError(f"row {i} of {path} has the cell {cell!r} for {name}; expected w,x,y,z")
+    table = as_numbers([",".join(row).split(",") for row in rows[1:]], 1 + 4 * len(names))
+    return [
+        checked_stream(name, table[:, 0], rotations=table[:, 1 + 4 * k : 5 + 4 * k]) for k, name in enumerate(names)
+    ]
 
 
-def _csv_streams(path: Path, options: SensorOptions) -> list[SensorStream]:
+def _csv_streams(path: Path, columns: str | None, units: str | None) -> list[SensorStream]:
     rows = read_table(path, InertialError, HINT)
-    theirs = {name: name for name in CSV_COLUMNS} | pairs_of(options.columns, "--columns")
+    theirs = {name: name for name in CSV_COLUMNS} | pairs_of(columns, "--columns")
     if unknown := sorted(set(theirs) - set(CSV_COLUMNS)):
         raise UsageError(f"--columns names {', '.join(unknown)}; ours are: {', '.join(CSV_COLUMNS)}")
-    factors = factors_of(options.units)
+    factors = factors_of(units)
     head = [name.strip() for name in rows[0]] if rows else []
     if theirs["time_s"] not in head:
         raise InertialError(
             f"{path} has no column {theirs['time_s']}; it has: {', '.join(head) or 'no row'}. "
             "Name the one that holds the time with --columns time_s=..."
         )
-    table = [{name.strip(): cell.strip() for name, cell in row.items()} for row in rows]
-
-    def numbers(*ours: str) -> np.ndarray:
-        return np.array([[_number(row.get(theirs[name], "")) for name in ours] for row in table])
-
+    named = [{name.strip(): cell.strip() for name, cell in row.items()} for row in rows]
+    numbers = CSV_COLUMNS[1:]
+    table = as_numbers([[row.get(theirs[name], "") for name in numbers] for row in named], len(numbers))
     values = {
-        "rotations": numbers("qw", "qx", "qy", "qz"),
-        "gyro": numbers("gx", "gy", "gz") * factors["gyro"],
-        "acceleration": numbers("ax", "ay", "az") * factors["acceleration"],
+        "rotations": table[:, 1:5],
+        "gyro": table[:, 5:8] * factors["gyro"],
+        "acceleration": table[:, 8:] * factors["acceleration"],
     }
-    times = numbers("time_s")[:, 0] * factors["time"]
-    owners = np.array([row.get(theirs["sensor"], path.stem) for row in table])
+    times = table[:, 0] * factors["time"]
+    owners = np.array([row.get(theirs["sensor"], path.stem) for row in named])
     streams = []
     for name in dict.fromkeys(owners.tolist()):
         own = {key: array[owners == name] for key, array in values.items()}
         known = {key: array for key, array in own.items() if np.isfinite(array).any()}
         streams.append(checked_stream(name, times[owners == name], **known))
     return streams
-
-
-def _number(text: str) -> float:
-    """Return the number of a cell, NaN for an empty one and for one without a number."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
 
 
 def pairs_of(text: str | None, option: str) -> dict[str, str]:

@@ -108,20 +108,20 @@ def checked_stream(
         Times decrease, fewer than two rows are usable, or no quaternion has norm 1.
     """
     times = np.asarray(times, np.float64).ravel()
-    columns = {"rotations": (rotations, 4), "gyro": (gyro, 3), "acceleration": (acceleration, 3)}
-    arrays: dict[str, np.ndarray | None] = {}
-    for key, (values, width) in columns.items():
-        arrays[key] = None if values is None else np.asarray(values, np.float64)
-        if values is not None and arrays[key].shape != (len(times), width):  # type: ignore[union-attr]
+    keep = _kept_rows(name, times)
+    present: dict[str, np.ndarray] = {}
+    for key, values, width in (("rotations", rotations, 4), ("gyro", gyro, 3), ("acceleration", acceleration, 3)):
+        if values is None:
+            continue
+        if np.shape(values) != (len(times), width):
             raise InertialError(
                 f"sensor {name} has {key} of shape {np.shape(values)} for {len(times)} times; "
                 f"expected ({len(times)}, {width})"
             )
-    if all(arrays[key] is None for key in ("rotations", "gyro")):
+        present[key] = np.asarray(values, np.float64)[keep]
+    if not present.keys() & {"rotations", "gyro"}:
         raise InertialError(f"sensor {name} has neither orientations nor a gyroscope; name their columns")
-    keep = _kept_rows(name, times)
     times = times[keep]
-    present = {key: values[keep] for key, values in arrays.items() if values is not None}
     valid = np.ones(len(times), dtype=bool) if valid is None else np.asarray(valid, dtype=bool)[keep]
     for key, values in present.items():
         fine = np.isfinite(values).all(axis=1)

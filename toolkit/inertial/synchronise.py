@@ -72,7 +72,8 @@ def synchronise(
     InertialError
         No sensor overlaps the track, all rest, the best lag is at the border of the search, or another lag is as good.
     """
-    smoothing = smoothing_for(motion)
+    # Standard deviation of the low-pass of both signals, seconds; two frames, because slow cameras miss fast rotations.
+    smoothing = max(0.06, 2.0 * float(np.median(np.diff(motion.times))))
     moving = [stream for stream in sensors if not is_still(stream)]
     if not moving:
         raise InertialError(
@@ -101,19 +102,10 @@ def synchronise(
     return clock
 
 
-def smoothing_for(motion: TrackedMotion) -> float:
-    """Return the standard deviation of the low-pass for a track, seconds."""
-    step = float(np.median(np.diff(motion.times))) if len(motion.times) > 1 else 0.0
-    smoothing = 0.06  # seconds, smallest standard deviation of the low-pass of both signals
-    # Camera frames, smallest standard deviation of the low-pass, because slow cameras miss fast rotations.
-    smoothing_frames = 2.0
-    return max(smoothing, smoothing_frames * step)
-
-
 def is_still(stream: SensorStream) -> bool:
     """Return True if a sensor rests all the time."""
     still = 0.05  # rad/s; a sensor with a smaller standard deviation of the angular speed rests
-    return float(np.std(_angular_speed(stream)[1])) < still
+    return float(np.std(np.linalg.norm(_angular_velocity(stream)[1], axis=1))) < still
 
 
 def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
@@ -156,11 +148,6 @@ def _angular_velocity(stream: SensorStream) -> tuple[np.ndarray, np.ndarray]:
 def angular_velocity(rotations: Rotation, times: np.ndarray) -> np.ndarray:
     """Return the rate of turn (N - 1, 3) between neighbours of N rotations, rad/s, turning frame (thesis, Eq. A.14)."""
     return (rotations[:-1].inv() * rotations[1:]).as_rotvec() / np.diff(times)[:, None]
-
-
-def _angular_speed(stream: SensorStream) -> tuple[np.ndarray, np.ndarray]:
-    times, rates = _angular_velocity(stream)
-    return times, np.linalg.norm(rates, axis=1)
 
 
 def _size(times: np.ndarray, vectors: np.ndarray, smoothing: float) -> Signal:

@@ -10,7 +10,7 @@ from toolkit.inertial.calibrate import CalibrationSequence, CalibrationSettings,
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.fusion import oriented
 from toolkit.inertial.placement import load_placement, placed
-from toolkit.inertial.sensor_files import SensorOptions, read_files
+from toolkit.inertial.sensor_files import read_files
 from toolkit.inertial.sensor_limbs import TrackedMotion
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import MAX_OFFSET, synchronise
@@ -23,7 +23,8 @@ def read_sensors(
     output: str | Path | None = None,
     *,
     placement: str | Path | None = None,
-    options: SensorOptions | None = None,
+    columns: str | None = None,
+    units: str | None = None,
 ) -> Sensors:
     """Read sensor files of any known format, place them, fuse raw data, and write the canonical file.
 
@@ -32,7 +33,7 @@ def read_sensors(
     files : files of one recording on one clock
     output : the file to write (NPZ); None writes nothing
     placement : `placement.yaml`; without it the sensors' names must identify their parts
-    options : options of the readers
+    columns, units : see `read_file`
 
     Raises
     ------
@@ -43,7 +44,9 @@ def read_sensors(
     """
     if output is not None:
         check_output(output, [*files, *([] if placement is None else [placement])])
-    raw = placed(read_files(files, options), None if placement is None else load_placement(placement))
+    raw = placed(
+        read_files(files, columns=columns, units=units), None if placement is None else load_placement(placement)
+    )
     sensors = oriented(raw)
     if output is not None:
         sensors.save(output)

@@ -6,9 +6,12 @@ import csv
 import io
 import json
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import yaml
 
 from toolkit.io.errors import DepthMocapError
@@ -115,6 +118,17 @@ def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> lis
     if not rows:
         raise error(f"{path} is empty; {hint}")
     return [dict(zip(rows[0], row, strict=False)) for row in rows[1:] if row]
+
+
+def as_numbers(rows: Sequence[Sequence[str]], width: int) -> np.ndarray:
+    """Return the numbers of the first `width` cells of each row (N, width), NaN for a cell without a finite one."""
+    table = np.full((len(rows), width), np.nan)
+    for numbers, cells in zip(table, rows, strict=True):
+        for i, cell in enumerate(cells[:width]):
+            with suppress(ValueError):
+                numbers[i] = float(cell)
+    table[~np.isfinite(table)] = np.nan
+    return table
 
 
 def _whole(digits: str) -> int:

@@ -82,11 +82,8 @@ def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]
 
 def _until(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return a mask of the frames from a low position until standing."""
-    down, out = False, np.zeros(len(low), dtype=bool)
-    for i, (below, above) in enumerate(zip(low, high, strict=True)):
-        down = below or (down and not above)
-        out[i] = down
-    return out
+    last = np.maximum.accumulate(np.where(low | high, np.arange(len(low)), -1))
+    return low[last] & (last >= 0)
 
 
 def _top(height: np.ndarray, start: int, times: np.ndarray) -> int:

@@ -59,7 +59,7 @@ def run_demo(
     from toolkit.app.pipeline import TrackerRecipe, track_recording
     from toolkit.database import DEFAULT_DATABASE
     from toolkit.evaluation.evaluate import evaluate_runs
-    from toolkit.evaluation.score_report import write_evaluation
+    from toolkit.evaluation.scores import write_evaluation
     from toolkit.output.rendering.film import render_run
     from toolkit.output.report.page import write_report
     from toolkit.tracks import PARTIAL_FILE

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from toolkit.app.cli.options import MovedRecording
-from toolkit.app.cli.terminal import print_lines, print_table, progress_bars
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from toolkit.app.cli.terminal import print_lines, print_rows, print_table, progress_bars
 
 
 def evaluate(
@@ -59,7 +55,7 @@ def evaluate(
     """Compare tracks with true joints or another skeleton, and fitted bodies with the depth, in one table."""
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.marker_files import is_marker_file
-    from toolkit.evaluation.score_report import FILES, write_evaluation
+    from toolkit.evaluation.scores import FILES, write_evaluation
     from toolkit.io.files import check_output
 
     if references and any(map(is_marker_file, references)):
@@ -101,18 +97,9 @@ def _validate(
         print_lines(line)
     for head, rows in ((page.JOINT_HEAD, page.joint_rows(found)), (page.ANGLE_HEAD, page.angle_rows(found))):
         if rows:
-            print_table(_rich(head, rows))
+            print_rows(head, rows)
     if output is None:
         print_lines("page with curves: --output FOLDER", file=sys.stderr)
         return
     for path in page.write_validation(found, output):
         print_lines(path)
-
-
-def _rich(head: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
-    from rich.table import Table
-
-    table = Table(*head)
-    for row in rows:
-        table.add_row(*row)
-    return table

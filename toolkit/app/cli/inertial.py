@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.app.cli.options import Output
-from toolkit.app.cli.terminal import print_lines, print_table
+from toolkit.app.cli.terminal import print_lines, print_rows
 
 app = typer.Typer(
     help="Check a track with inertial sensors: read files, calibrate, detect errors.",
@@ -38,21 +38,19 @@ def read(
     ] = None,
 ) -> None:
     """Convert sensor files of any supported format to the canonical one."""
-    from rich.table import Table
-
-    from toolkit.inertial.sensor_files import SensorOptions
     from toolkit.inertial.workflow import read_sensors
 
-    options = SensorOptions(columns, units)
-    sensors = read_sensors(files, output, placement=placement, options=options)
-    table = Table("sensor", "device", "Hz", "seconds", "rows", "left out", "gaps", "longest gap s", "orientation from")
-    for stream in sensors:
-        table.add_row(
+    sensors = read_sensors(files, output, placement=placement, columns=columns, units=units)
+    rows = [
+        (
             stream.name, sensors.devices.get(stream.name, ""), f"{stream.rate:.1f}",
             f"{stream.times[-1] - stream.times[0]:.2f}", str(len(stream)), str(int((~stream.valid).sum())),
             str(stream.gaps), f"{stream.longest_gap:.3f}", stream.origin,
-        )  # fmt: skip
-    print_table(table)
+        )
+        for stream in sensors
+    ]  # fmt: skip
+    head = ("sensor", "device", "Hz", "seconds", "rows", "left out", "gaps", "longest gap s", "orientation from")
+    print_rows(head, rows)
 
 
 @app.command()
@@ -71,8 +69,6 @@ def calibrate(
     max_offset: MaxOffset = 3.0,
 ) -> None:
     """Estimate the mounting of each sensor on its limb and the rotation between the sensor and track frames."""
-    from rich.table import Table
-
     from toolkit.inertial.calibrate import CalibrationSettings
     from toolkit.inertial.workflow import calibrate_runs
 
@@ -80,11 +76,11 @@ def calibrate(
         runs, sensors, output, settings=CalibrationSettings(method=method, heading=heading),
         max_offset=max_offset,
     )  # fmt: skip
-    table = Table("sensor", "status", "spread deg", "median deg", "90 % deg", "inliers %", "why")
-    for limb, s in found.sensors.items():
-        figures = (f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", f"{100 * s.inliers:.0f}")
-        table.add_row(limb, s.status, *figures, s.reason)
-    print_table(table)
+    rows = [
+        (limb, s.status, f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", f"{100 * s.inliers:.0f}", s.reason)
+        for limb, s in found.sensors.items()
+    ]
+    print_rows(("sensor", "status", "spread deg", "median deg", "90 % deg", "inliers %", "why"), rows)
     for name, take in found.takes.items():
         print_lines(f"{name}: t_sensor = t_camera {take.offset:+.4f} s")
     for note in found.notes:
@@ -108,29 +104,24 @@ def check(
     max_offset: MaxOffset = 3.0,
 ) -> None:
     """Detect disagreement between tracks and sensors: curves, errors, a picture and a page for each run."""
-    from rich.table import Table
-
-    from toolkit.evaluation.orientation_report import write_check
+    from toolkit.evaluation.orientation_report import ERROR_HEAD, error_rows, write_check
     from toolkit.evaluation.orientations import check_runs
 
     checks = check_runs(
         runs, sensors, calibration=calibration, truth=truth, threshold=threshold,
         max_offset=max_offset,
     )  # fmt: skip
-    table = Table("run", "part", "from s", "to s", "peak deg", "mean deg", "kind")
+    rows = []
     for found in checks:
         folder = output if len(checks) == 1 else output / found.name
         write_check(found, folder)
-        for e in found.errors:
-            table.add_row(
-                found.name, e.limb, f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind
-            )
+        rows += [(found.name, *cells) for cells in error_rows(found)]
         for limb, sensor in found.calibration.sensors.items():
             if sensor.status == "refused":
                 print_lines(f"{found.name}: {limb} is left out: {sensor.reason}")
         for name, s in found.scores().items():
             print_lines(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
-    if table.row_count:
-        print_table(table)
+    if rows:
+        print_rows(("run", *ERROR_HEAD), rows)
     else:
         print_lines(f"no disagreement above {threshold:g} degrees")
