@@ -10,7 +10,6 @@ from tests.test_fitting import CAMERA, HORIZONTAL, SETTINGS, joint_error, scene_
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.fitting.balls import Balls
 from toolkit.fitting.fitting_settings import FittingSettings
 from toolkit.fitting.placed import balls_of
 from toolkit.fitting.refiner import Refiner
@@ -35,7 +34,7 @@ def fit(body: Body) -> Fit:
 
 
 def test_balls_lie_within_the_body(body: Body) -> None:
-    balls = Balls.of_body(body)
+    balls = balls_of(body)
     centres = body.joints[balls.joint] + balls.offset
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     assert ((centres > low - 0.02) & (centres < high + 0.02)).all()

@@ -24,7 +24,7 @@ from toolkit.trackers.hybrid.tracker import HybridTracker
 from toolkit.tracking import searching
 from toolkit.tracking.body_learning import RateLimiter
 from toolkit.tracking.search.arm_search import ITERATIONS, JOINT_WEIGHT, ArmSearch, ArmSettings, NetworkArms
-from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup, LookupBudget
+from toolkit.tracking.search.database_lookup import FIRST_ROUNDS, DatabaseLookup
 from toolkit.tracking.search.estimate_query import ESTIMATE_SIGMA, EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
@@ -34,7 +34,7 @@ from toolkit.tracking.state import PersonState, Previous
 
 RNG = np.random.default_rng(0)
 BODY = load_body("neutral")
-BUDGET = LookupBudget(candidates=2, restarts=3, promising=2.0, period=2)
+BUDGET: dict[str, Any] = {"candidates": 2, "restarts": 3, "promising": 2.0, "period": 2}
 
 
 def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, **others: Any) -> PersonState:
@@ -84,8 +84,8 @@ class FakeQuery:
         return self._pull
 
 
-def lookup(queries: list[FakeQuery], distances: dict[float, float], budget: LookupBudget = BUDGET) -> DatabaseLookup:
-    return DatabaseLookup(queries, FakeObjective(distances), FakeRefiner(), budget)
+def lookup(queries: list[FakeQuery], distances: dict[float, float], budget: dict[str, Any] = BUDGET) -> DatabaseLookup:
+    return DatabaseLookup(queries, FakeObjective(distances), FakeRefiner(), **budget)
 
 
 def test_while_all_is_well_queries_take_turns_with_frames_of_rest() -> None:
@@ -105,29 +105,29 @@ def test_after_a_loss_every_query_is_asked_in_every_frame() -> None:
     for turn in range(3):
         lookup(queries, {}).propose(observation(), state(pose_at(), turn=turn, lost=1), RNG, None)
     assert [len(query.asked) for query in queries] == [3, 3]
-    assert {count for query in queries for _, count in query.asked} == {BUDGET.candidates}
+    assert {count for query in queries for _, count in query.asked} == {BUDGET["candidates"]}
 
 
 def test_the_nearest_of_the_retrieved_poses_is_refined_and_no_other() -> None:
     refiner = FakeRefiner(step=0.25)
     objective = FakeObjective({1.0: 0.15, 2.0: 0.12})
-    search = DatabaseLookup([FakeQuery("extrema", [1.0, 2.0, 3.0])], objective, refiner, BUDGET)
+    search = DatabaseLookup([FakeQuery("extrema", [1.0, 2.0, 3.0])], objective, refiner, **BUDGET)
     (found,) = search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)).hypotheses
     assert found.source == "extrema" and found.pose[0] == 2.25
     assert not found.continues and found.improves is None
     assert [call.pose[0] for call in refiner.calls] == [2.0]
-    assert objective.bounds == [BUDGET.promising * 0.1, 0.15]
+    assert objective.bounds == [BUDGET["promising"] * 0.1, 0.15]
 
 
 def test_on_a_first_frame_each_query_gives_the_nearest_of_its_refined_starts() -> None:
     queries = [FakeQuery("extrema", [1.0, 2.0, 3.0, 4.0]), FakeQuery("joints", [])]
     refiner = FakeRefiner(step=0.5)
     objective = FakeObjective({1.5: 0.3, 2.5: 0.1, 3.5: 0.2})
-    search = DatabaseLookup(queries, objective, refiner, BUDGET)
+    search = DatabaseLookup(queries, objective, refiner, **BUDGET)
     (found,) = search.propose(observation(), state(), RNG, None).hypotheses
     assert found.pose[0] == 2.5 and found.comparison is not None and found.comparison.distance == 0.1
-    assert queries[0].asked == [(None, BUDGET.restarts)]
-    assert len(refiner.calls) == BUDGET.restarts
+    assert queries[0].asked == [(None, BUDGET["restarts"])]
+    assert len(refiner.calls) == BUDGET["restarts"]
     assert {call.iterations for call in refiner.calls} == {FIRST_ROUNDS * refiner.settings.iterations}
 
 

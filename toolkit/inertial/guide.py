@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from toolkit.body.body import BONE_AXIS
+from toolkit.fitting.guide import Guide
 from toolkit.fitting.orientation import DISAGREEMENT, FrameEvidence, OrientationTerm
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.sensor_limbs import PARTS, joint_of
@@ -18,7 +19,7 @@ TWISTLESS = ("elbow", "wrist")
 """Joints whose tracked frame does not turn about the bone with the limb: only the bone's direction counts."""
 
 
-class InertialGuide:
+class InertialGuide(Guide):
     """Guide by orientations of calibrated sensors (thesis, Chapter 7; as evidence for the tracker beyond the thesis).
 
     Parameters
@@ -54,10 +55,6 @@ class InertialGuide:
                 limb = turn * world * measured[0] * mounting
                 found.append(self._term(stream.name, limb.as_matrix()))
         return found
-
-    def priors(self, timestamp: float) -> tuple[()]:
-        """Return no term, see `Guide.priors`."""
-        return ()
 
     def _term(self, limb: str, rotation: np.ndarray) -> OrientationTerm:
         kind = PARTS[limb][0].removeprefix("left_").removeprefix("right_")

@@ -23,6 +23,7 @@ SciPy.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -43,15 +44,6 @@ class PublishedObservation(Observation):
     def cut(self) -> np.ndarray:
         """None of the extrema: bool (n,)."""
         return np.zeros(len(self.extrema.nodes), dtype=np.bool_)
-
-
-class PublishedObserver(Observer):
-    """Observer that makes `PublishedObservation`s."""
-
-    @property
-    def kind(self) -> type[Observation]:
-        """See `Observer.kind`."""
-        return PublishedObservation
 
 
 class PublishedQuery(ExtremaQuery):
@@ -82,7 +74,7 @@ class Baak2013Tracker(HybridTracker):
     @property
     def observer(self) -> Observer:
         """See `HybridTracker.observer`."""
-        return PublishedObserver(**vars(super().observer))
+        return replace(super().observer, kind=PublishedObservation)
 
 
 register(

@@ -10,6 +10,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.guide import Guide
 from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.joint_evidence import EstimatedJoints, SightedJoints, links_out_of_view
 from toolkit.fitting.orientation import FrameEvidence
@@ -25,68 +26,12 @@ from toolkit.landmarks.landmark_settings import LandmarkSettings
 from toolkit.people.joint_masks import on_cut_out
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
-from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
 LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
 """Bool (18,): joints of the legs."""
 VIEW_TIME = 0.3
 """Time constant of the joints in view, seconds: a person who crouches for a moment is not a head behind a desk."""
-
-
-@dataclass(frozen=True, eq=False)
-class Observer:
-    """Settings and tools that all observations of a person share.
-
-    Attributes
-    ----------
-    landmarks : settings of the graph and of the facing
-    extrema : number of geodesic extrema
-    samples : measured points of the scene, see `Scene`
-    network : estimates the joints of a person from one frame; None for no estimate
-    guide : evidence besides the depth
-    estimate_pull : weight of a certain estimate relative to one correspondence while size or place of the person is
-        unknown; 0 = none
-    learning : True while the body is learnt; estimates then have this weight in all frames, because clothes hide
-        the size
-    body : visible part of a person: "auto", "whole" or "upper", see `HybridSettings`
-    scene : finds correspondences, see `open3d_scene.SCENES`
-    told_joints : True if image joints on the person's pixels are evidence in every frame
-    period : interval in frames at which the network estimates the joints in view, if it is below `VIEW_TIME`
-    """
-
-    landmarks: LandmarkSettings
-    extrema: int
-    samples: int
-    network: JointNetwork | None
-    guide: Guide = field(default_factory=NoGuide)
-    estimate_pull: float = 0.0
-    learning: bool = False
-    body: str = "auto"
-    told_joints: bool = False
-    period: int = 1
-    scene: type[Scene] = Scene
-
-    @property
-    def kind(self) -> type[Observation]:
-        """Class of the observations."""
-        return Observation
-
-    @cached_property
-    def workspace(self) -> Workspace:
-        """Buffers of the graph, reused from frame to frame."""
-        return Workspace()
-
-    def observe(
-        self,
-        cloud: Cloud,
-        timestamp: float,
-        state: PersonState,
-        unobserved: np.ndarray | None = None,
-        joints: Joints2D | None = None,
-    ) -> Observation:
-        """Return the observation of a frame at `timestamp` seconds; `unobserved` and `joints` as in `Sighting`."""
-        return self.kind(self, cloud, timestamp, state, unobserved, joints)
 
 
 class Observation:
@@ -257,3 +202,55 @@ class Observation:
             cut=self.cut,
             withheld=self.withheld,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """Settings and tools that all observations of a person share.
+
+    Attributes
+    ----------
+    landmarks : settings of the graph and of the facing
+    extrema : number of geodesic extrema
+    samples : measured points of the scene, see `Scene`
+    network : estimates the joints of a person from one frame; None for no estimate
+    guide : evidence besides the depth
+    estimate_pull : weight of a certain estimate relative to one correspondence while size or place of the person is
+        unknown; 0 = none
+    learning : True while the body is learnt; estimates then have this weight in all frames, because clothes hide
+        the size
+    body : visible part of a person: "auto", "whole" or "upper", see `HybridSettings`
+    scene : finds correspondences, see `open3d_scene.SCENES`
+    told_joints : True if image joints on the person's pixels are evidence in every frame
+    kind : class of the observations
+    period : interval in frames at which the network estimates the joints in view, if it is below `VIEW_TIME`
+    """
+
+    landmarks: LandmarkSettings
+    extrema: int
+    samples: int
+    network: JointNetwork | None
+    guide: Guide = field(default_factory=Guide)
+    estimate_pull: float = 0.0
+    learning: bool = False
+    body: str = "auto"
+    told_joints: bool = False
+    period: int = 1
+    scene: type[Scene] = Scene
+    kind: type[Observation] = Observation
+
+    @cached_property
+    def workspace(self) -> Workspace:
+        """Buffers of the graph, reused from frame to frame."""
+        return Workspace()
+
+    def observe(
+        self,
+        cloud: Cloud,
+        timestamp: float,
+        state: PersonState,
+        unobserved: np.ndarray | None = None,
+        joints: Joints2D | None = None,
+    ) -> Observation:
+        """Return the observation of a frame at `timestamp` seconds; `unobserved` and `joints` as in `Sighting`."""
+        return self.kind(self, cloud, timestamp, state, unobserved, joints)

@@ -7,11 +7,11 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.fitting.guide import Guide
 from toolkit.io.parts import Parts
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.guide import Guide
 from toolkit.tracking.tracker_settings import TrackerSettings
 from toolkit.tracks import FrameResult
 

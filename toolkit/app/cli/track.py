@@ -16,7 +16,7 @@ from toolkit.io.errors import UsageError
 if TYPE_CHECKING:
     from toolkit.app.pipeline import TrackerRecipe
     from toolkit.app.pipeline.events import EventStream
-    from toolkit.tracking.guide import Guide
+    from toolkit.fitting.guide import Guide
 
 SENSORS = "Inertial sensors"
 EVENTS = "Live labels"

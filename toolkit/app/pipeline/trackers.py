@@ -10,9 +10,9 @@ from typing import Any
 from toolkit.app.config import load_settings, tracker_name
 from toolkit.body.personal import load_body_file
 from toolkit.database.database import PoseDatabase
+from toolkit.fitting.guide import Guide
 from toolkit.io.errors import UsageError
 from toolkit.io.files import is_file, sha256_of
-from toolkit.tracking.guide import Guide
 from toolkit.tracking.registry import DEFAULT, Registration, registered
 from toolkit.tracking.tracker_protocol import AcceptsBody, AcceptsGuide, Tracker
 from toolkit.tracking.tracker_settings import TrackerSettings

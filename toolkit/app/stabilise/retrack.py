@@ -10,6 +10,7 @@ import numpy as np
 
 from toolkit.app.stabilise.source_run import SourceRun
 from toolkit.body import skeleton
+from toolkit.fitting.guide import Guide
 from toolkit.fitting.joint_confidence import network_features
 from toolkit.fitting.priors import LimbPrior, PoseTerm, ResidualTerm
 from toolkit.io.progress import Count
@@ -17,11 +18,10 @@ from toolkit.people.survey import find_person
 from toolkit.retrieval.priors.gap_trajectories import PRIOR_SPREAD, RETRACKED, GapCandidates
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.guide import NoGuide
 from toolkit.tracks import FrameResult
 
 
-class GapGuide(NoGuide):
+class GapGuide(Guide):
     """Guide of the second tracking: priors on occluded limbs, and floor terms (6.4.3).
 
     A prior on all limbs increases the error of visible ones; see `docs/occluded_limbs.md`.

@@ -26,7 +26,7 @@ class Tile(NamedTuple):
 class Contacts(NamedTuple):
     """Balls of a body that must not overlap (`c_p`).
 
-    joint, offset, radius : int64 (B,), float64 (B, 3) and (B,), see `fitting.balls`
+    joint, offset, radius : int64 (B,), float64 (B, 3) and (B,), see `fitting.placed.Balls`
     pairs : int64 (K, 2), balls that a pose can bring together
     soft : fraction of the sum of both radii at which balls start to overlap
     weight : weight of a squared overlap in units of that sum (`lambda_3`)

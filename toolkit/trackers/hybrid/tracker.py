@@ -8,6 +8,7 @@ from functools import cached_property
 
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
+from toolkit.fitting.guide import Guide
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.open3d_scene import SCENES
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
@@ -16,13 +17,12 @@ from toolkit.landmarks.joint_network import JointNetwork, joint_network
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.initial_pose import InitialPoseVerifier
 from toolkit.trackers.qammaz.swarm_search import SwarmSearch
-from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arm_search import ArmSearch, NetworkArms
-from toolkit.tracking.search.database_lookup import DatabaseLookup, LookupBudget, Query
+from toolkit.tracking.search.database_lookup import DatabaseLookup, Query
 from toolkit.tracking.search.estimate_query import EstimatedJointsQuery
 from toolkit.tracking.search.extrema_query import ExtremaQuery
 from toolkit.tracking.search.local_search import LocalSearch
@@ -55,7 +55,7 @@ class HybridTracker(SearchingTracker):
         body: Body | None = None,
         database_path: str = "",
     ) -> None:
-        self.guide: Guide = NoGuide()
+        self.guide: Guide = Guide()
         self.settings = settings or HybridSettings()
         super().__init__(body)
         self.database = database_path
@@ -91,11 +91,13 @@ class HybridTracker(SearchingTracker):
         members: list[Search] = []
         if "local" in asked:
             members.append(LocalSearch(refiner, settings.momentum))
-        queries, period = self.queries(), self._period
         if {"local", "arms"} <= set(asked):
-            members.append(ArmSearch(self._arms(objective, refiner), period))
-        budget = LookupBudget(settings.candidates, settings.restarts, settings.promising, period)
-        members.append(DatabaseLookup(queries, objective, refiner, budget))
+            members.append(ArmSearch(self._arms(objective, refiner), self._period))
+        lookup = DatabaseLookup(
+            self.queries(), objective, refiner, candidates=settings.candidates, restarts=settings.restarts,
+            promising=settings.promising, period=self._period,
+        )  # fmt: skip
+        members.append(lookup)
         if self._swarm:
             parts = settings.search, settings.swarm, settings.discrepancy
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))

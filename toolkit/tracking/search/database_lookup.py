@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -42,24 +41,6 @@ class Query(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class LookupBudget:
-    """Budget of a lookup.
-
-    Attributes
-    ----------
-    candidates : retrieved poses per query that are compared before one of them is refined
-    restarts : poses per query refined where there is no previous pose
-    promising : the nearest retrieved pose is refined if its distance is at most this times that of the best rival
-    period : while tracking, one query is used in every `period`-th frame
-    """
-
-    candidates: int
-    restarts: int
-    promising: float
-    period: int
-
-
 class DatabaseLookup:
     """Search by all queries after a loss or on a first frame, and by one after the other while tracking.
 
@@ -67,13 +48,20 @@ class DatabaseLookup:
     ----------
     queries : queries of the database
     objective, refiner : compare the answers with the frame, and refine
+    candidates : retrieved poses per query that are compared before one of them is refined
+    restarts : poses per query refined where there is no previous pose
+    promising : the nearest retrieved pose is refined if its distance is at most this times that of the best rival
+    period : while tracking, one query is used in every `period`-th frame
     """
 
     name = "lookup"
 
-    def __init__(self, queries: Sequence[Query], objective: Objective, refiner: Refiner, budget: LookupBudget) -> None:
-        self._queries, self._budget = tuple(queries), budget
-        self._objective, self._refiner = objective, refiner
+    def __init__(
+        self, queries: Sequence[Query], objective: Objective, refiner: Refiner, *, candidates: int, restarts: int,
+        promising: float, period: int,
+    ) -> None:  # fmt: skip
+        self._queries, self._objective, self._refiner = tuple(queries), objective, refiner
+        self._candidates, self._restarts, self._promising, self._period = candidates, restarts, promising, period
 
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
@@ -92,10 +80,10 @@ class DatabaseLookup:
                     yield
                 firsts.append(self._first(query, observation, state.body))
             return Proposal(tuple(first for first in firsts if first is not None))
-        bound = np.inf if best is None else self._budget.promising * best.comparison.distance
+        bound = np.inf if best is None else self._promising * best.comparison.distance
         nearest, chosen, found = bound, None, None
         for query in self._due_queries(state):
-            for pose in query.poses(observation, state.previous, state.body, self._budget.candidates):
+            for pose in query.poses(observation, state.previous, state.body, self._candidates):
                 distance = self._objective.compare(state.body, pose, observation.scene, nearest).distance
                 if distance < nearest:
                     nearest, chosen, found = distance, query, pose
@@ -107,15 +95,15 @@ class DatabaseLookup:
         """Return the queries of this frame: one or none in turn while tracking, else all."""
         if state.lost or not self._queries:
             return self._queries
-        if not state.is_due(self._budget.period):
+        if not state.is_due(self._period):
             return ()
-        return (self._queries[(state.turn + 1) // self._budget.period % len(self._queries)],)
+        return (self._queries[(state.turn + 1) // self._period % len(self._queries)],)
 
     def _first(self, query: Query, observation: Observation, body: Body) -> Hypothesis | None:
         """Return the refined answer of a query that is nearest to the frame; None without an answer."""
         best: Hypothesis | None = None
         nearest = np.inf
-        for pose in query.poses(observation, None, body, self._budget.restarts):
+        for pose in query.poses(observation, None, body, self._restarts):
             refined = self._refined(query, pose, observation, body, FIRST_ROUNDS)
             compared = self._objective.compare(body, refined, observation.scene)
             if compared.distance < nearest:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -11,25 +10,13 @@ from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.priors import PoseTerm
 
 
-class Guide(Protocol):
-    """Evidence for each frame of a recording."""
+class Guide:
+    """Evidence for each frame of a recording: none; other guides extend it."""
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
         """Return the terms for the placed body at `timestamp` seconds; `level_rotation` is R_level_camera, (3, 3)."""
-        ...
-
-    def priors(self, timestamp: float) -> Sequence[PoseTerm]:
-        """Return the terms in the pose vector at `timestamp` seconds."""
-        ...
-
-
-class NoGuide:
-    """Guide without evidence; other guides extend it."""
-
-    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
-        """Return no term, see `Guide.evidence`."""
         return ()
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
-        """Return no term, see `Guide.priors`."""
+        """Return the terms in the pose vector at `timestamp` seconds."""
         return ()
