@@ -21,6 +21,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
+from toolkit.io import parts
 from toolkit.landmarks.joint_network import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people.evidence import Evidence
@@ -241,10 +242,8 @@ def second_pass(
     stretches = (Stretch(0, frames - 1, keyframes),)
     plan = Plan(load_body("slim_male"), stretches, np.zeros((frames, 2)), relearned)
     rotation, seen = level_rotation(recording.up_camera), sightings.of(1)
-    both = tracker.bidirectional(recording.camera, rotation, seen, recording.timestamps, plan, first_pass)
-    for _ in both.run():
-        pass
-    return both.trajectory
+    follower, times = tracker.follower(recording.camera, rotation, plan.body), recording.timestamps
+    return parts.whole(BidirectionalTracker(follower, seen, times, plan, tracker.stage_names, first_pass).run()).steps
 
 
 def worst(path: Path, joints: Iterable[np.ndarray]) -> float:
@@ -322,7 +321,7 @@ def test_a_jump_is_followed_from_the_side_from_which_it_was_not_passed(
         for f, (own, side) in enumerate(zip(joints, sides, strict=True))
     }
     both = BidirectionalTracker.__new__(BidirectionalTracker)
-    both.trajectory, both._plan = steps, SimpleNamespace(stretches=(Stretch(0, 3, (0,)),))  # type: ignore[assignment]
+    both._trajectory, both._plan = steps, SimpleNamespace(stretches=(Stretch(0, 3, (0,)),))  # type: ignore[assignment]
     assume(abs(gap - moved - 100 * JUMP) > 0.5)
     expected = set()
     if gap - moved > 100 * JUMP:

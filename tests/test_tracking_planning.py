@@ -14,6 +14,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database import canonical
 from toolkit.fitting.shape import ShapeSettings
+from toolkit.io.parts import whole as whole_of
 from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
@@ -22,6 +23,7 @@ from toolkit.tracking.planning import (
     CHECKED,
     MOMENT_GAP,
     SURVEYED,
+    Plan,
     Planner,
     Stretch,
     Survey,
@@ -104,22 +106,20 @@ def planned(
     top: float = math.nan,
     first_pass: np.ndarray | None = None,
     **others: Any,
-) -> tuple[Planner, FakeSightings]:
+) -> tuple[Plan | None, FakeSightings]:
     follower: Any = FakeFollower(shown, whole, top)
     seen: Any = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
     learner: Any = SimpleNamespace(follower=SimpleNamespace(floor=-1.0))
     first = rows(0.5 * np.pi) if first_pass is None else first_pass
     planner = Planner(learner, follower, seen, TIMES, ("all",), SMALLEST, BODY, first, **others)
-    for _ in planner.run():
-        pass
-    return planner, seen
+    return whole_of(planner.run()), seen
 
 
 def test_each_time_in_sight_has_the_frame_of_every_few_seconds_that_shows_most() -> None:
     frames, shown = np.concatenate([np.arange(0, 120), np.arange(200, 300)]), np.ones(400)
     step = round(SURVEYED * 20)
     shown[[10 * step, 22 * step, 42 * step]] = 9.0
-    plan = planned(frames, shown)[0].plan
+    plan = planned(frames, shown)[0]
     assert plan is not None and plan.body is BODY and not plan.relearned and CHECKED == 5.0
     assert plan.stretches == (Stretch(0, 119, (10 * step, 22 * step)), Stretch(200, 299, (42 * step,)))
 
@@ -129,7 +129,7 @@ def test_a_stretch_that_heads_wrongly_in_the_first_pass_has_a_keyframe() -> None
     first["pose"][20:30] = rows(-0.5 * np.pi)["pose"][0]
     shown = np.ones(400)
     shown[5] = 9.0
-    plan = planned(np.arange(0, 60), shown, first_pass=first)[0].plan
+    plan = planned(np.arange(0, 60), shown, first_pass=first)[0]
     assert plan is not None
     assert [frame for frame in plan.stretches[0].keyframes if frame != 5 and not 20 <= frame < 30] == []
     assert len(plan.stretches[0].keyframes) == 2
@@ -138,17 +138,17 @@ def test_a_stretch_that_heads_wrongly_in_the_first_pass_has_a_keyframe() -> None
 def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_no_plan() -> None:
     frames = np.arange(0, 100)
     pixels = np.where(frames < 50, SMALLEST - 1, SMALLEST)
-    planner, seen = planned(frames, np.ones(400), pixels)
-    assert planner.plan is not None and min(seen.asked) == planner.plan.stretches[0].first == 50
-    planner, seen = planned(frames, np.ones(400), np.zeros(100))
-    assert planner.plan is None and not seen.asked
+    plan, seen = planned(frames, np.ones(400), pixels)
+    assert plan is not None and min(seen.asked) == plan.stretches[0].first == 50
+    plan, seen = planned(frames, np.ones(400), np.zeros(100))
+    assert plan is None and not seen.asked
 
 
 def test_the_heading_is_that_of_the_votes_of_all_frames() -> None:
-    planner, _ = planned(np.arange(0, 60), np.ones(400))
-    assert planner.plan is not None
+    plan, _ = planned(np.arange(0, 60), np.ones(400))
+    assert plan is not None
     faced = directions_faced(np.arange(0, 60, 5) / 20, np.tile([1.0, 0.0], (12, 1)), TIMES)
-    np.testing.assert_allclose(planner.plan.heading, heading(0.0 * faced, faced))
+    np.testing.assert_allclose(plan.heading, heading(0.0 * faced, faced))
 
 
 @pytest.mark.parametrize(
@@ -170,5 +170,5 @@ def test_sizes_are_searched_for_a_person_who_is_cut_off_in_every_keyframe_or_who
 
     monkeypatch.setattr(Planner, "_own_body", own_body)
     top = BODY.height - 1.0 + above  # the floor is at -1
-    plan = planned(np.arange(0, 60), np.ones(400), whole=whole, top=top, relearn=relearn)[0].plan
+    plan = planned(np.arange(0, 60), np.ones(400), whole=whole, top=top, relearn=relearn)[0]
     assert len(searched) == learnt and plan is not None and plan.relearned == bool(learnt)

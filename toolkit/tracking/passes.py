@@ -13,9 +13,11 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.body.body import Body
 from toolkit.io.parts import Parts
 from toolkit.kernels import linear
 from toolkit.tracking.follower import Follower
@@ -69,6 +71,13 @@ class Jump:
     direction: Direction
 
 
+class Followed(NamedTuple):
+    """Result of the second pass over a person: the person's body, and the steps by frame, of all frames in sight."""
+
+    body: Body
+    steps: dict[int, Step]
+
+
 class BidirectionalTracker:
     """Follows one person of a recording a second time and chooses the trajectory.
 
@@ -80,10 +89,6 @@ class BidirectionalTracker:
     plan : body, stretches and keyframes
     stages : names of the follower's stages
     first_pass : rows (T,) of the first pass, with the track's columns
-
-    Attributes
-    ----------
-    trajectory : steps by frame, of all frames in sight after `run`
     """
 
     def __init__(
@@ -99,19 +104,20 @@ class BidirectionalTracker:
         self._objective = follower.objective
         self._timestamps, self._first_pass = timestamps, first_pass
         self._plan = plan
-        self.trajectory: dict[int, Step] = {}
+        self._trajectory: dict[int, Step] = {}
         self._detections: dict[int, Detection] = {}
         self._forward: dict[int, FrameResult] = {}
 
-    def run(self) -> Iterator[None]:
-        """Run the second pass, a frame at a time: the caller may stop in between."""
+    def run(self) -> Parts[Followed]:
+        """Follow the person, a frame at a time: the caller may stop in between."""
         for stretch in self._plan.stretches:
             for leg in self._legs(stretch):
                 yield from self._followed(leg)
-            self.trajectory |= self._better_forward(stretch)
-        left = int(REPAIRED_SHARE * len(self.trajectory))
+            self._trajectory |= self._better_forward(stretch)
+        left = int(REPAIRED_SHARE * len(self._trajectory))
         for jump in self._jumps_left():
             left -= yield from self._repaired(jump, left)
+        return Followed(self._plan.body, self._trajectory)
 
     def _legs(self, stretch: Stretch) -> list[Leg]:
         """Return the frames to follow: all backwards; before that forwards from the best keyframe with a new body."""
@@ -140,7 +146,7 @@ class BidirectionalTracker:
             else:
                 found = self._followed_or_detected(leg, frame, state or self._state_of_rival(frame))
                 cost, result = self._cost_of_rival(frame, found), self._doubted(found.step.result, self._rival(frame))
-                self.trajectory[frame] = replace(found.step, result=result, direction=leg.direction, rival_cost=cost)
+                self._trajectory[frame] = replace(found.step, result=result, direction=leg.direction, rival_cost=cost)
                 self._detections.pop(frame, None)
             state = found.followed.state
             yield
@@ -191,7 +197,7 @@ class BidirectionalTracker:
         """Return the steps of the forward trajectory on the cheapest path through both trajectories."""
         frames, entries = range(stretch.first, stretch.last + 1), []
         for f in frames:
-            second = self.trajectory[f]
+            second = self._trajectory[f]
             other = self._rival(f) or second.result
             gap = 0.0 if second.result.state == EMPTY else apart(other, second.result)
             entries.append((second.rival_cost, second.cost, gap))
@@ -201,7 +207,7 @@ class BidirectionalTracker:
 
     def _forward_step(self, frame: int) -> Step:
         """Return the step of the forward trajectory in a frame that was followed backwards."""
-        step = self.trajectory[frame]
+        step = self._trajectory[frame]
         result = self._doubted(self._rival(frame) or step.result, step.result)
         result = replace(result, stage_ms=step.result.stage_ms)
         return Step(result, step.rival_cost, rival_cost=step.rival_cost)
@@ -210,11 +216,11 @@ class BidirectionalTracker:
         """Return the jumps of the trajectory, the largest first, each from the side from which it was not passed."""
         found: list[tuple[float, Jump]] = []
         for stretch in self._plan.stretches:
-            steps = (self.trajectory[f] for f in range(stretch.first, stretch.last + 1))
+            steps = (self._trajectory[f] for f in range(stretch.first, stretch.last + 1))
             moved = np.array([0.0, *(apart(a.result, b.result) for a, b in pairwise(steps)), 0.0])
             excesses = moved[1:-1] - np.maximum(moved[:-2], moved[2:])
             for k in np.flatnonzero(excesses >= JUMP).tolist():
-                excess, before, after = excesses[k], *(self.trajectory[stretch.first + i] for i in (k, k + 1))
+                excess, before, after = excesses[k], *(self._trajectory[stretch.first + i] for i in (k, k + 1))
                 if EMPTY in (before.result.state, after.result.state) or _continues(before, after):
                     continue
                 if before.direction is Direction.BACKWARD:
@@ -229,14 +235,14 @@ class BidirectionalTracker:
         """
         stretch = next(s for s in self._plan.stretches if s.first <= jump.frame <= s.last)
         frames = Leg(stretch, jump.frame, jump.direction).frames[1:][:most]
-        state = self._detector.state_at(jump.frame, self.trajectory[jump.frame].result.pose)
+        state = self._detector.state_at(jump.frame, self._trajectory[jump.frame].result.pose)
         steps: dict[int, Step] = {}
         differed = float(self._timestamps[jump.frame])
         agreed = 0.04  # metres, mean over the joints: the trajectories have met
         agreed_seconds = 0.5  # seconds for which they have to agree
         for frame in frames:
             found = self._detector.follow(frame, state, jump.direction)
-            known = self.trajectory[frame].result
+            known = self._trajectory[frame].result
             state, steps[frame] = (
                 found.followed.state,
                 replace(found.step, result=self._doubted(found.step.result, known)),
@@ -248,13 +254,13 @@ class BidirectionalTracker:
                 break
             yield
         if steps:
-            self.trajectory |= self._better_of(steps, stretch, jump)
+            self._trajectory |= self._better_of(steps, stretch, jump)
         return len(steps)
 
     def _better_of(self, steps: Mapping[int, Step], stretch: Stretch, jump: Jump) -> dict[int, Step]:
         """Return the steps behind a jump on the cheapest path through them and the trajectory."""
         frames = sorted(steps)
-        known = {f: self.trajectory[f] for f in frames}
+        known = {f: self._trajectory[f] for f in frames}
         gaps = [apart(known[f].result, steps[f].result) for f in frames]
         forward = jump.direction is Direction.FORWARD
         ends = forward or frames[0] == stretch.first, not forward or frames[-1] == stretch.last

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.shape import ShapeSettings
+from toolkit.io.parts import Parts
 from toolkit.people.connection import HELD
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.body_learning import FollowedBody, RateLimiter
@@ -130,13 +130,12 @@ class Planner:
         self._timestamps, self._stages, self._smallest = timestamps, stages, smallest
         self._body, self._relearn = body, relearn
         self._heading = np.zeros((len(timestamps), 2))
-        self.plan: Plan | None = None
 
-    def run(self) -> Iterator[None]:
-        """Make the plan, a frame at a time: the caller may stop in between. It stays None if too little was seen."""
+    def run(self) -> Parts[Plan | None]:
+        """Make the plan, a frame at a time: the caller may stop in between. Return None if too little was seen."""
         usable = self._seen.frames[self._seen.pixels >= self._smallest]
         if not len(usable):
-            return
+            return None
         survey = yield from self._survey(usable)
         walked = directions_walked(self._first_pass, self._timestamps, self._follower.level_rotation)
         faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
@@ -152,7 +151,7 @@ class Planner:
             Stretch(first, last, self._keyframes(survey, first, last, moments if relearned else []))
             for first, last in times_in_sight(usable, self._timestamps)
         )
-        self.plan = Plan(body, stretches, self._heading, relearned)
+        return Plan(body, stretches, self._heading, relearned)
 
     def _keyframes(self, survey: Survey, first: int, last: int, moments: list[int]) -> tuple[int, ...]:
         """Return the frames that show most in every `CHECKED` seconds, those that head most wrongly, and `moments`."""
@@ -177,7 +176,7 @@ class Planner:
         begins, ends = np.flatnonzero(wrong[1:] & ~wrong[:-1]), np.flatnonzero(wrong[:-1] & ~wrong[1:])
         return [int(first + b + np.argmax(disagreement[b:e])) for b, e in zip(begins, ends, strict=True)]
 
-    def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
+    def _survey(self, usable: np.ndarray) -> Parts[Survey]:
         frames, views, due = [], [], -np.inf
         for frame in usable.tolist():
             moment = float(self._timestamps[frame])
@@ -189,7 +188,7 @@ class Planner:
         shown, facing, tops, whole = map(np.array, zip(*views, strict=True))
         return Survey(np.array(frames, dtype=np.int64), shown, facing.reshape(-1, 2), tops, whole)
 
-    def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
+    def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Parts[Body]:
         """Return the body that explains the frames around the best of these moments, whose head `stood` so high."""
         belief = yield from self._size_belief(moments, stood)
         likeliest = belief.bodies[belief.likely[0]]
@@ -214,9 +213,7 @@ class Planner:
         body, _ = yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around, stood)
         return body
 
-    def _learnt(
-        self, body: Body, start: int, around: np.ndarray, stood: float
-    ) -> Generator[None, None, tuple[Body, float]]:
+    def _learnt(self, body: Body, start: int, around: np.ndarray, stood: float) -> Parts[tuple[Body, float]]:
         """Return the body learnt in `start` and in the frames around it from a first one, and its mean distance from
         the later half of them, metres.
         """
@@ -237,7 +234,7 @@ class Planner:
         context = StepContext(learner.follower.sizes, self._heading[frame])
         return min(learner.take(self._sighting(frame), float(self._timestamps[frame]), context), NOTHING_FOUND)
 
-    def _size_belief(self, moments: list[int], stood: float) -> Generator[None, None, StatureBelief]:
+    def _size_belief(self, moments: list[int], stood: float) -> Parts[StatureBelief]:
         """Return the probability of each size, from detections with all of them."""
         follower, unknown = self._learner.follower, self._learner.state
         belief = StatureBelief.of(tuple(follower.sizes), stood)

@@ -16,13 +16,14 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner
+from toolkit.io.parts import Parts
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.body_learning import FollowedBody
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
-from toolkit.tracking.passes import BidirectionalTracker
-from toolkit.tracking.planning import Plan, Planner
+from toolkit.tracking.passes import BidirectionalTracker, Followed
+from toolkit.tracking.planning import Planner
 from toolkit.tracking.search.search_protocol import Search, Verifier
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
@@ -125,7 +126,7 @@ class SearchingTracker(ABC):
         """Number of passes over a recording; 2 adds the second pass over each person."""
         return 1
 
-    def planner(
+    def second_pass(
         self,
         camera: Camera,
         level_rotation: np.ndarray,
@@ -134,29 +135,23 @@ class SearchingTracker(ABC):
         body: Body,
         first_pass: np.ndarray,
         floor: float | None = None,
-    ) -> Planner:
-        """Return the planner of the person with these sightings; body and rows are those of the first pass."""
+    ) -> Parts[Followed | None]:
+        """Follow the person with these sightings a second time; body and rows are those of the first pass.
+
+        None if too little was seen.
+        """
         maker = self if len(timestamps) > 1 else self.of_still()
         learner = maker.learner(camera, level_rotation, floor)
         follower = maker.follower(camera, level_rotation, body)
-        return Planner(
+        planner = Planner(
             learner, follower, seen, timestamps, self.stage_names, self.settings.smallest_person, body, first_pass,
             relearn=self._known_body is None,
         )  # fmt: skip
-
-    def bidirectional(
-        self,
-        camera: Camera,
-        level_rotation: np.ndarray,
-        seen: PersonSightings,
-        timestamps: np.ndarray,
-        plan: Plan,
-        first_pass: np.ndarray,
-    ) -> BidirectionalTracker:
-        """Return what follows that person a second time; see `BidirectionalTracker`."""
-        maker = self if len(timestamps) > 1 else self.of_still()
+        plan = yield from planner.run()
+        if plan is None:
+            return None
         follower = maker.follower(camera, level_rotation, plan.body)
-        return BidirectionalTracker(follower, seen, timestamps, plan, self.stage_names, first_pass)
+        return (yield from BidirectionalTracker(follower, seen, timestamps, plan, self.stage_names, first_pass).run())
 
     def assembled(
         self,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,21 +13,14 @@ from toolkit.app.pipeline.watch import stop_request
 from toolkit.body.body import Body
 from toolkit.io.parts import Parts
 from toolkit.sensing.camera import Camera
+from toolkit.tracking.passes import Followed
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.sightings import PersonSightings, SightingFile
-from toolkit.tracks import FrameResult
 
 BEFORE_FOUND = "before"
 """Folder within that of the second pass: sightings of frames before people were found."""
 STOP_FILE = "stop"
 """File in the folder of the second pass that ends the worker processes."""
-
-
-class Followed(NamedTuple):
-    """Result of the second pass over a person: the person's body, and the rows by frame, of all frames in sight."""
-
-    body: Body
-    rows: dict[int, FrameResult]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,16 +56,13 @@ class PersonTask:
 
     def run(self, tracker: SearchingTracker) -> Parts[Followed | None]:
         """Plan and follow, a frame at a time; return None if too little was seen."""
-        camera, rotation, times = self.camera, self.level_rotation, self.timestamps
         with ExitStack() as stack:
-            seen = self.sightings(stack)
-            planner = tracker.planner(camera, rotation, seen, times, self.body, self.first_pass, self.floor)
-            yield from planner.run()
-            if planner.plan is None:
-                return None
-            both = tracker.bidirectional(camera, rotation, seen, times, planner.plan, self.first_pass)
-            yield from both.run()
-            return Followed(planner.plan.body, {frame: step.result for frame, step in both.trajectory.items()})
+            return (
+                yield from tracker.second_pass(
+                    self.camera, self.level_rotation, self.sightings(stack), self.timestamps, self.body,
+                    self.first_pass, self.floor,
+                )
+            )  # fmt: skip
 
 
 def follow_in_worker(task: PersonTask, recipe: TrackerRecipe) -> tuple[Followed | None, bool]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, Followed, PersonTask, follow_in_worker
+from toolkit.app.pipeline.person_pass import BEFORE_FOUND, STOP_FILE, PersonTask, follow_in_worker
 from toolkit.app.pipeline.run_writer import RunSink
 from toolkit.app.pipeline.trackers import TrackerRecipe
 from toolkit.body.body import Body
@@ -24,9 +24,11 @@ from toolkit.people.evidence import Evidence, furniture
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
+from toolkit.tracking.passes import Followed
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.sightings import SightingFile, StoredSighting
+from toolkit.tracking.trajectory_choice import Step
 from toolkit.tracks import EMPTY, TRACKED, FrameResult
 
 FOLDER = "second"
@@ -177,19 +179,19 @@ class SecondPass:
         """Replace the rows and the body of a person who is done."""
         person = task.person
         if followed is not None:  # otherwise too little was seen: the rows of the first pass stay
-            self._sink.replace(person, self._rows(person, followed.rows))
+            self._sink.replace(person, self._rows(person, followed.steps))
             self.bodies[person] = followed.body
         self._finished.append(person)
         self._keep()
 
-    def _rows(self, person: int, rows: Mapping[int, FrameResult]) -> Iterator[tuple[FrameResult, float]]:
+    def _rows(self, person: int, steps: Mapping[int, Step]) -> Iterator[tuple[FrameResult, float]]:
         """Return all rows of a person; frames out of view repeat the last pose, earlier ones the first."""
         spent = self._sink.past(person)["stage_ms"]
         predicted = self._tracker.source_names.index(PREDICTED)
-        last = rows[min(rows)]
+        last = steps[min(steps)].result
         for frame, moment in enumerate(self._timestamps.tolist()):
-            if frame in rows:
-                last = rows[frame]
+            if frame in steps:
+                last = steps[frame].result
                 yield replace(last, stage_ms=last.stage_ms + spent[frame]), moment
                 continue
             nothing = {"confidence": np.zeros_like(last.confidence), "observed": np.zeros_like(last.observed)}
