@@ -75,9 +75,7 @@ class Cloud:
 
     def spread_rows(self, count: int) -> np.ndarray:
         """Return about `count` rows of the cloud, evenly spaced in scan order: int64 (min(count, N),)."""
-        rows = np.empty(min(count, len(self)), dtype=np.int64)
-        kernels.spread(len(self), rows)
-        return rows
+        return np.linspace(0, len(self) - 1, min(count, len(self))).astype(np.int64)
 
 
 def window_of(depth: np.ndarray) -> tuple[slice, slice]:
@@ -97,6 +95,4 @@ def cropped(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.n
 
 def marked(depth: np.ndarray, mask: np.ndarray, value: float) -> np.ndarray:
     """Return a depth image (H, W) with `value` where `mask` (H, W) is set: a new array of its type."""
-    out = np.empty_like(depth)
-    kernels.mark(depth, mask, value, out)
-    return out
+    return np.where(mask, depth.dtype.type(value), depth)

@@ -113,32 +113,20 @@ def component_extents(
                 extents[k, a, 1] = max(extents[k, a, 1], p)
 
 
-@njit(cache=True)
 def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np.ndarray) -> None:
     """Set depth to 0 in the window `box` wherever the component's entry of `kept` (n + 1, bool, entry 0 unused) is
     False, and shrink the window to what is left (at least one pixel must be).
     """
-    v_low, v_high, u_low, u_high = box[1], box[0], box[3], box[2]
-    for v in range(box[0], box[1]):
-        for u in range(box[2], box[3]):
-            if labels[v, u] == 0:
-                continue
-            if kept[labels[v, u]]:
-                v_low, v_high = min(v_low, v), max(v_high, v)
-                u_low, u_high = min(u_low, u), max(u_high, u)
-            else:
-                depth[v, u] = 0
-    box[0], box[1], box[2], box[3] = v_low, v_high + 1, u_low, u_high + 1
+    window = depth[box[0] : box[1], box[2] : box[3]]
+    window[~kept[labels[box[0] : box[1], box[2] : box[3]]]] = 0
+    rows, columns = np.flatnonzero(window.any(axis=1)), np.flatnonzero(window.any(axis=0))
+    box[:] = box[0] + rows[0], box[0] + rows[-1] + 1, box[2] + columns[0], box[2] + columns[-1] + 1
 
 
-@njit(cache=True)
 def label_overlap(labels: np.ndarray, box: np.ndarray, count: int, depth: np.ndarray, overlap: np.ndarray) -> None:
     """Count in `overlap` (n,) the pixels of every component that are also set in `depth`, of the same padded shape."""
-    overlap[:count] = 0
-    for v in range(box[0], box[1]):
-        for u in range(box[2], box[3]):
-            if labels[v, u] > 0 and depth[v, u] > 0:
-                overlap[labels[v, u] - 1] += 1
+    window = slice(box[0], box[1]), slice(box[2], box[3])
+    overlap[:count] = np.bincount(labels[window][depth[window] > 0], minlength=count + 1)[1:]
 
 
 @njit(cache=True)

@@ -41,16 +41,6 @@ def back_project(
 
 
 @njit(cache=True)
-def spread(total: int, rows: np.ndarray) -> None:
-    """Fill `rows` (n,) with n evenly spaced increasing integers from 0 to `total` - 1."""
-    last = rows.shape[0] - 1
-    for i in range(last):
-        rows[i] = int(i * ((total - 1) / last))
-    if last >= 0:
-        rows[last] = total - 1 if last > 0 else 0
-
-
-@njit(cache=True)
 def take_foreground(
     depth: np.ndarray,
     background: np.ndarray,
@@ -216,14 +206,6 @@ def _least_and_median(
 def _sorted_3(a: int, b: int, c: int) -> tuple[int, int, int]:
     low, high = min(a, b), max(a, b)
     return min(low, c), max(low, min(high, c)), max(high, c)
-
-
-@njit(cache=True)
-def mark(depth: np.ndarray, mask: np.ndarray, value: float, out: np.ndarray) -> None:
-    """Copy `depth` (H, W) to `out` with `value` where `mask` (H, W) is set."""
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            out[v, u] = value if mask[v, u] else depth[v, u]
 
 
 @njit(cache=True)

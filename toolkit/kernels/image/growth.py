@@ -189,31 +189,20 @@ def refine_labels(
                                 out[v, u] = labels[r, c]
 
 
-@njit(cache=True)
 def take_label(depth: np.ndarray, labels: np.ndarray, label: int, padded: np.ndarray, box: np.ndarray) -> int:
     """Copy the pixels of `depth` (H, W) with this label into `padded` (H + 2, W + 2), 0 elsewhere.
 
     `box` becomes their window (v0, v1, u0, u1, ends excluded, padded indices). Returns how many there are.
     """
-    height, width = depth.shape
+    own = labels == label
     padded[:] = 0
-    v_low, v_high, u_low, u_high = height, -1, width, -1
-    total = 0
-    for v in range(height):
-        for u in range(width):
-            if labels[v, u] == label:
-                padded[v + 1, u + 1] = depth[v, u]
-                total += 1
-                v_low, v_high = min(v_low, v), max(v_high, v)
-                u_low, u_high = min(u_low, u), max(u_high, u)
-    box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
-    return total
+    padded[1:-1, 1:-1][own] = depth[own]
+    rows, columns = np.flatnonzero(own.any(axis=1)), np.flatnonzero(own.any(axis=0))
+    if len(rows):
+        box[:] = rows[0] + 1, rows[-1] + 2, columns[0] + 1, columns[-1] + 2
+    return int(np.count_nonzero(own))
 
 
-@njit(cache=True)
 def mark_near(points: np.ndarray, place: np.ndarray, radius: float, near: np.ndarray) -> None:
     """Mark in `near` (H, W) the pixels whose `points` (H, W, 3) are nearer than `radius` to `place` (3,), metres."""
-    for v in range(near.shape[0]):
-        for u in range(near.shape[1]):
-            dx, dy, dz = points[v, u, 0] - place[0], points[v, u, 1] - place[1], points[v, u, 2] - place[2]
-            near[v, u] = dx * dx + dy * dy + dz * dz < radius * radius
+    near[:] = ((points - place) ** 2).sum(axis=2) < radius * radius

@@ -6,19 +6,14 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
 def draw_body(inverse_depth: np.ndarray, number: int, nearest: np.ndarray, owner: np.ndarray) -> None:
     """Add one body to a z-buffer of several.
 
     `inverse_depth` (H, W) of the body, 0 where it is not; `nearest` (H, W) is the largest inverse depth so far and
     `owner` int32 (H, W) the number of the body that it belongs to, 0 where no person is.
     """
-    height, width = inverse_depth.shape
-    for v in range(height):
-        for u in range(width):
-            if inverse_depth[v, u] > nearest[v, u]:
-                nearest[v, u] = inverse_depth[v, u]
-                owner[v, u] = number
+    owner[inverse_depth > nearest] = number
+    np.maximum(nearest, inverse_depth, out=nearest)
 
 
 @njit(cache=True)
