@@ -25,7 +25,7 @@ from toolkit.body.rotations.matrices import (  # fmt: skip
 from toolkit.io.errors import MocapError
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.plausibility import check_limits
-from toolkit.mocap.rig import Rig, load_rig
+from toolkit.mocap.rig import load_rig
 from toolkit.mocap.source import KeyedClip
 
 X, Y = 0, 1
@@ -34,7 +34,7 @@ Lever = tuple[float, np.ndarray, np.ndarray]
 """Far point of a limb: lever (m), direction in the limb's frame (T, 3) or (3,), direction in the source (T, 3)."""
 
 
-def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
+def retarget(clip: Clip, body: Body) -> PoseClip:
     """Return the poses of `body` that reproduce the motion of `clip`.
 
     The world is the clip's own, rotated to y up. The root is the midpoint of the hips, scaled by the ratio of the leg
@@ -45,7 +45,6 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
     ----------
     clip : motion
     body : body with the wanted proportions
-    rig : joint map of the clip; None guesses it (`load_rig`)
 
     Returns
     -------
@@ -61,7 +60,7 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
     PlausibilityWarning
         Angles were clipped in most frames, see `check_limits`.
     """
-    source = KeyedClip.of(clip, rig or load_rig(clip))
+    source = KeyedClip.of(clip, load_rig(clip))
     chain = _Chain(body, source.frames)
     chain.turn("root", _pelvis(source))
     for joint in ("lumbar", "thorax"):

@@ -35,7 +35,10 @@ class KeyedClip:
 
     @staticmethod
     def of(clip: Clip, rig: Rig) -> KeyedClip:
-        """Convert a clip by a joint map, without its leading calibration frames; raises RigError (`_rest_axes`)."""
+        """Convert a clip by a joint map, without its leading calibration frames.
+
+        Raises RigError if a limb bone has no length, or the rest pose is not aligned with the axes.
+        """
         axes = _rest_axes(clip, rig)
         placed, turned = clip.world()
         upright = _upright_world(turned[:, clip.index(rig.joints["root"])], axes[:, 1])
@@ -93,13 +96,7 @@ class KeyedClip:
 
 
 def _rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
-    """Return left, up and forward of the rest pose as columns: a rotation (3, 3) from the body frame.
-
-    Raises
-    ------
-    RigError
-        A limb bone has no length, or the rest pose is not aligned with the axes.
-    """
+    """Return left, up and forward of the rest pose as columns: a rotation (3, 3) from the body frame."""
     rest = {key: clip.rest[clip.index(joint)] for key, joint in rig.joints.items()}
     for start, stop in (*LIMB_BONES, ("left_hip", "right_hip"), ("left_shoulder", "right_shoulder")):
         if np.linalg.norm(rest[stop] - rest[start]) < 1e-4:

@@ -164,11 +164,11 @@ def from_clip(clip: Clip) -> Motion:
 def _retargeted(clip: Clip, missing: RigError) -> Motion:
     """Return a clip on the neutral body; frames that retargeting drops have the first pose."""
     try:
-        rig = load_rig(clip)
+        load_rig(clip)
     except RigError:
         raise missing from None
     body = load_body("neutral")
-    poses = retarget(clip, body, rig).poses
+    poses = retarget(clip, body).poses
     poses = np.concatenate([np.repeat(poses[:1], len(clip) - len(poses), axis=0), poses])
     return from_poses(poses, body, float(clip.frame_rate), clip.name)
 
