@@ -42,17 +42,10 @@ def test_resampling_agrees_with_scipys_slerp() -> None:
     np.testing.assert_allclose(fine.resampled(30.0).root_positions[0], clip.root_positions[0])
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"frame_rate": 0.0}, "frame rate 0.0"),
-        ({"offsets": np.zeros((2, 3))}, "offsets of shape"),
-        ({"root_positions": np.full((9, 3), np.nan)}, "not finite"),
-    ],
-)
-def test_a_clip_that_makes_no_sense_is_refused(change: dict[str, object], message: str) -> None:
-    with pytest.raises(MocapError, match=message):
-        replace(sample_clip(), **change)
+@pytest.mark.parametrize("value", [np.nan, 1e6])
+def test_a_clip_that_makes_no_sense_is_refused(value: float) -> None:
+    with pytest.raises(MocapError, match="farther than 100000 m or holds values that are not finite"):
+        replace(sample_clip(), root_positions=np.full((9, 3), value))
 
 
 def test_thinned_pose_clips_keep_whole_frames() -> None:
