@@ -120,11 +120,12 @@ def track_live_example(room: Path) -> None:
 
 def describe_example(room: Path, folder: Path) -> None:
     """Describe a recording, as `depthmocap info` does."""
-    from toolkit.output.rendering.survey_picture import save_picture
+    from toolkit.output.rendering.film import save_png
+    from toolkit.output.rendering.survey_picture import picture
     from toolkit.people.description import describe
     from toolkit.recordings.opening import open_upright
 
-    save_picture(describe(open_upright(room)), folder / "info.png")
+    save_png(folder / "info.png", picture(describe(open_upright(room))))
 
 
 def build_example(folder: Path) -> None:

@@ -19,8 +19,7 @@ from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.io.errors import SettingsError
 from toolkit.io.files import sha256_of
-from toolkit.output.rendering.mesh import draw_mesh
-from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter
+from toolkit.output.rendering.open3d_pictures import PicturePainter
 from toolkit.output.rendering.painter import RenderSettings
 from toolkit.output.rendering.views import OutsideView
 from toolkit.recordings.opening import open_recording
@@ -28,7 +27,9 @@ from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import DEFAULT_UP, level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.kd_tree import KdTree
+from toolkit.simulation.mesh import Mesh
 from toolkit.simulation.raycast import render_depth
+from toolkit.simulation.shading import visible
 from toolkit.trackers.baak2013 import Baak2013Tracker
 from toolkit.trackers.hybrid.hybrid_settings import HybridSettings
 from toolkit.trackers.hybrid.tracker import HybridTracker
@@ -114,13 +115,12 @@ def person() -> tuple[np.ndarray, np.ndarray]:
 def painted(ground: float) -> np.ndarray:
     vertices, faces = person()
     view = OutsideView(KINECT, np.zeros(3), ROTATION)
-    return PicturePainter(view, ground).paint([ColoredMesh(vertices, faces, np.full(vertices.shape, 90.0))])
+    return PicturePainter(view, ground).paint([Mesh(vertices @ ROTATION, faces, np.full(vertices.shape, 90.0))])
 
 
 def test_silhouettes_are_those_of_the_present_renderer() -> None:
     vertices, faces = person()
-    image = np.zeros((*KINECT.shape, 3), dtype=np.uint8)
-    ours = np.isfinite(draw_mesh(image, vertices @ ROTATION, faces, np.full(vertices.shape, 90.0), KINECT))
+    ours = visible(Mesh(vertices @ ROTATION, faces), KINECT)[2] >= 0
     seen = painted(np.nan).min(axis=2) < 172  # half way from the body, 90, to the paper
     assert np.count_nonzero(seen & ours) > 0.98 * np.count_nonzero(seen | ours)
 

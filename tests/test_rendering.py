@@ -1,7 +1,6 @@
 """Pictures of a track: left is left, all views agree, films can be read back."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -14,15 +13,17 @@ from toolkit.body.skeleton import POSE_NAMES
 from toolkit.io.errors import UsageError
 from toolkit.io.files import sha256_of
 from toolkit.output.rendering import encoders, style
-from toolkit.output.rendering.film import FilmWriter, contact_sheet, render_people, render_run
-from toolkit.output.rendering.ground import Ground
-from toolkit.output.rendering.mesh import draw_mesh, part_colors
+from toolkit.output.rendering.film import contact_sheet, render_people, render_run, write_film
+from toolkit.output.rendering.overlay import Ground
 from toolkit.output.rendering.painter import FramePainter, RenderSettings
+from toolkit.output.rendering.style import KEY_LIGHT, LIGHTS, mesh_colors
 from toolkit.output.rendering.views import outside_view_of
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
+from toolkit.simulation.mesh import Mesh
 from toolkit.simulation.raycast import render_depth
+from toolkit.simulation.shading import draw, visible
 from toolkit.tracks import EMPTY, LOST, RunInfo
 from toolkit.tracks.runs import Person, PersonSummary, save_people
 
@@ -132,7 +133,7 @@ def test_a_film_shows_the_feet_that_carry_and_the_ground_under_them(take, panel)
     if panel != "side":
         assert where[1] > 0.5, "who faces the camera has the left foot at the right of the picture"
     floor = np.zeros_like(pictures[True])
-    painter._ground.draw_floor(floor, partial(painter._to_pixels, panel))
+    painter._ground.draw_floor(floor, painter._views[panel].project)
     assert floor.any(axis=2).sum() > 300
 
 
@@ -141,11 +142,13 @@ def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
     pose = standing(0.2, 2.5, HEIGHT)
     pose[POSE_NAMES.index("left_elbow_ry")] = -1.2
     image = np.zeros((*KINECT.shape, 3), np.uint8)
-    depth = draw_mesh(image, body.vertex_positions(pose) @ LEVEL, body.faces, part_colors(body), KINECT)
+    mesh = Mesh(body.vertex_positions(pose) @ LEVEL, body.faces, mesh_colors([body])[0])
+    draw(image, [mesh], KINECT, LIGHTS, KEY_LIGHT)
+    _, inverse, _ = visible(mesh, KINECT)
     expected = render_depth(body, pose, KINECT, LEVEL)
-    drawn, hit = np.isfinite(depth), expected > 0
+    drawn, hit = inverse > 0, expected > 0
     assert (drawn & hit).sum() / (drawn | hit).sum() > 0.99
-    assert np.quantile(np.abs(depth - expected)[drawn & hit], 0.999) < 0.002
+    assert np.quantile(np.abs(1 / inverse[drawn & hit] - expected[drawn & hit]), 0.999) < 0.002
     assert (image[drawn].max(axis=1) > 0).all()
     assert not image[~drawn].any()
 
@@ -220,7 +223,7 @@ def test_an_unknown_output_or_range_is_an_error(take, tmp_path):
         with pytest.raises(UsageError, match="4 frames"):
             render_people(*arranged(take), tmp_path / "film.mp4", frames=frames)
     with pytest.raises(UsageError):
-        FilmWriter(tmp_path / "film.txt", 25)
+        write_film(tmp_path / "film.txt", 25, iter([]))
     with pytest.raises(UsageError, match="at least one"):
         contact_sheet([])
     assert list(tmp_path.iterdir()) == []

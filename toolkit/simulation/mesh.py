@@ -13,10 +13,11 @@ Vector = Sequence[float] | np.ndarray
 
 
 class Mesh(NamedTuple):
-    """Vertices float64 (V, 3), metres, and outward triangles int32 (F, 3)."""
+    """Vertices float64 (V, 3), metres, outward triangles int32 (F, 3), and colours of vertices (V, 3), RGB 0 to 255."""
 
     vertices: np.ndarray
     faces: np.ndarray
+    colors: np.ndarray | None = None
 
 
 _QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -35,8 +36,10 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     if not meshes:
         return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces).astype(np.int32))
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)])
+    colors = [mesh.colors for mesh in meshes if mesh.colors is not None]
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    return Mesh(vertices, faces.astype(np.int32), np.concatenate(colors) if colors else None)
 
 
 def moved(mesh: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Mesh:

@@ -4,35 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.body.body import vertex_normals
-from toolkit.kernels.image.shading import shade_triangles
 from toolkit.sensing.camera import Camera
+from toolkit.simulation.mesh import Mesh
 from toolkit.simulation.raycast import Hits
 from toolkit.simulation.scene import PlacedCamera
+from toolkit.simulation.shading import draw
 
 FINER = 2
 """Supersampling factor of images, for smooth contours."""
 LIGHTS = np.array([0.35, 0.5, 0.2])
 """Fractions of ambient light, of a lamp, and of light from the camera."""
-
-
-class DrawnMesh(NamedTuple):
-    """Mesh with vertex colours.
-
-    Attributes
-    ----------
-    vertices : float64 (V, 3), metres, camera frame
-    faces : int32 (F, 3), counter-clockwise from outside
-    colors : float64 (V, 3), RGB, 0 to 255
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    colors: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +54,10 @@ class Backdrop:
         image[seen] = _paint(points, hits.triangles[seen] // box_faces, rng) * light[:, None]
         return cls(image, np.where(seen, hits.depth, np.inf).astype(np.float64), key, camera)
 
-    def with_people(self, people: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:
+    def with_people(self, people: Sequence[Mesh], rng: np.random.Generator) -> np.ndarray:
         """Return an image of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size, with noise."""
-        image, depth = np.clip(self.image, 0, 255).astype(np.uint8), self.depth.copy()
-        for mesh in people:
-            normals = vertex_normals(mesh.vertices, mesh.faces)
-            shade_triangles(
-                mesh.vertices, normals, mesh.colors, mesh.faces, self.camera.intrinsics, LIGHTS, self.key, depth, image
-            )
+        image = np.clip(self.image, 0, 255).astype(np.uint8)
+        draw(image, people, self.camera, LIGHTS, self.key, self.depth)
         fine = image.reshape(len(image) // FINER, FINER, -1, FINER, 3)
         coarse = fine.mean(axis=(1, 3), dtype=np.float32)
         image_noise = 2.5  # standard deviation of an image's noise, grey levels

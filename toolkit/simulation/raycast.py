@@ -7,6 +7,7 @@ Rays pass through pixel centres at integer coordinates (Open3D's own pinhole ray
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,11 +24,13 @@ class Hits:
     depth : float32 (H, W), metres along z, 0 without a hit
     triangles : int32 (H, W), index of the triangle, -1 without a hit
     normals : float32 (H, W, 3), unit normals of the triangles in the camera frame, 0 without a hit
+    uvs : float32 (H, W, 2), barycentric coordinates of the second and the third corner in the triangle
     """
 
     depth: np.ndarray
     triangles: np.ndarray
     normals: np.ndarray
+    uvs: np.ndarray
 
 
 def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits:
@@ -40,25 +43,21 @@ def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits
     camera : camera, lens distortion included
     """
     from open3d.core import Tensor
-    from open3d.t.geometry import RaycastingScene
 
     hits = Hits(
         np.zeros(camera.shape, dtype=np.float32),
         np.full(camera.shape, -1, dtype=np.int32),
         np.zeros((*camera.shape, 3), dtype=np.float32),
+        np.zeros((*camera.shape, 2), dtype=np.float32),
     )
     slopes = camera.rays()
-    window = _window(vertices_camera, camera)
+    window = window_of(vertices_camera, camera)
     seen = slopes[window]
     if seen.size == 0:
         return hits
     rays = np.zeros((*seen.shape[:2], 6), dtype=np.float32)
     rays[..., 3:5], rays[..., 5] = seen, 1.0
-    scene = RaycastingScene()
-    scene.add_triangles(
-        Tensor.from_numpy(vertices_camera.astype(np.float32)), Tensor.from_numpy(faces.astype(np.uint32))
-    )
-    answer = scene.cast_rays(Tensor.from_numpy(rays))
+    answer = scene_of(vertices_camera, faces).cast_rays(Tensor.from_numpy(rays))
     distance = answer["t_hit"].numpy()
     hit = np.isfinite(distance)
     hits.depth[window] = np.where(hit, distance, 0.0)
@@ -66,7 +65,18 @@ def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits
     normals = answer["primitive_normals"].numpy()
     length = np.linalg.norm(normals, axis=-1, keepdims=True)
     hits.normals[window] = np.where(hit[..., None], normals / np.maximum(length, 1e-12), 0.0)
+    hits.uvs[window] = answer["primitive_uvs"].numpy()
     return hits
+
+
+def scene_of(vertices: np.ndarray, faces: np.ndarray) -> Any:
+    """Return a mesh as a `RaycastingScene`."""
+    from open3d.core import Tensor
+    from open3d.t.geometry import RaycastingScene
+
+    scene = RaycastingScene()
+    scene.add_triangles(Tensor.from_numpy(vertices.astype(np.float32)), Tensor.from_numpy(faces.astype(np.uint32)))
+    return scene
 
 
 def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> np.ndarray:  # noqa: N803
@@ -85,8 +95,10 @@ def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_cam
     return cast(body.vertex_positions(pose_level) @ R_level_camera, body.faces, camera).depth
 
 
-def _window(vertices_camera: np.ndarray, camera: Camera) -> tuple[slice, slice]:
+def window_of(vertices_camera: np.ndarray, camera: Camera) -> tuple[slice, slice]:
     """Return rows and columns that may see the mesh: all for a vertex beside the camera or a distorted lens."""
+    if not len(vertices_camera):
+        return slice(0, 0), slice(0, 0)
     if camera.distortion is not None or (vertices_camera[:, 2] <= 0.01).any():
         return slice(0, camera.height), slice(0, camera.width)
     pixels = camera.project(vertices_camera)

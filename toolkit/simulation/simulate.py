@@ -32,7 +32,7 @@ from toolkit.simulation.person import (
     furniture_of,
     prepare_person,
 )
-from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
+from toolkit.simulation.picture import FINER, Backdrop
 from toolkit.simulation.raycast import Hits, cast
 from toolkit.simulation.scene import PlacedCamera, RoomMaker, Scenery, cut_tilt, place_camera, surroundings
 from toolkit.simulation.seating import neck_height
@@ -221,7 +221,7 @@ class Simulation:
         }
 
     def _picture(self, present: Mapping[int, np.ndarray], rng: np.random.Generator) -> np.ndarray:
-        people = [DrawnMesh(at, self.performers[i].body.faces, self._skins[i]) for i, at in present.items()]
+        people = [Mesh(at, self.performers[i].body.faces, self._skins[i]) for i, at in present.items()]
         return self._backdrop.with_people(people, rng)
 
     def _things(self, frame: int) -> list[Mesh]:

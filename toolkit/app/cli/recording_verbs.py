@@ -25,7 +25,8 @@ def info(
 ) -> None:
     """Describe a recording by its first seconds: camera, vertical, background, people with evidence, useful options."""
     from toolkit.io.files import check_output
-    from toolkit.output.rendering.survey_picture import save_picture
+    from toolkit.output.rendering.film import save_png
+    from toolkit.output.rendering.survey_picture import picture
     from toolkit.people.description import describe
     from toolkit.people.plausibility import HELP
     from toolkit.recordings.opening import open_upright
@@ -33,7 +34,7 @@ def info(
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
     look = describe(open_upright(recording, **reading.options()), SensingSettings(**given(segment=segment)))
-    save_picture(look, target)
+    save_png(target, picture(look))
     print_lines("\n".join(look.lines))
     for concern in look.concerns:
         print_lines(f"doubt: {concern.text}; {HELP}")

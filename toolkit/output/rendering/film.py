@@ -27,13 +27,14 @@ def settings_for(output: str | Path) -> RenderSettings:
     return RenderSettings(height=300, aspect=0.9) if Path(output).suffix == ".png" else RenderSettings()
 
 
-class FilmWriter:
-    """Writer of RGB pictures to a film file; a failed film leaves no file under the final name.
+def write_film(path: str | Path, rate: float, pictures: Iterator[np.ndarray]) -> None:
+    """Write pictures to a film file; a failed film leaves no file under the final name.
 
     Parameters
     ----------
     path : the suffix, one of `encoders.FILM_SUFFIXES`, selects the codec
     rate : frames per second
+    pictures : uint8 (H, W, 3), RGB, of equal size; an odd last row or column is cropped
 
     Raises
     ------
@@ -42,28 +43,22 @@ class FilmWriter:
     OutputError
         The file cannot be written.
     """
-
-    def __init__(self, path: str | Path, rate: float) -> None:
-        self._path, self._rate = Path(path), rate
-        if self._path.suffix not in FILM_SUFFIXES:
-            raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in FILM_SUFFIXES)}")
-
-    def write(self, pictures: Iterator[np.ndarray]) -> None:
-        """Write all pictures, uint8 (H, W, 3), of equal size; an odd last row or column is cropped."""
-        with atomic_path(self._path, lasting=False) as place, _plainly_named(place) as temporary:
-            encoder = None
-            try:
-                for picture in pictures:
-                    even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
-                    if encoder is None:
-                        height, width = even.shape[:2]
-                        encoder = open_encoder(temporary, self._path.suffix, self._rate, width, height)
-                    encoder.write(even)
-            finally:
-                if encoder is not None:
-                    encoder.close()
-            if encoder is None or temporary.stat().st_size == 0:
-                raise OutputError(f"nothing was written to {self._path}; check the space left on its disk")
+    target = Path(path)
+    if target.suffix not in FILM_SUFFIXES:
+        raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in FILM_SUFFIXES)}")
+    with atomic_path(target, lasting=False) as place, _plainly_named(place) as temporary:
+        encoder = None
+        try:
+            for picture in pictures:
+                even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+                if encoder is None:
+                    encoder = open_encoder(temporary, target.suffix, rate, *even.shape[1::-1])
+                encoder.write(even)
+        finally:
+            if encoder is not None:
+                encoder.close()
+        if encoder is None or temporary.stat().st_size == 0:
+            raise OutputError(f"nothing was written to {target}; check the space left on its disk")
 
 
 @contextmanager
@@ -125,7 +120,7 @@ def render_people(
         save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
     elif target.suffix in FILM_SUFFIXES:
         pictures = _pictures(painter, recording, chosen, progress)
-        FilmWriter(target, rate or _rate(recording.timestamps)).write(pictures)
+        write_film(target, rate or _rate(recording.timestamps), pictures)
     else:
         for i, picture in zip(chosen, _pictures(painter, recording, chosen, progress), strict=True):
             save_png(target / f"{i:05d}.png", picture)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.output.rendering import style
-from toolkit.output.rendering.film import FilmWriter, contact_sheet
+from toolkit.output.rendering.film import contact_sheet, write_film
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
@@ -49,7 +49,7 @@ def film_of_motions(path: str | Path, titled: Sequence[tuple[str, Motion]]) -> P
     OutputError
         The file cannot be written.
     """
-    FilmWriter(path, FILM_RATE).write(_pictures(titled))
+    write_film(path, FILM_RATE, _pictures(titled))
     return Path(path)
 
 

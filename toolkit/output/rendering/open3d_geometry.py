@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toolkit.body.skeleton import BONE_ROWS
-from toolkit.output.rendering.mesh import mesh_colors
-from toolkit.output.rendering.style import ALARM, CARRYING, FLOOR
+from toolkit.output.rendering.style import ALARM, CARRYING, FLOOR, mesh_colors
 from toolkit.sensing.camera import Camera
 from toolkit.tracks import EMPTY
 from toolkit.tracks.runs import Person

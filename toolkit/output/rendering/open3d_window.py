@@ -15,7 +15,6 @@ from toolkit.body.skeleton import REPORTED
 from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.motion.contact import ground_of
 from toolkit.output.rendering.film import save_png
-from toolkit.output.rendering.ground import Ground
 from toolkit.output.rendering.open3d_geometry import (
     body_geometries,
     cloud_geometry,
@@ -25,6 +24,7 @@ from toolkit.output.rendering.open3d_geometry import (
     wireframe,
 )
 from toolkit.output.rendering.open3d_ready import obstacle_to_window
+from toolkit.output.rendering.overlay import Ground
 from toolkit.output.rendering.playback import SPEEDS, Playback
 from toolkit.output.rendering.style import INK, PAPER
 from toolkit.sensing.recording import Recording

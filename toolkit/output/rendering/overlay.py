@@ -1,23 +1,33 @@
-"""Overlays of a picture: coloured depth, skeleton, extrema, cloud."""
+"""Overlays of a picture: coloured depth, skeleton, extrema, cloud, ground and foot contacts."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from toolkit.body.skeleton import BONE_ROWS
-from toolkit.output.rendering.style import BONE_COLORS, EXTREMUM, JOINT_COLORS, PAPER
+from toolkit.body.sole import soles
+from toolkit.motion.contact import ground_of
+from toolkit.output.rendering.style import BONE_COLORS, CARRYING, EXTREMUM, FLOOR, JOINT_COLORS, PAPER
+from toolkit.tracks.runs import Person
 
 SUBPIXEL_BITS = 3  # fractional bits of pixel coordinates, for smooth motion of lines
 
 
+Project = Callable[[np.ndarray], np.ndarray]
+"""Map from points (..., 3) of the level frame, metres, to pixels (..., 2), NaN for points out of view."""
+
+
 @lru_cache(maxsize=1)
-def _depth_palette() -> np.ndarray:
-    """Return a depth palette, uint8 (256, 3), from light to dark blue-grey, in contrast to orange, blue and pink."""
+def _depth_table() -> np.ndarray:
+    """Return a palette from light to dark blue-grey, bright and dim, and the background colour: uint8 (513, 3)."""
     stops = np.array([[238, 240, 232], [176, 190, 196], [108, 128, 146], [58, 74, 98], [30, 36, 56]], dtype=float)
     at = np.linspace(0, len(stops) - 1, 256)
-    return np.column_stack([np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]).astype(np.uint8)
+    bright = np.column_stack([np.interp(at, np.arange(len(stops)), stops[:, c]) for c in range(3)]).astype(np.uint8)
+    dim = 0.45  # brightness of pixels outside the person
+    return np.concatenate([bright, (bright * dim).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
 
 
 def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: float) -> np.ndarray:
@@ -29,17 +39,9 @@ def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: floa
 
     scale = 255 / max(far - near, 1e-6)
     level = cv2.convertScaleAbs(np.maximum(depth_mm, np.uint16(1000 * max(near, 0))), None, scale / 1000, -scale * near)
-    # One table with the palette bright and dim and the background colour, for a single lookup per pixel.
     entry = level.astype(np.uint16) + np.where(person, np.uint16(0), np.uint16(256))
     entry[depth_mm == 0] = 512
     return np.take(_depth_table(), entry, axis=0)
-
-
-@lru_cache(maxsize=1)
-def _depth_table() -> np.ndarray:
-    bright = _depth_palette()
-    dim = 0.45  # brightness of pixels outside the person
-    return np.concatenate([bright, (bright * dim).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
 
 
 def draw_skeleton(
@@ -54,20 +56,15 @@ def draw_skeleton(
     """
     import cv2
 
-    points = [None if not np.isfinite(p).all() else _fixed(p) for p in joints]
     thickness = max(2, round(image.shape[0] / 160))
-    for (a, b), side in zip(BONE_ROWS, BONE_COLORS, strict=True):
-        start, end = points[a], points[b]
-        if start is not None and end is not None:
-            cv2.line(image, start, end, PAPER, thickness + 2, cv2.LINE_AA, SUBPIXEL_BITS)
-            cv2.line(image, start, end, color or side, thickness, cv2.LINE_AA, SUBPIXEL_BITS)
-    for k, point in enumerate(points):
-        if point is None:
-            continue
-        radius = int((thickness + 1.5) * 2**SUBPIXEL_BITS)
-        seen = observed is None or observed[k]
+    for bone, side in zip(BONE_ROWS, BONE_COLORS, strict=True):
+        draw_lines(image, joints[bone][None], PAPER, thickness + 2)
+        draw_lines(image, joints[bone][None], color or side, thickness)
+    radius = int((thickness + 1.5) * 2**SUBPIXEL_BITS)
+    for k in np.flatnonzero(np.isfinite(joints).all(axis=1)):
+        point, filled = _fixed(joints[k]).tolist(), -1 if observed is None or observed[k] else 1
         cv2.circle(image, point, radius + 2**SUBPIXEL_BITS, PAPER, -1, cv2.LINE_AA, SUBPIXEL_BITS)
-        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if seen else 1, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.circle(image, point, radius, color or JOINT_COLORS[k], filled, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
@@ -79,19 +76,16 @@ def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
             continue
         size = image.shape[0] / (58 if k < 5 else 95)
         corners = point + size * np.array([[0, -1], [1, 0], [0, 1], [-1, 0]])
-        outline = np.rint(corners * 2**SUBPIXEL_BITS).astype(np.int32)
-        cv2.fillPoly(image, [outline], EXTREMUM, cv2.LINE_AA, SUBPIXEL_BITS)
-        cv2.polylines(image, [outline], True, PAPER, 1, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.fillPoly(image, [_fixed(corners)], EXTREMUM, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.polylines(image, [_fixed(corners)], True, PAPER, 1, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
-def draw_line(
-    image: np.ndarray, start: np.ndarray, end: np.ndarray, color: tuple[int, int, int], thickness: int
-) -> None:
-    """Draw a line between two pixels (2,) on an RGB image; NaN draws nothing."""
+def draw_lines(image: np.ndarray, lines: np.ndarray, color: tuple[int, int, int], thickness: int) -> None:
+    """Draw lines between pixels (K, 2, 2) on an RGB image, but those with NaN."""
     import cv2
 
-    if np.isfinite(start).all() and np.isfinite(end).all():
-        cv2.line(image, _fixed(start), _fixed(end), color, thickness, cv2.LINE_AA, SUBPIXEL_BITS)
+    whole = lines[np.isfinite(lines).all(axis=(1, 2))]
+    cv2.polylines(image, list(_fixed(whole)), False, color, thickness, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int]) -> None:
@@ -101,6 +95,62 @@ def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, in
     image[at[inside, 1], at[inside, 0]] = color
 
 
-def _fixed(point: np.ndarray) -> tuple[int, int]:
-    u, v = np.rint(np.clip(point, -10_000, 10_000) * 2**SUBPIXEL_BITS).astype(int)
-    return int(u), int(v)
+def _fixed(points: np.ndarray) -> np.ndarray:
+    """Return pixels (..., 2) as the fixed-point numbers of OpenCV's drawing functions."""
+    return np.rint(np.clip(points, -10_000, 10_000) * 2**SUBPIXEL_BITS).astype(np.int32)
+
+
+class Ground:
+    """Ground under all people of a run, and their foot contacts.
+
+    Parameters
+    ----------
+    people : all of the run
+
+    Attributes
+    ----------
+    height : y of the ground, metres, level frame
+    pieces : float64 (K, 2, 3), ends of the lines of a grid on it, metres, level frame
+    """
+
+    def __init__(self, people: Sequence[Person]) -> None:
+        self.height, _ = ground_of(people)
+        self._soles = [soles(person.body, person.track.pose) for person in people]
+        self._contact = [person.track.contact for person in people]
+        there = [placed[person.there].reshape(-1, 3) for placed, person in zip(self._soles, people, strict=True)]
+        self.pieces = grid(np.concatenate(there)[:, [0, 2]], self.height)
+
+    @property
+    def carries(self) -> bool:
+        """Return whether any frame has a foot contact."""
+        return any(contact.any() for contact in self._contact)
+
+    def draw_floor(self, image: np.ndarray, project: Project) -> None:
+        """Draw the grid on an RGB image."""
+        draw_lines(image, project(self.pieces), FLOOR, 1)
+
+    def draw_soles(self, image: np.ndarray, project: Project, frame: int, numbers: Sequence[int]) -> None:
+        """Draw the line from heel to ball for each foot contact in a frame."""
+        for k in numbers:
+            soles_down = self._soles[k][frame, self._contact[k][frame]]
+            draw_lines(image, project(soles_down), CARRYING, max(3, image.shape[0] // 80))
+
+
+def grid(places: np.ndarray, height: float) -> np.ndarray:
+    """Return line segments of a grid at y = `height` around positions (N, 2), x and z: float64 (K, 2, 3), metres."""
+    if not len(places):
+        return np.zeros((0, 2, 3))
+    middle = np.median(places, axis=0)
+    low, high = np.percentile(places, (1.0, 99.0), axis=0)
+    cell = 0.5  # spacing of the grid, metres
+    farthest = 6.0  # maximum distance of the grid from the centre of the people, metres
+    around = 0.75  # minimum margin of the grid around the people, metres
+    low = cell * np.floor(np.maximum(low - around, middle - farthest) / cell)
+    high = cell * np.ceil(np.minimum(high + around, middle + farthest) / cell)
+    piece = 0.25  # length of the drawn line segments, metres; a segment partly behind the camera is left out
+    xs, zs = (np.arange(a, b + 0.5 * piece, piece) for a, b in zip(low, high, strict=True))
+    step = round(cell / piece)
+    pieces = [((a, z), (b, z)) for z in zs[::step] for a, b in zip(xs[:-1], xs[1:], strict=True)]
+    pieces += [((x, a), (x, b)) for x in xs[::step] for a, b in zip(zs[:-1], zs[1:], strict=True)]
+    flat = np.array(pieces)
+    return np.stack([flat[..., 0], np.full(flat.shape[:2], height), flat[..., 1]], axis=2)

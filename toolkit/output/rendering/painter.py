@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from toolkit.io.errors import SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.output.rendering import style
-from toolkit.output.rendering.ground import Ground
-from toolkit.output.rendering.mesh import draw_mesh, mesh_colors
-from toolkit.output.rendering.open3d_pictures import ColoredMesh, PicturePainter
-from toolkit.output.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
+from toolkit.output.rendering.open3d_pictures import PicturePainter
+from toolkit.output.rendering.overlay import Ground, color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.output.rendering.views import R_LEVEL_VIEW, OutsideView, outside_view_of, window_on
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.sensing_settings import SensingSettings
+from toolkit.simulation.mesh import Mesh, joined
+from toolkit.simulation.shading import draw, visible
 from toolkit.tracks import EMPTY, LOST, STATE_NAMES
 from toolkit.tracks.runs import Person
 
@@ -99,15 +98,19 @@ class FramePainter:
         self._people, self._name = tuple(people), recording.name
         self._rotation = people[0].R_level_camera
         self._filter = DepthFilter(recording.camera, sensing or SensingSettings())
-        self._colors = mesh_colors([person.body for person in people])
+        self._colors = style.mesh_colors([person.body for person in people])
         there = [person.track.joints[person.track.state != EMPTY] for person in people]
         seen = np.concatenate(there)
         joints = np.asarray(seen if len(seen) else people[0].track.joints, dtype=np.float64)
         self._window = window_on(joints, recording.camera.undistorted(), self.settings.size("depth"))
         level = joints @ self._rotation.T
-        self._outside = {view: outside_view_of(level, self.settings.size(view), view) for view in R_LEVEL_VIEW}
+        self._views = {panel: outside_view_of(level, self.settings.size(panel), panel) for panel in R_LEVEL_VIEW}
+        self._views |= dict.fromkeys(("depth", "body"), OutsideView(self._window.camera, np.zeros(3), self._rotation))
         self._ground = Ground(people)
-        self._pictures = self._picture_painters() if self.settings.engine == "open3d" else {}
+        self._pictures = {}
+        if self.settings.engine == "open3d":
+            drawn = {panel: view for panel, view in self._views.items() if panel != "depth"}
+            self._pictures = {panel: PicturePainter(view, self._ground.height) for panel, view in drawn.items()}
         depths = joints[:, 0, 2]
         near_share, far_share = 0.4, 0.8  # m of depth range in front of and behind the person on the colour scale
         self._near = float(np.percentile(depths, 5)) - near_share
@@ -115,18 +118,28 @@ class FramePainter:
 
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
         """Return the RGB picture of frame `i` from its depth, uint16 (H, W) millimetres, frames in order."""
-        cloud = self._cloud(i, depth_mm)
-        draw = {"depth": self._draw_depth, "body": self._draw_body}
-        if self._pictures:
-            draw = {"depth": self._draw_depth} | {name: partial(self._draw_picture, name) for name in self._pictures}
+        bodies = [
+            Mesh(person.body.vertex_positions(person.track.pose[i]), person.body.faces, self._colors[k])
+            for k, person in self._there(i)
+        ]
+        cloud = self._cloud(depth_mm, joined(bodies))
         backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
         panels = []
         for panel in self.settings.panels:
-            image, project = self._blank(panel, backdrop), partial(self._to_pixels, panel)
-            if panel != "depth" and not self._pictures:  # the measured floor is visible in the depth
-                self._ground.draw_floor(image, project)
-            draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
-            self._ground.draw_soles(image, project, i, [k for k, _ in self._there(i)])
+            image, view = self._blank(panel, backdrop), self._views[panel]
+            placed = [body._replace(vertices=view.to_camera(body.vertices)) for body in bodies]
+            if panel == "depth":  # the measured floor is visible in the depth
+                self._draw_depth(image, i, cloud)
+            elif self._pictures:
+                image[:] = self._pictures[panel].paint(placed)
+            else:
+                self._ground.draw_floor(image, view.project)
+                draw(image, placed, view.camera, style.LIGHTS, style.KEY_LIGHT)
+                if panel in R_LEVEL_VIEW:
+                    draw_points(image, view.project(cloud.points), style.CLOUD)
+                    place = (10, image.shape[0] - 2 * self._text)
+                    style.write(image, CAMERA_AT[panel], *place, max(8, self._text - 4), style.FAINT)
+            self._ground.draw_soles(image, view.project, i, [k for k, _ in self._there(i)])
             title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
             style.write(image, title, 10, 8, self._text, style.PAPER if panel in self._pictures else style.INK)
             panels.append(image)
@@ -144,18 +157,14 @@ class FramePainter:
         """Yield index and person of the people in frame `i`."""
         return [(k, person) for k, person in enumerate(self._people) if person.track.state[i] != EMPTY]
 
-    def _cloud(self, i: int, depth_mm: np.ndarray) -> Cloud:
-        """Return the measured points near a drawn body, independent of the segmentation."""
+    def _cloud(self, depth_mm: np.ndarray, bodies: Mesh) -> Cloud:
+        """Return the measured points near a drawn body (level frame), independent of the segmentation."""
         camera = self._filter.camera
-        drawn = np.full(camera.shape, np.inf, dtype=np.float32)
-        blank = np.zeros((*camera.shape, 3), dtype=np.uint8)
-        for k, person in self._there(i):
-            vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
-            draw_mesh(blank, vertices, person.body.faces, self._colors[k], camera, drawn)
+        _, inverse, _ = visible(bodies._replace(vertices=bodies.vertices @ self._rotation), camera)
         step = self._filter.step
         depth = (self._filter.checked(depth_mm)[::step, ::step] / 1000.0).astype(np.float32)
         reach = 0.15  # metres between the drawn body and points shown with it
-        near = np.where((depth > 0) & (np.abs(depth - drawn) < reach), depth, np.float32(0.0))
+        near = np.where(np.abs(depth * inverse - 1.0) < reach * inverse, depth, np.float32(0.0))
         return Cloud.from_depth(near, camera, self._rotation)
 
     def _colored(self, depth_mm: np.ndarray, cloud: Cloud) -> np.ndarray:
@@ -171,13 +180,6 @@ class FramePainter:
         behind_body = 2  # factor by which the depth image behind the fitted body is darkened
         return backdrop.copy() if panel == "depth" else backdrop // behind_body
 
-    def _to_pixels(self, panel: str, points: np.ndarray) -> np.ndarray:
-        """Map points (..., 3) of the level frame to a panel (..., 2), NaN behind its camera."""
-        if panel in R_LEVEL_VIEW:
-            view = self._outside[panel]
-            return view.project(points)
-        return self._window.camera.project(points @ self._rotation)
-
     def _draw_depth(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
         for k, person in self._there(i):
             color = style.person_color(k) if self._several else None
@@ -190,33 +192,6 @@ class FramePainter:
     @property
     def _extrema(self) -> int:
         return 0 if self._several else self.settings.extrema
-
-    def _draw_body(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        depth = None
-        for k, person in self._there(i):
-            vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
-            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._window.camera, depth)
-
-    def _picture_painters(self) -> dict[str, PicturePainter]:
-        """Return the painters of the panels with bodies on white paper."""
-        views = {"body": OutsideView(self._window.camera, np.zeros(3), self._rotation), **self._outside}
-        return {name: PicturePainter(view, self._ground.height) for name, view in views.items()}
-
-    def _draw_picture(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        surfaces = [
-            ColoredMesh(person.body.vertex_positions(person.track.pose[i]), person.body.faces, self._colors[k])
-            for k, person in self._there(i)
-        ]
-        image[:] = self._pictures[panel].paint(surfaces)
-
-    def _draw_outside(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        view, depth = self._outside[panel], None
-        for k, person in self._there(i):
-            vertices = view.to_camera(person.body.vertex_positions(person.track.pose[i]))
-            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], view.camera, depth)
-        draw_points(image, view.project(cloud.points), style.CLOUD)
-        place = (10, image.shape[0] - 2 * self._text)
-        style.write(image, CAMERA_AT[panel], *place, max(8, self._text - 4), style.FAINT)
 
     def _head(self, i: int, width: int) -> np.ndarray:
         track, size = self._people[0].track, self._text

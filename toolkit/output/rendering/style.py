@@ -1,4 +1,4 @@
-"""Colours and text of all pictures. Colours are RGB; `left` and `right` are the subject's."""
+"""Colours, lights and text of all pictures. Colours are RGB; `left` and `right` are the subject's."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body.skeleton import BONES, JOINT_NAMES, PARENTS, REPORTED
+from toolkit.body.body import Body
+from toolkit.body.skeleton import BONES, JOINT_NAMES, REPORTED
 from toolkit.io.display_names import printable
 
 LEFT = (255, 145, 40)
@@ -23,6 +24,10 @@ INK = (235, 238, 242)
 FAINT = (150, 156, 166)
 PAPER = (20, 22, 28)
 BAR = (32, 35, 43)
+KEY_LIGHT = np.array([-0.45, -0.65, -0.6]) / np.linalg.norm([-0.45, -0.65, -0.6])
+"""Direction to the key light, camera frame: from the upper left, in front of the body."""
+LIGHTS = np.array([0.28, 0.5, 0.3])
+"""Weights of ambient light, key light and a light at the camera."""
 
 
 def person_color(number: int) -> tuple[int, int, int]:
@@ -40,8 +45,16 @@ def side_color(name: str) -> tuple[int, int, int]:
 BONE_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(b) for _, b in BONES)
 JOINT_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(name) for name in REPORTED)
 PART_COLORS: np.ndarray = np.array([side_color(name) for name in JOINT_NAMES], dtype=np.float32)
-"""Return the mesh colour of each joint: float32 (18, 3)."""
-assert len(PART_COLORS) == len(PARENTS)
+"""Mesh colour of each joint: float32 (18, 3)."""
+
+
+def mesh_colors(bodies: Sequence[Body]) -> list[np.ndarray]:
+    """Return vertex colours of each body, float64 (V, 3): by body part for one person, one colour each for several."""
+    if len(bodies) == 1:
+        (body,) = bodies
+        mixed = (body.skin_weights[..., None] * PART_COLORS[body.skin_joints]).sum(axis=1)
+        return [np.asarray(mixed, dtype=np.float64)]
+    return [np.tile(np.array(person_color(k), dtype=float), (len(body.vertices), 1)) for k, body in enumerate(bodies)]
 
 
 @lru_cache(maxsize=256)

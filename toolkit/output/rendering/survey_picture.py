@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
-from toolkit.output.rendering.film import save_png
 from toolkit.output.rendering.style import FAINT, INK, PAPER, person_color
 from toolkit.people.description import FirstLook, largest_surface
 
@@ -37,14 +34,3 @@ def picture(look: FirstLook) -> np.ndarray:
         at = (int(u[k] * step), int(max(v[k] * step, 24 * scale)))
         cv2.putText(painted, str(sighting.id), at, cv2.FONT_HERSHEY_SIMPLEX, scale, INK, max(1, round(2 * scale)))
     return painted
-
-
-def save_picture(look: FirstLook, path: str | Path) -> None:
-    """Write the picture as PNG, atomically.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
-    save_png(path, picture(look))

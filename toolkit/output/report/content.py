@@ -22,7 +22,6 @@ from toolkit.motion.uncertain_limbs import uncertain_text
 from toolkit.output.export.glb import export_glb
 from toolkit.output.rendering import style
 from toolkit.output.rendering.film import render_run
-from toolkit.output.rendering.mesh import mesh_colors
 from toolkit.output.rendering.painter import RenderSettings
 from toolkit.output.report.clouds import MILLIMETRES, STORED_UNIT, gather_clouds, pack
 from toolkit.output.report.gait import gait_section
@@ -265,7 +264,7 @@ def _first_picture(film: Path) -> bytes:
 def _glb(people: list[Person]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motion.glb"
-        export_glb(path, people, colors=mesh_colors([person.body for person in people]))
+        export_glb(path, people, colors=style.mesh_colors([person.body for person in people]))
         return path.read_bytes()
 
 
