@@ -13,11 +13,10 @@ from toolkit.body.shape import load_body
 from toolkit.evaluation.marker_files import read_markers
 from toolkit.io.errors import UsageError
 from toolkit.motion.angles import COLUMNS, coordinates, joint_angles
-from toolkit.output.export.angles import marker_set
 from toolkit.output.export.document import DECIMALS, export_json
 from toolkit.output.export.opensim import body_mass, solve, virtual_markers
-from toolkit.output.export.origin import origin_of
 from toolkit.output.export.run import export_run
+from toolkit.output.export.tables import marker_set
 from toolkit.tracks.runs import Person, load_persons
 
 MODELS = {"rajagopal/RajagopalLaiUhlrich2023.osim": True, "gait2392/gait2392_thelen2003muscle.osim": False}
@@ -136,7 +135,7 @@ def test_every_reported_joint_is_a_marker_and_left_ones_lie_to_the_left() -> Non
 def test_json_equals_the_track_with_null_for_absent_frames(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", poses_of(5), absent=2)
     person = person_of(run)
-    export_json(tmp_path / "track.json", [person], origin_of([person], "camera"))
+    export_json(tmp_path / "track.json", [person])
     document = json.loads((tmp_path / "track.json").read_text())
     (own,) = document["people"]
     assert own["state"] == ["empty", "empty", "tracked", "tracked", "tracked"]

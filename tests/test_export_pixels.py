@@ -23,9 +23,8 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import read_clip
 from toolkit.output.export.amass import OURS
-from toolkit.output.export.origin import origin_of
 from toolkit.output.export.pixels import BACKGROUND, regain_contour
-from toolkit.output.export.run import export_run
+from toolkit.output.export.run import export_run, origin_of
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import CaptureSettings, Simulation, prepare, simulate_scene
@@ -123,7 +122,7 @@ def standing(tmp_path: Path, *, floor: float | None = None, absent: int = 0) -> 
 def test_a_standing_person_stands_at_the_origin_of_the_file(tmp_path: Path, floor: float | None, how: str) -> None:
     run = standing(tmp_path, floor=floor, absent=2)
     people = load_persons(run)
-    assert origin_of(people, "floor").ground == how
+    assert f"({how})" in origin_of(people, "floor")[1]
     export_run(run, tmp_path / "a.csv")
     rows = list(csv.DictReader((tmp_path / "a.csv").open(newline="")))
     assert rows[0]["pelvis_x_m"] == "" and rows[1]["left_foot_observed"] == ""

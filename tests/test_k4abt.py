@@ -15,7 +15,7 @@ from toolkit.body import k4abt, skeleton
 from toolkit.body.shape import load_body
 from toolkit.evaluation.k4abt import read_k4abt
 from toolkit.io.errors import RecordingError
-from toolkit.output.export.k4abt import export_k4abt
+from toolkit.output.export.document import export_k4abt
 from toolkit.output.export.run import export_run
 from toolkit.sensing.camera import rotated_points
 from toolkit.tracks import Track

@@ -197,8 +197,8 @@ def test_c3d_and_csv_hold_the_same_as_trc(person: Person, tmp_path: Path) -> Non
 
 
 def test_own_exports_agree_with_their_run(person: Person, tmp_path: Path) -> None:
-    from toolkit.output.export.angles import export_mot
     from toolkit.output.export.bvh import export_bvh
+    from toolkit.output.export.tables import export_mot
 
     export_mot(tmp_path / "run.mot", person)
     found = validate([person], tmp_path / "run.mot")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,6 @@ from toolkit.tracks.runs import Person
 
 COMPONENTS = {"<f4": 5126, "<u2": 5123, "<u4": 5125, "|u1": 5121}
 SHAPES = {(): "SCALAR", (3,): "VEC3", (4,): "VEC4", (16,): "MAT4"}
-
-
-class _Nodes(NamedTuple):
-    """Node indices of one person: the parent of all, and the joints in tree order."""
-
-    top: int
-    joints: list[int]
 
 
 def export_glb(
@@ -48,7 +41,7 @@ def export_glb(
     people : at least one
     rig : joint names, see `tree.tree_of`
     colors : for each person RGB of each vertex, (V, 3) in [0, 255]; None for one skin colour
-    notes : stored in the `extras` of the file's `asset`, see `notes.notes_of`
+    notes : stored in the `extras` of the file's `asset`, see `run.notes_of`
 
     Raises
     ------
@@ -63,12 +56,9 @@ def export_glb(
     start = min(float(person.track.timestamps[0]) for person in people)
     for k, person in enumerate(people):
         tree = tree_of(person.body, rig)
-        nodes = _add_joints(scene, tree, person.name)
-        scene.document["nodes"][nodes.top]["extras"] = _confidence(person)
-        animation: dict[str, Any] = {"name": person.name, "samplers": [], "channels": []}
-        scene.add("animations", animation)
-        _add_mesh(scene, person, tree, nodes, None if colors is None else colors[k])
-        _add_motion(scene, animation, person, tree, nodes, start)
+        top = _add_joints(scene, tree, person)
+        _add_mesh(scene, person, tree, top, None if colors is None else colors[k])
+        _add_motion(scene, person, tree, top, start)
     if notes is not None:
         scene.document["asset"]["extras"] = notes
     scene.save(path)
@@ -132,16 +122,16 @@ class GlbDocument:
             stream.write(np.array([self._length, 0x004E4942], dtype="<u4").tobytes() + b"".join(self._blocks))
 
 
-def _add_joints(scene: GlbDocument, tree: JointTree, name: str) -> _Nodes:
-    top = scene.add("nodes", {"name": name})
+def _add_joints(scene: GlbDocument, tree: JointTree, person: Person) -> int:
+    """Add the node of a person, with the confidence, and those of the joints after it; return the first one's index."""
+    top = len(scene.document["nodes"])
+    scene.add("nodes", {"name": person.name, "children": [top + 1], "extras": _confidence(person)})
     scene.document["scenes"][0]["nodes"].append(top)
-    first = top + 1
     for i, joint in enumerate(tree.names):
-        children = [first + int(child) for child in np.flatnonzero(tree.parents == i)]
+        children = [top + 1 + int(child) for child in np.flatnonzero(tree.parents == i)]
         node: dict[str, Any] = {"name": joint, "translation": tree.offsets[i].tolist()}
         scene.add("nodes", node | ({"children": children} if children else {}))
-    scene.document["nodes"][top]["children"] = [first]
-    return _Nodes(top, list(range(first, first + len(tree.names))))
+    return top
 
 
 def _confidence(person: Person) -> dict[str, Any]:
@@ -154,7 +144,7 @@ def _confidence(person: Person) -> dict[str, Any]:
     return {"confidence": np.round(confidence.mean(axis=1), 3).tolist(), **joints}
 
 
-def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes, colors: np.ndarray | None) -> None:
+def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, top: int, colors: np.ndarray | None) -> None:
     body = person.body
     joints, weights = skinning(body, tree)
     inverse = np.tile(np.eye(4), (len(tree.names), 1, 1))
@@ -174,7 +164,8 @@ def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes
     primitive = {"attributes": attributes, "indices": indices, "material": 0}
     mesh = scene.add("meshes", {"name": person.name, "primitives": [primitive]})
     matrices = scene.accessor(inverse.reshape(-1, 16), "<f4")
-    skin = {"inverseBindMatrices": matrices, "skeleton": nodes.joints[0], "joints": nodes.joints}
+    joint_nodes = list(range(top + 1, top + 1 + len(tree.names)))
+    skin = {"inverseBindMatrices": matrices, "skeleton": top + 1, "joints": joint_nodes}
     number = scene.add("nodes", {"name": f"{person.name}_body", "mesh": mesh, "skin": scene.add("skins", skin)})
     scene.document["scenes"][0]["nodes"].append(number)
 
@@ -194,9 +185,9 @@ def skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
     return np.where(weights > 0, joints, 0), weights
 
 
-def _add_motion(
-    scene: GlbDocument, animation: dict[str, Any], person: Person, tree: JointTree, nodes: _Nodes, start: float
-) -> None:
+def _add_motion(scene: GlbDocument, person: Person, tree: JointTree, top: int, start: float) -> None:
+    animation: dict[str, Any] = {"name": person.name, "samplers": [], "channels": []}
+    scene.add("animations", animation)
     times = (person.track.timestamps - start).astype(np.float32)
     keys = np.flatnonzero(np.diff(times, prepend=np.float32(-1.0)) > 0)  # the format requires increasing times
     clock = scene.accessor(times[keys], "<f4", bounds=True)
@@ -208,14 +199,14 @@ def _add_motion(
         target = {"node": node, "path": path}
         animation["channels"].append({"sampler": len(animation["samplers"]) - 1, "target": target})
 
-    channel(nodes.joints[0], "translation", poses[:, skeleton.ROOT_POSITION] + tree.offsets[0])
+    channel(top + 1, "translation", poses[:, skeleton.ROOT_POSITION] + tree.offsets[0])
     turning = np.flatnonzero(tree.turns >= 0)
     turned = quaternions(tree.vectors(poses)[:, turning])
     for k, i in enumerate(turning):
-        channel(nodes.joints[int(i)], "rotation", turned[:, k])
+        channel(top + 1 + int(i), "rotation", turned[:, k])
     there = person.there[keys]
     if not there.all():
-        channel(nodes.top, "scale", np.repeat(there[:, None], 3, axis=1), "STEP")
+        channel(top, "scale", np.repeat(there[:, None], 3, axis=1), "STEP")
 
 
 def quaternions(vectors: np.ndarray) -> np.ndarray:

@@ -20,8 +20,7 @@ from toolkit.body.skeleton import POSE_SIZE, REPORTED
 from toolkit.io.errors import OutputError, UsageError
 from toolkit.io.files import save_json
 from toolkit.motion.angles import ISB_AXES, segment_rotations
-from toolkit.output.export.angles import export_mot
-from toolkit.output.export.tables import export_trc, write_trc
+from toolkit.output.export.tables import export_mot, export_trc, write_trc
 from toolkit.tracks.runs import Person
 
 logger = logging.getLogger(__name__)

@@ -9,26 +9,46 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from toolkit.body import skeleton
 from toolkit.io.errors import UsageError
 from toolkit.io.files import check_output, save_json
 from toolkit.io.spans import spans
+from toolkit.motion.contact import ground_of
 from toolkit.motion.motion_summary import as_plain, summary_of
 from toolkit.motion.resting import at_rest
 from toolkit.output.export.amass import export_amass
-from toolkit.output.export.angles import export_angles, export_mot
 from toolkit.output.export.bvh import export_bvh
-from toolkit.output.export.c3d import export_c3d
-from toolkit.output.export.document import export_json
+from toolkit.output.export.document import export_json, export_k4abt
 from toolkit.output.export.glb import export_glb
-from toolkit.output.export.k4abt import export_k4abt
 from toolkit.output.export.opensim import export_opensim
-from toolkit.output.export.origin import CAMERA, FLOOR, Origin, origin_of
 from toolkit.output.export.pixels import label_images, write_body_index
-from toolkit.output.export.tables import export_csv, export_trc
+from toolkit.output.export.tables import export_angles, export_c3d, export_csv, export_mot, export_trc
 from toolkit.output.export.tree import OWN
 from toolkit.sensing.sensing_settings import SensingSettings
 from toolkit.tracks import LOST, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracks.runs import PEOPLE_FILE, Person, load_persons, person_runs
+
+FLOOR, CAMERA = "floor", "camera"
+
+
+def origin_of(people: Sequence[Person], name: str) -> tuple[np.ndarray, str]:
+    """Return the origin of a file of these people, `floor` (below the first position of the first one) or `camera`: its
+    place (3,) in the level frame, metres, and one sentence about the axes, "" for the camera.
+
+    Raises
+    ------
+    UsageError
+        The name is neither.
+    """
+    if name == CAMERA:
+        return np.zeros(3), ""
+    if name != FLOOR:
+        raise UsageError(f"--origin {name} is neither floor nor camera")
+    first = min(people, key=lambda person: int(np.argmax(person.there)) if person.there.any() else len(person.there))
+    place = first.track.pose[int(np.argmax(first.there)), skeleton.ROOT_POSITION]
+    height, ground = ground_of(people)
+    axes = f"y up, ground at y = 0 ({ground}), z towards the camera; origin below the first position of the person."
+    return np.array([place[0], height, place[2]]), axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +58,7 @@ class ExportJob:
     Attributes
     ----------
     people : in the frame of the origin
-    origin : place of (0, 0, 0)
+    axes : sentence about the axes, "" with the origin at the camera, see `origin_of`
     rig : rig with the written joint names
     run : the run folder, None for people in memory
     recording : new place of the recording
@@ -47,7 +67,7 @@ class ExportJob:
     """
 
     people: Sequence[Person]
-    origin: Origin
+    axes: str
     rig: str
     run: Path | None = None
     recording: str | Path | None = None
@@ -87,10 +107,10 @@ class Format(NamedTuple):
     blank: bool = True
 
 
-def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
+def notes_of(axes: str, people: Sequence[Person]) -> dict[str, Any]:
     """Return the axes, and for each person the intervals (frames from 0) without the person or with a lost one."""
     return {
-        "axes": origin.note(),
+        "axes": axes or "Origin at the camera.",
         "people": [
             {
                 "name": person.name,
@@ -111,7 +131,7 @@ def _ranges(flags: np.ndarray) -> list[list[int]]:
 def _bvh(path: Path, job: ExportJob) -> None:
     person = job.person
     export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig, unit=job.unit)
-    save_json(path.with_name(f"{path.name}.notes.json"), notes_of(job.origin, job.people))
+    save_json(path.with_name(f"{path.name}.notes.json"), notes_of(job.axes, job.people))
 
 
 def _body_index(path: Path, job: ExportJob) -> None:
@@ -131,15 +151,15 @@ def _gait(path: Path, job: ExportJob) -> None:
 FORMATS: dict[str, Format] = {
     "glb": Format(
         ".glb",
-        lambda path, job: export_glb(path, job.people, rig=job.rig, notes=notes_of(job.origin, job.people)),
+        lambda path, job: export_glb(path, job.people, rig=job.rig, notes=notes_of(job.axes, job.people)),
         together=True,
         rigged=True,
     ),
     "bvh": Format(".bvh", _bvh, rigged=True, blank=False),
     "c3d": Format(".c3d", lambda path, job: export_c3d(path, job.people), together=True),
     "trc": Format(".trc", lambda path, job: export_trc(path, job.person)),
-    "csv": Format(".csv", lambda path, job: export_csv(path, job.person, level=job.origin.name == FLOOR)),
-    "json": Format(".json", lambda path, job: export_json(path, job.people, job.origin), together=True, origin=CAMERA),
+    "csv": Format(".csv", lambda path, job: export_csv(path, job.person, level=bool(job.axes))),
+    "json": Format(".json", lambda path, job: export_json(path, job.people, job.axes), together=True, origin=CAMERA),
     "k4abt": Format(
         ".json", lambda path, job: export_k4abt(path, job.people), together=True, origin=CAMERA, origins=(CAMERA,)
     ),
@@ -226,9 +246,9 @@ def export_run(
             raise UsageError(
                 f"{shown[0].name} is in no frame, which {file.name} cannot represent; export .csv or .json"
             )
-        zero = origin_of(shown, place)
-        moved = [person.moved(zero.offset) for person in shown]
-        format_.write(file, ExportJob(moved, zero, rig or OWN, folder, recording, model, unit or "cm"))
+        offset, axes = origin_of(shown, place)
+        moved = [person.moved(offset) for person in shown]
+        format_.write(file, ExportJob(moved, axes, rig or OWN, folder, recording, model, unit or "cm"))
     return tuple(files)
 
 
