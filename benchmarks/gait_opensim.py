@@ -81,7 +81,8 @@ def gait_opensim(options: argparse.Namespace) -> tuple[str, Any]:
     track = depthmocap.track(path, database=options.database)
     truth = {name: np.interp(times, recording.times, recording.angles[name]) for name in ANGLES}
     figures: dict[str, Any] = {}
-    found = read_markers(solve(track.person, model, options.work / "solved").motion)
+    solve(track.person, model, options.work / "solved")
+    found = read_markers(options.work / "solved" / "motion.mot")
     angles = {name: np.interp(track.person.times, found.times, found.angles[name]) for name in ANGLES}
     for row in angle_agreement(angles, truth):
         figures[row.angle] = {"bias": row.bias, "rms": row.rms, "r": row.correlation, "range": row.range_reference}

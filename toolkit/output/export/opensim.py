@@ -7,6 +7,7 @@ their right.
 
 from __future__ import annotations
 
+import importlib.util
 import logging
 from collections.abc import Container
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.skeleton import POSE_SIZE, REPORTED
-from toolkit.io.errors import OutputError, UsageError
+from toolkit.io.errors import OutputError, UsageError, optional_package
 from toolkit.io.files import save_json
 from toolkit.motion.angles import ISB_AXES, segment_rotations
 from toolkit.output.export.tables import export_mot, export_trc, write_trc
@@ -60,22 +61,6 @@ FOLLOWS = {"talus": "calcn", "toes": "calcn", "patella": "tibia", "radius": "uln
 """Bodies that are scaled as another one."""
 
 
-@dataclass(frozen=True)
-class SolvedModel:
-    """Files of a solved model.
-
-    Attributes
-    ----------
-    model, markers, motion : paths of the scaled model, the markers, the angles
-    rms : metres, root mean square distance of the markers after inverse kinematics
-    """
-
-    model: Path
-    markers: Path
-    motion: Path
-    rms: float
-
-
 def export_opensim(folder: str | Path, person: Person, model: str | Path | None) -> None:
     """Write a person for OpenSim into a folder.
 
@@ -91,9 +76,8 @@ def export_opensim(folder: str | Path, person: Person, model: str | Path | None)
         A file cannot be written.
     """
     target = Path(folder)
-    if model is not None and _package() is not None:
-        solved = solve(person, Path(model), target)
-        save_json(target / "solved.json", {"rms_m": solved.rms, "model": Path(model).name})
+    if model is not None and importlib.util.find_spec("opensim") is not None:
+        save_json(target / "solved.json", {"rms_m": solve(person, Path(model), target), "model": Path(model).name})
         return
     export_trc(target / "markers.trc", person)
     export_mot(target / "motion.mot", person)
@@ -104,15 +88,18 @@ def export_opensim(folder: str | Path, person: Person, model: str | Path | None)
     )
 
 
-def solve(person: Person, model: Path, folder: Path, mass: float | None = None) -> SolvedModel:
+def solve(person: Person, model: Path, folder: Path) -> float:
     """Scale a model to a person, place virtual markers on both and solve inverse kinematics.
 
-    Lengths come from the fitted body, mass is given or `body_mass`.
+    Lengths and mass come from the fitted body. `markers.trc`, `scaled.osim` and `motion.mot` are written into `folder`.
 
     Parameters
     ----------
     model : `.osim` file of the family of Gait 2392 or Rajagopal 2016
-    mass : kilograms
+
+    Returns
+    -------
+    Root mean square distance of the markers after inverse kinematics, metres.
 
     Raises
     ------
@@ -121,9 +108,7 @@ def solve(person: Person, model: Path, folder: Path, mass: float | None = None) 
     OutputError
         A file cannot be written, or inverse kinematics fails.
     """
-    opensim = _package()
-    if opensim is None:
-        raise UsageError("scaling a model needs the package opensim; type `pip install 'depthmocap[opensim]'`")
+    opensim = optional_package("opensim", "opensim", "a scaled model")
     opensim.Logger.setLevelString("off")
     opensim.Logger.removeFileSink()  # else it writes opensim.log into the working folder
     try:
@@ -135,8 +120,7 @@ def solve(person: Person, model: Path, folder: Path, mass: float | None = None) 
     origins = _origins(osim)
     if missing := {"pelvis", "torso", "femur_r", "tibia_r", "talus_r", "calcn_r"} - origins.keys():
         raise UsageError(f"{model} has no body {sorted(missing)[0]!r}; give a model like Gait 2392 or Rajagopal 2016")
-    factors = scale_factors(person, origins)
-    _scale(opensim, osim, factors, mass if mass is not None else body_mass(person))
+    _scale(opensim, osim, scale_factors(person, origins), body_mass(person))
     _neutral(osim)
     targets = virtual_markers(person, origins.keys())
     _add_markers(opensim, osim, _origins(osim), neutral_markers(person.body, origins.keys()))
@@ -149,8 +133,7 @@ def solve(person: Person, model: Path, folder: Path, mass: float | None = None) 
     osim.finalizeConnections()
     if not osim.printToXML(str(scaled)):
         raise OutputError(f"cannot write {scaled}; check the folder")
-    rms = _inverse_kinematics(opensim, osim, markers, motion, list(targets), person.times[rows])
-    return SolvedModel(scaled, markers, motion, rms)
+    return _inverse_kinematics(opensim, osim, markers, motion, list(targets), person.times[rows])
 
 
 def body_mass(person: Person) -> float:
@@ -166,11 +149,8 @@ def scale_factors(person: Person, origins: dict[str, np.ndarray]) -> dict[str, n
     joints = person.body.joint_positions(np.zeros(POSE_SIZE))
     at = {name: joints[i] for i, name in enumerate(REPORTED)}
 
-    def apart(a: str, b: str) -> float:
-        return float(np.linalg.norm(at[a] - at[b]))
-
-    def model_apart(a: str, b: str) -> float:
-        return float(np.linalg.norm(origins[a] - origins[b]))
+    def ratio(a: str, b: str, first: str, last: str) -> float:
+        return float(np.linalg.norm(at[a] - at[b]) / np.linalg.norm(origins[first] - origins[last]))
 
     factors: dict[str, np.ndarray] = {}
     legs = []
@@ -178,15 +158,15 @@ def scale_factors(person: Person, origins: dict[str, np.ndarray]) -> dict[str, n
         for segment in SEGMENTS:
             if segment.length is not None and f"{segment.length[3]}_{side[0]}" in origins:
                 start, end, first, last = segment.length
-                own = apart(f"{side}_{start}", f"{side}_{end}") / model_apart(f"{first}_{side[0]}", f"{last}_{side[0]}")
+                own = ratio(f"{side}_{start}", f"{side}_{end}", f"{first}_{side[0]}", f"{last}_{side[0]}")
                 factors[f"{segment.body}_{side[0]}"] = np.full(3, own)
                 legs += [own] if segment.body in ("femur", "tibia") else []
     general = float(np.mean(legs))
-    wide = apart("left_hip", "right_hip") / model_apart("femur_l", "femur_r")
+    wide = ratio("left_hip", "right_hip", "femur_l", "femur_r")
     factors["pelvis"] = np.array([general, general, wide])
     factors["torso"] = np.full(3, general)
     if "humerus_r" in origins:
-        shoulders = apart("left_shoulder", "right_shoulder") / model_apart("humerus_l", "humerus_r")
+        shoulders = ratio("left_shoulder", "right_shoulder", "humerus_l", "humerus_r")
         middle = (origins["humerus_l"] + origins["humerus_r"]) / 2 - (origins["femur_l"] + origins["femur_r"]) / 2
         own = (at["left_shoulder"] + at["right_shoulder"] - at["left_hip"] - at["right_hip"]) / 2
         factors["torso"] = np.array([general, float(np.linalg.norm(own) / np.linalg.norm(middle)), shoulders])
@@ -243,14 +223,6 @@ def _markers(at: dict[str, np.ndarray], turned: dict[str, np.ndarray], bodies: C
         if f"hand_{side[0]}" in bodies:
             found[f"hand_{side[0]}__o"] = at[f"{side}_wrist"]
     return found
-
-
-def _package() -> Any:
-    try:
-        import opensim
-    except ImportError:
-        return None
-    return opensim
 
 
 def _neutral(osim: Any) -> None:
