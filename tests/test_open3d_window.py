@@ -17,7 +17,7 @@ from tests.run_helpers import run, write_people, write_run
 from tests.sensing_scenes import standing
 from toolkit.io.errors import UsageError
 from toolkit.output.rendering import open3d_ready, open3d_window
-from toolkit.output.rendering.playback import Playback
+from toolkit.output.rendering.open3d_window import Playback
 from toolkit.tracks import Track
 
 needs_vulkan = pytest.mark.skipif(

@@ -14,24 +14,18 @@ import numpy as np
 from toolkit.body.skeleton import REPORTED
 from toolkit.io.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.motion.contact import ground_of
+from toolkit.output.rendering import open3d_geometry as geometry
 from toolkit.output.rendering.film import save_png
-from toolkit.output.rendering.open3d_geometry import (
-    body_geometries,
-    cloud_geometry,
-    confidence_colors,
-    ground_geometry,
-    skeleton_geometry,
-    wireframe,
-)
 from toolkit.output.rendering.open3d_ready import obstacle_to_window
 from toolkit.output.rendering.overlay import Ground
-from toolkit.output.rendering.playback import SPEEDS, Playback
 from toolkit.output.rendering.style import INK, PAPER
 from toolkit.sensing.recording import Recording
 from toolkit.tracks import EMPTY, STATE_NAMES, RunInfo
 from toolkit.tracks.runs import Person, load_persons, person_runs
 
 logger = logging.getLogger(__name__)
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Factors of real time that a viewer offers."""
 
 
 def view_run(run: str | Path, recording: str | Path | None = None) -> None:
@@ -60,10 +54,61 @@ def view_run(run: str | Path, recording: str | Path | None = None) -> None:
         opened = None
     if (obstacle := obstacle_to_window()) is not None:
         raise UsageError(f"no window can be opened: {obstacle}; or view the run with --browser")
-    gui = _gui()
+    from open3d.visualization import gui
+
     gui.Application.instance.initialize()
     RunWindow(people, opened, title=f"depthmocap view {Path(run).name}", folder=Path(run))
     gui.Application.instance.run()
+
+
+class Playback:
+    """Timeline of a track.
+
+    Parameters
+    ----------
+    timestamps : (T,), seconds, rising, T at least 1
+
+    Attributes
+    ----------
+    frame : shown now, 0 to T - 1
+    playing : True while time advances
+    speed : factor of real time
+    """
+
+    def __init__(self, timestamps: np.ndarray) -> None:
+        self._times = np.asarray(timestamps, dtype=np.float64) - timestamps[0]
+        self.frame, self.playing, self.speed = 0, False, 1.0
+        self._time = 0.0
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    @property
+    def seconds(self) -> float:
+        """Seconds of the frame shown, since the first frame."""
+        return float(self._times[self.frame])
+
+    def show(self, frame: int) -> None:
+        """Show a frame; one beyond either end is the first or the last."""
+        self.frame = min(max(frame, 0), len(self) - 1)
+        self._time = self.seconds
+
+    def toggle(self) -> None:
+        """Play, or pause; at the end play from the first frame."""
+        self.playing = not self.playing
+        if self.playing and self.frame == len(self) - 1:
+            self.show(0)
+
+    def advance(self, elapsed: float) -> bool:
+        """Let `elapsed` seconds of real time pass; returns True if another frame is shown. It stops at the last one."""
+        if not self.playing:
+            return False
+        before = self.frame
+        self._time += self.speed * elapsed
+        self.frame = int(np.searchsorted(self._times, self._time, side="right")) - 1
+        if self.frame >= len(self) - 1:
+            self.playing = False
+        return self.frame != before
 
 
 class RunWindow:
@@ -80,16 +125,14 @@ class RunWindow:
     """
 
     def __init__(self, people: Sequence[Person], recording: Recording | None, *, title: str, folder: Path) -> None:
-        from open3d.visualization import rendering
-
-        gui = _gui()
+        from open3d.visualization import gui, rendering
 
         if recording is not None and len(recording) != len(people[0].track):
             raise TrackError(
                 f"the track has {len(people[0].track)} frames and the recording {recording.name} has {len(recording)}; "
                 "name the recording that was tracked"
             )
-        self._people, self._recording, self._folder = tuple(people), recording, folder
+        self._people, self._recording, self._folder, self._gui = tuple(people), recording, folder, gui
         self.playback = Playback(people[0].track.timestamps)
         size = (1280, 800)  # width and height, pixels
         self.window = gui.Application.instance.create_window(title, *size)
@@ -108,7 +151,7 @@ class RunWindow:
         self.scene.set_on_key(self._key)
         height, _ = ground_of(people)
         if np.isfinite(height):
-            ground = ground_geometry(Ground(people).pieces, people[0].R_level_camera)
+            ground = geometry.ground_geometry(Ground(people).pieces, people[0].R_level_camera)
             self.scene.scene.add_geometry("floor", ground, self._materials["floor"])
         self._place_view()
         self._clock = time.monotonic()
@@ -123,11 +166,14 @@ class RunWindow:
         # Number of measured points that are shown: with more, they cover the skeletons within the bodies.
         most_points = 20_000
         if self._recording is not None and self._layers["measured cloud"].checked:
-            cloud = cloud_geometry(self._recording.depth(frame), self._recording.camera, self._recording.color(frame))
+            cloud = geometry.cloud_geometry(
+                self._recording.depth(frame), self._recording.camera, self._recording.color(frame)
+            )
             if len(cloud.points):
                 every = -(-len(cloud.points) // most_points)
                 scene.add_geometry("cloud", cloud.uniform_down_sample(every), self._materials["cloud"])
-        bodies = body_geometries(self._people, frame)
+        scene.show_geometry("floor", self._layers["floor"].checked)
+        bodies = geometry.body_geometries(self._people, frame)
         for label in self._labels:
             self.scene.remove_3d_label(label)
         self._labels = []
@@ -158,60 +204,58 @@ class RunWindow:
     def _draw_person(self, k: int, person: Person, body: Any, frame: int) -> None:
         import open3d as o3d
 
-        gui, scene, track = _gui(), self.scene.scene, person.track
+        scene, track = self.scene.scene, person.track
         if self._layers["fitted bodies"].checked:
-            scene.add_geometry(f"body{k}", wireframe(body), self._materials["body"])
+            scene.add_geometry(f"body{k}", geometry.wireframe(body), self._materials["body"])
         if self._layers["skeletons"].checked:
-            scene.add_geometry(f"bones{k}", skeleton_geometry(person, frame), self._materials["bones"])
+            scene.add_geometry(f"bones{k}", geometry.skeleton_geometry(person, frame), self._materials["bones"])
             joints = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(track.joints[frame].astype(np.float64)))
-            joints.colors = o3d.utility.Vector3dVector(confidence_colors(track.confidence[frame]))
+            joints.colors = o3d.utility.Vector3dVector(geometry.confidence_colors(track.confidence[frame]))
             scene.add_geometry(f"joints{k}", joints, self._materials["joints"])
         if self._layers["joint names"].checked:
             for name, place in zip(REPORTED, track.joints[frame], strict=True):
                 label = self.scene.add_3d_label(place, name.replace("_", " "))
-                label.color = gui.Color(*(np.array(INK) / 255.0))
+                label.color = self._gui.Color(*(np.array(INK) / 255.0))
                 self._labels.append(label)
 
     def _make_panel(self) -> Any:
-        gui = _gui()
+        gui = self._gui
         em = self.window.theme.font_size
         panel = gui.Vert(0.4 * em, gui.Margins(0.6 * em, 0.6 * em, 0.6 * em, 0.6 * em))
         self._state = gui.Label("")
         self._slider = gui.Slider(gui.Slider.INT)
         self._slider.set_limits(0, max(len(self.playback) - 1, 1))
         self._slider.set_on_value_changed(lambda value: self._show(int(value)))
-        self._play = gui.Button("play")
-        self._play.set_on_clicked(self.toggle)
-        previous, following, picture = gui.Button("previous"), gui.Button("next"), gui.Button("screenshot")
-        previous.set_on_clicked(lambda: self._show(self.playback.frame - 1))
-        following.set_on_clicked(lambda: self._show(self.playback.frame + 1))
-        picture.set_on_clicked(
-            lambda: self.screenshot(self._screenshot_path(), lambda path: setattr(self._note, "text", str(path)))
-        )
+
+        def button(text: str, action: Callable[[], None]) -> Any:
+            made = gui.Button(text)
+            made.set_on_clicked(action)
+            return made
+
+        def box(text: str, checked: bool, action: Callable[[bool], None]) -> Any:
+            made = gui.Checkbox(text)
+            made.checked = checked
+            made.set_on_checked(action)
+            return made
+
         speed = gui.Combobox()
         for factor in SPEEDS:
             speed.add_item(f"{factor:g} x speed")
         speed.selected_index = SPEEDS.index(self.playback.speed)
         speed.set_on_selection_changed(lambda _, index: setattr(self.playback, "speed", SPEEDS[index]))
+        self._play = button("play", self.toggle)
         buttons = gui.Horiz(0.4 * em)
-        for button in (previous, self._play, following):
-            buttons.add_child(button)
-        self._layers = {}
-        for name in ("measured cloud", "fitted bodies", "skeletons", "floor", "joint names"):
-            box = self._layers[name] = gui.Checkbox(name)
-            box.checked = name != "joint names"
-            box.set_on_checked(lambda _, name=name: self._switch(name))
-        self._shown = []
-        for person in self._people:
-            box = gui.Checkbox(person.name)
-            box.checked = True
-            box.set_on_checked(lambda _: self.draw())
-            self._shown.append(box)
+        buttons.add_child(button("previous", lambda: self._show(self.playback.frame - 1)))
+        buttons.add_child(self._play)
+        buttons.add_child(button("next", lambda: self._show(self.playback.frame + 1)))
+        layers = ("measured cloud", "fitted bodies", "skeletons", "floor", "joint names")
+        self._layers = {name: box(name, name != "joint names", lambda _: self.draw()) for name in layers}
+        self._shown = [box(person.name, True, lambda _: self.draw()) for person in self._people]
         self._note = gui.Label("confidence: red 0, yellow 0.5, green 1")
-        for child in (self._state, self._slider, buttons, speed, *self._layers.values(), *self._shown):
+        picture = button("screenshot", self._save_picture)
+        boxes = (*self._layers.values(), *self._shown)
+        for child in (self._state, self._slider, buttons, speed, *boxes, picture, self._note):
             panel.add_child(child)
-        panel.add_child(picture)
-        panel.add_child(self._note)
         return panel
 
     def toggle(self) -> None:
@@ -224,13 +268,10 @@ class RunWindow:
         self.playback.show(frame)
         self.draw()
 
-    def _switch(self, layer: str) -> None:
-        if layer == "floor":
-            self.scene.scene.show_geometry("floor", self._layers["floor"].checked)
-        self.draw()
-
-    def _screenshot_path(self) -> Path:
-        return self._folder / f"view_{datetime.now():%Y%m%d_%H%M%S}_frame_{self.playback.frame:05d}.png"
+    def _save_picture(self) -> None:
+        """Write a picture named by time and frame into the folder of the run."""
+        name = f"view_{datetime.now():%Y%m%d_%H%M%S}_frame_{self.playback.frame:05d}.png"
+        self.screenshot(self._folder / name, lambda path: setattr(self._note, "text", str(path)))
 
     def _tick(self) -> bool:
         now = time.monotonic()
@@ -244,24 +285,23 @@ class RunWindow:
         return changed
 
     def _key(self, event: Any) -> Any:
-        gui = _gui()
-        result = gui.Widget.EventCallbackResult
-        steps = {gui.KeyName.LEFT: -1, gui.KeyName.RIGHT: 1}
-        if event.type != gui.KeyEvent.DOWN or (event.key != gui.KeyName.SPACE and event.key not in steps):
-            return result.IGNORED
-        if event.key == gui.KeyName.SPACE:
-            self.toggle()
-        else:
-            self._show(self.playback.frame + steps[event.key])
-        return result.HANDLED
+        gui = self._gui
+        actions = {
+            gui.KeyName.LEFT: lambda: self._show(self.playback.frame - 1),
+            gui.KeyName.RIGHT: lambda: self._show(self.playback.frame + 1),
+            gui.KeyName.SPACE: self.toggle,
+        }
+        if event.type != gui.KeyEvent.DOWN or event.key not in actions:
+            return gui.Widget.EventCallbackResult.IGNORED
+        actions[event.key]()
+        return gui.Widget.EventCallbackResult.HANDLED
 
     def _layout(self, context: Any) -> None:
-        gui = _gui()
-        area = self.window.content_rect
+        area, rect = self.window.content_rect, self._gui.Rect
         panel = 15  # width of the panel at the right, in sizes of its letters
         width = panel * context.theme.font_size
-        self.scene.frame = gui.Rect(area.x, area.y, area.width - width, area.height)
-        self._panel.frame = gui.Rect(area.x + area.width - width, area.y, width, area.height)
+        self.scene.frame = rect(area.x, area.y, area.width - width, area.height)
+        self._panel.frame = rect(area.x + area.width - width, area.y, width, area.height)
 
     def _closed(self) -> bool:
         self.playback.playing = False
@@ -290,28 +330,15 @@ class RunWindow:
         self.scene.look_at(centre, eye, up)
 
 
-def _gui() -> Any:
-    from open3d.visualization import gui
-
-    return gui
-
-
 def _materials(scaling: float) -> dict[str, Any]:
     """Return materials by layer; `scaling` is pixels of the screen per pixel of the window's size."""
     from open3d.visualization import rendering
 
-    shaders = {
-        "cloud": "defaultUnlit", "body": "unlitLine", "bones": "unlitLine", "joints": "defaultUnlit",
-        "floor": "unlitLine",
-    }  # fmt: skip
+    sizes = {"cloud": 2.0, "joints": 10.0, "bones": 5.0, "floor": 1.0, "body": 1.0}  # of points and lines, pixels
     materials = {}
-    for layer, shader in shaders.items():
+    for layer, size in sizes.items():
         material = materials[layer] = rendering.MaterialRecord()
-        material.shader = shader
-        material.sRGB_color = True
-    materials["cloud"].point_size = 2.0 * scaling
-    materials["joints"].point_size = 10.0 * scaling
-    materials["bones"].line_width = 5.0 * scaling
-    materials["floor"].line_width = 1.0 * scaling
-    materials["body"].line_width = 1.0 * scaling
+        points = layer in ("cloud", "joints")
+        material.shader, material.sRGB_color = "defaultUnlit" if points else "unlitLine", True
+        setattr(material, "point_size" if points else "line_width", size * scaling)
     return materials
