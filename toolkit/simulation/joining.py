@@ -24,19 +24,14 @@ def joined(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, list[int]]:
     starts : first frame of each part
     """
     pieces, starts, frames = [parts[0]], [0], len(parts[0])
+    floor = np.array([1.0, 0.0, 1.0])
     for part in parts[1:]:
         last = pieces[-1][-1]
-        part = _continuing(last, part)
+        part = turned(part, facing_of(last) - facing_of(part[0]), part[0, :3] * floor, last[:3] * floor)
         pieces += [_eased(last, part[0]), part]
         starts.append(frames + JOIN)
         frames += JOIN + len(part)
     return np.concatenate(pieces), starts
-
-
-def _continuing(last: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Return a part (T, P) rotated about the vertical and moved so that it starts at `last` (P,)."""
-    floor = np.array([1.0, 0.0, 1.0])
-    return turned(part, facing_of(last) - facing_of(part[0]), part[0, :3] * floor, last[:3] * floor)
 
 
 def _eased(before: np.ndarray, after: np.ndarray) -> np.ndarray:

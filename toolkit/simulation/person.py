@@ -136,16 +136,12 @@ def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Ge
         poses = seated(poses, naked, rng)
     else:
         poses = poses - np.eye(skeleton.POSE_SIZE)[1] * floor_of(naked, poses)
-    placed = _placed(poses, person.at, float(np.deg2rad(person.yaw)))
+    turn = float(np.deg2rad(person.yaw)) - facing_of(poses[0])
+    placed = turned(poses, turn, mean_place(poses), np.array([person.at[0], 0.0, person.at[1]]))
     body = naked if person.dress is None else person.dress(naked)
     hanging = len(body.vertices) - len(naked.vertices)
     held = (person.held[0] * frame_rate, person.held[1] * frame_rate)
     return PosedSubject(body, placed, round(person.enters * frame_rate), hanging, person.holds, held)
-
-
-def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:
-    """Return the poses rotated about the vertical to a first facing of `yaw`, with their mean position at `at`."""
-    return turned(poses, yaw - facing_of(poses[0]), mean_place(poses), np.array([at[0], 0.0, at[1]]))
 
 
 def mean_place(poses: np.ndarray) -> np.ndarray:

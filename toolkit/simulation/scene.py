@@ -38,13 +38,9 @@ class PlacedCamera:
         """Vertical in the camera frame, float64 (3,)."""
         return self.R_level_camera.T @ np.array([0.0, 1.0, 0.0])
 
-    def to_level(self, points: np.ndarray) -> np.ndarray:
-        """Return points (..., 3) of the floor plan in the level frame."""
-        return points - self.position
-
     def to_camera(self, points: np.ndarray) -> np.ndarray:
         """Return points (..., 3) of the floor plan in the camera frame."""
-        return self.to_level(points) @ self.R_level_camera
+        return (points - self.position) @ self.R_level_camera
 
 
 def place_camera(*, distance: float, height: float, tilt: float) -> PlacedCamera:

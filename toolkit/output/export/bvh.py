@@ -46,6 +46,8 @@ def export_bvh(
     OutputError
         The file cannot be written.
     """
+    from scipy.spatial.transform import Rotation
+
     poses = skeleton.check_pose(np.atleast_2d(poses))
     if len(poses) == 0 or not frame_rate > 0:
         raise UsageError(f"cannot export {len(poses)} poses at {frame_rate} frames a second; both must be positive")
@@ -55,9 +57,10 @@ def export_bvh(
     lines, order = ["HIERARCHY"], list[int]()
     _write_joint(tree, 0, 0, lines, order, scale)
     lines += ["MOTION", f"Frames: {len(poses)}", f"Frame Time: {1.0 / frame_rate:.9f}"]
-    positions = poses[:, skeleton.ROOT_POSITION] * scale
+    turns = Rotation.from_rotvec(tree.vectors(poses)[:, order].reshape(-1, 3)).as_euler(EULER_ORDER, degrees=True)
     rows = io.StringIO()
-    np.savetxt(rows, np.concatenate([positions, _euler_degrees(tree.vectors(poses)[:, order])], axis=1), fmt="%.5f")
+    values = [poses[:, skeleton.ROOT_POSITION] * scale, turns.reshape(len(poses), -1)]
+    np.savetxt(rows, np.concatenate(values, axis=1), fmt="%.5f")
     save_text(path, "\n".join(lines) + "\n" + rows.getvalue())
 
 
@@ -85,11 +88,3 @@ def _write_joint(tree: JointTree, joint: int, depth: int, lines: list[str], orde
 
 def _units(vector: np.ndarray, scale: float) -> str:
     return " ".join(f"{value * scale:.6f}" for value in vector)
-
-
-def _euler_degrees(vectors: np.ndarray) -> np.ndarray:
-    """Return Euler angles (T, 3 N), degrees, of rotation vectors (T, N, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    angles = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_euler(EULER_ORDER, degrees=True)
-    return angles.reshape(len(vectors), -1)

@@ -99,18 +99,13 @@ def _matched(sightings: Sequence[Sighting], people: Sequence[Person], frame: int
 
 def _distance(sighting: Sighting, person: Person, frame: int) -> float:
     """Return the median distance of a sighting's points to the nearest joint of a person, metres."""
-    points = camera_points(sighting.depth, sighting.camera)
+    v, u = np.nonzero(sighting.depth)
+    z = sighting.depth[v, u].astype(np.float64)
+    points = np.column_stack([sighting.camera.rays()[v, u] * z[:, None], z])
     samples = 300  # number of points of a sighting that are compared with the joints
     points = points[:: max(1, len(points) // samples)]
     joints = person.track.joints[frame].astype(np.float64)
     return float(np.median(np.linalg.norm(points[:, None] - joints[None], axis=2).min(axis=1)))
-
-
-def camera_points(depth: np.ndarray, camera: Camera) -> np.ndarray:
-    """Return the points (N, 3) of the measured pixels of a depth image (H, W) in metres, row by row, camera frame."""
-    v, u = np.nonzero(depth)
-    z = depth[v, u].astype(np.float64)
-    return np.column_stack([camera.rays()[v, u] * z[:, None], z])
 
 
 def write_body_index(folder: Path, images: Iterable[np.ndarray]) -> None:

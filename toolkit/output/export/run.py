@@ -92,17 +92,15 @@ class Format(NamedTuple):
     suffix : suffix of its files
     write : called with the file and the exported people
     together : True if a file holds several people
-    rigged : True if a rig names its joints
-    origin : default origin; a format with a single origin refuses the other
-    origins : supported origins
+    options : options of `export_run` that only some formats have: "rig", "model", "unit"
+    origins : supported origins, the default first
     blank : True if it can express that no person is present, so that an empty track is a file
     """
 
     suffix: str
     write: Writer
     together: bool = False
-    rigged: bool = False
-    origin: str = FLOOR
+    options: tuple[str, ...] = ()
     origins: tuple[str, ...] = (FLOOR, CAMERA)
     blank: bool = True
 
@@ -153,21 +151,23 @@ FORMATS: dict[str, Format] = {
         ".glb",
         lambda path, job: export_glb(path, job.people, rig=job.rig, notes=notes_of(job.axes, job.people)),
         together=True,
-        rigged=True,
+        options=("rig",),
     ),
-    "bvh": Format(".bvh", _bvh, rigged=True, blank=False),
+    "bvh": Format(".bvh", _bvh, options=("rig", "unit"), blank=False),
     "c3d": Format(".c3d", lambda path, job: export_c3d(path, job.people), together=True),
     "trc": Format(".trc", lambda path, job: export_trc(path, job.person)),
     "csv": Format(".csv", lambda path, job: export_csv(path, job.person, level=bool(job.axes))),
-    "json": Format(".json", lambda path, job: export_json(path, job.people, job.axes), together=True, origin=CAMERA),
-    "k4abt": Format(
-        ".json", lambda path, job: export_k4abt(path, job.people), together=True, origin=CAMERA, origins=(CAMERA,)
+    "json": Format(
+        ".json", lambda path, job: export_json(path, job.people, job.axes), together=True, origins=(CAMERA, FLOOR)
     ),
+    "k4abt": Format(".json", lambda path, job: export_k4abt(path, job.people), together=True, origins=(CAMERA,)),
     "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
     "mot": Format(".mot", lambda path, job: export_mot(path, job.person), blank=False),
     "gait": Format(".json", _gait, together=True, origins=(FLOOR,)),
-    "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
-    "opensim": Format("", lambda path, job: export_opensim(path, job.person, job.model), blank=False),
+    "body-index": Format("", _body_index, together=True, origins=(CAMERA,)),
+    "opensim": Format(
+        "", lambda path, job: export_opensim(path, job.person, job.model), options=("model",), blank=False
+    ),
     "amass": Format(".npz", lambda path, job: export_amass(path, job.person), blank=False),
 }
 """Formats by name; of several with one suffix the first is the default."""
@@ -226,16 +226,13 @@ def export_run(
         check_output(target, [folder / PEOPLE_FILE, *sources])
         people = load_persons(folder)
     name, format_ = _chosen(target, format)
-    if rig is not None and not format_.rigged:
-        named = ", ".join(known.suffix for known in FORMATS.values() if known.rigged)
-        raise UsageError(f"--rig {rig} is for {named}; {name} uses the names of the reported joints")
+    for option, value in (("rig", rig), ("model", model), ("unit", unit)):
+        if value is not None and option not in format_.options:
+            takers = [known.suffix or f"--format {key}" for key, known in FORMATS.items() if option in known.options]
+            raise UsageError(f"--{option} {value} is for {', '.join(takers)}; leave it out for {name}")
     if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
-    if model is not None and name != "opensim":
-        raise UsageError(f"--model {model} is for --format opensim; {name} has no model")
-    if unit is not None and name != "bvh":
-        raise UsageError(f"--unit {unit} is for .bvh; {name} is in metres or in the unit of its format")
-    place = origin or format_.origin
+    place = origin or format_.origins[0]
     if place == FLOOR and not as_tracked:
         people = [at_rest(person) for person in people]
     files = {target: people}

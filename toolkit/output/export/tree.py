@@ -102,20 +102,15 @@ def _rig_tree(body: Body, rig: str) -> JointTree:
     bones: dict[str, tuple[str | None, Any]] = read_yaml(known[rig], f"the rig {rig}", RigError, "")["export"]
     names = tuple(bones)
     places = [place for _, place in bones.values()]
-    joints = [skeleton.JOINT_NAMES.index(p) if p in skeleton.JOINT_NAMES else -1 for p in places]
+    turns = np.array([skeleton.JOINT_NAMES.index(p) if p in skeleton.JOINT_NAMES else -1 for p in places])
     parents = np.array([names.index(parent) if parent else -1 for parent, _ in bones.values()])
-    turns = np.array(joints)
-    return JointTree(names, parents, turns, rest_places(body, places), tips_of(body, parents, turns))
-
-
-def rest_places(body: Body, places: list[Any]) -> np.ndarray:
-    """Return the rest positions of the joints of a file's tree: float64 (J, 3), metres, body frame."""
     points = dict(zip((*skeleton.JOINT_NAMES, *SITE_NAMES), (*body.joints, *body.sites), strict=True))
     parts = [[place] if isinstance(place, str) else place for place in places]
-    return np.array([np.mean([points[part] for part in named], axis=0) for named in parts])
+    rest = np.array([np.mean([points[part] for part in named], axis=0) for named in parts])
+    return JointTree(names, parents, turns, rest, _tips(body, parents, turns))
 
 
-def tips_of(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.ndarray]:
+def _tips(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.ndarray]:
     """Return finger tips, toe tips and crown for the joints without children, by body joint."""
     carried = turns.copy()
     for i in range(len(parents)):

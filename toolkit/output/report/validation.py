@@ -14,6 +14,7 @@ from toolkit.io.files import save_csv, save_json, save_text
 from toolkit.io.html import page, picture, png_of, table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 FILES = ("validation.html", "validation.csv", "validation.json")
@@ -109,37 +110,37 @@ def _page(validation: Validation) -> str:
     return page(validation.person, parts, about=f" against {validation.reference}")
 
 
-def _axes(validation: Validation) -> tuple[Figure, list]:
+def _grid(validation: Validation, title: str) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure with axes for each angle, by its name."""
     from matplotlib.figure import Figure
 
-    count = len(validation.curves)
     columns = 2
-    rows = -(-count // columns)
+    rows = -(-len(validation.curves) // columns)
     figure = Figure(figsize=(11.0, 2.1 * rows), layout="constrained")
-    return figure, np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel().tolist()
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis in axes[len(validation.curves) :]:
+        axis.set_axis_off()
+    named = dict(zip(validation.curves, axes, strict=False))
+    for name, axis in named.items():
+        axis.set_title(f"{name.replace('_', ' ')}{title}", fontsize=9)
+    return figure, named
 
 
 def _curves(validation: Validation) -> Figure:
-    figure, axes = _axes(validation)
-    for axis, (name, (track, reference)) in zip(axes, validation.curves.items(), strict=False):
-        axis.plot(validation.times, reference, color="0.2", label="reference")
-        axis.plot(validation.times, track, color="C1", label="track")
-        axis.set_title(f"{name.replace('_', ' ')}, degrees", fontsize=9)
-    axes[0].legend(fontsize=8)
-    for axis in axes[len(validation.curves) :]:
-        axis.set_axis_off()
+    figure, axes = _grid(validation, ", degrees")
+    for name, (track, reference) in validation.curves.items():
+        axes[name].plot(validation.times, reference, color="0.2", label="reference")
+        axes[name].plot(validation.times, track, color="C1", label="track")
+    next(iter(axes.values())).legend(fontsize=8)
     return figure
 
 
 def _bland_altman(validation: Validation) -> Figure:
-    figure, axes = _axes(validation)
-    for axis, (name, (track, reference)) in zip(axes, validation.curves.items(), strict=False):
+    figure, axes = _grid(validation, ": difference against mean, degrees")
+    for name, (track, reference) in validation.curves.items():
         difference = track - reference
-        axis.plot((track + reference) / 2, difference, ".", ms=2, color="C0")
+        axes[name].plot((track + reference) / 2, difference, ".", ms=2, color="C0")
         bias, spread = np.nanmean(difference), LIMITS * np.nanstd(difference, ddof=1)
         for level, style in ((bias, "-"), (bias - spread, "--"), (bias + spread, "--")):
-            axis.axhline(level, color="0.3", ls=style, lw=0.8)
-        axis.set_title(f"{name.replace('_', ' ')}: difference against mean, degrees", fontsize=9)
-    for axis in axes[len(validation.curves) :]:
-        axis.set_axis_off()
+            axes[name].axhline(level, color="0.3", ls=style, lw=0.8)
     return figure
