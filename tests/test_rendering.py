@@ -144,8 +144,7 @@ def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
     image = np.zeros((*KINECT.shape, 3), np.uint8)
     mesh = Mesh(body.vertex_positions(pose) @ LEVEL, body.faces, mesh_colors([body])[0])
     draw(image, [mesh], KINECT, LIGHTS, KEY_LIGHT)
-    _, inverse, _ = visible(mesh, KINECT)
-    expected = render_depth(body, pose, KINECT, LEVEL)
+    inverse, expected = visible(mesh, KINECT)[1], render_depth(body, pose, KINECT, LEVEL)
     drawn, hit = inverse > 0, expected > 0
     assert (drawn & hit).sum() / (drawn | hit).sum() > 0.99
     assert np.quantile(np.abs(1 / inverse[drawn & hit] - expected[drawn & hit]), 0.999) < 0.002
