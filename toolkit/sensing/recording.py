@@ -122,9 +122,7 @@ class Recording:
         self.reference_joints = check_joints(self.reference_joints, count, "reference_joints", self.path)
         self._kept = np.flatnonzero(np.diff(self.timestamps, prepend=-np.inf) > 0)
         self.timestamps = self.timestamps[self._kept]
-        for name in ("joints", "reference_joints"):
-            if getattr(self, name) is not None:
-                setattr(self, name, getattr(self, name)[..., self._kept, :, :])
+        self._change(lambda joints: joints[..., self._kept, :, :], "joints", "reference_joints")
         if self.background is not None:
             self.background = self.converter.convert(
                 np.asarray(self.background), self.camera, "background", check=False
@@ -132,25 +130,21 @@ class Recording:
         self.raw_camera = self.camera
         if self.converter.mirrored:
             self.camera = self.camera.mirrored()
-            for joints in (self.joints, self.reference_joints):
-                if joints is not None:
-                    joints[..., 0] *= -1.0
-            if self.stored_up is not None:
-                self.stored_up = np.asarray(self.stored_up) * (-1.0, 1.0, 1.0)
+            mirror = np.array([-1, 1, 1], dtype=np.float32)
+            self._change(lambda vectors: vectors * mirror, "joints", "reference_joints", "stored_up")
         self._turns = int(self.options.get("rotate", 0)) // 90
         if self._turns:
-            self._turn()
+            self.camera = self.camera.rotated(self._turns)
+            self._change(lambda v: rotated_points(v, self._turns), "joints", "reference_joints", "stored_up")
+            if self.background is not None:
+                self.background = self._upright(self.background)
         if self.image_joints is not None:
             self.give_joints_2d(self.image_joints)
 
-    def _turn(self) -> None:
-        self.camera = self.camera.rotated(self._turns)
-        for name in ("joints", "reference_joints", "stored_up"):
-            value = getattr(self, name)
-            if value is not None:
-                setattr(self, name, rotated_points(value, self._turns))
-        if self.background is not None:
-            self.background = self._upright(self.background)
+    def _change(self, function: Callable[[np.ndarray], np.ndarray], *names: str) -> None:
+        for name in names:
+            if (value := getattr(self, name)) is not None:
+                setattr(self, name, function(value))
 
     def _upright(self, image: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(np.rot90(image, -self._turns)) if self._turns else image
