@@ -1,5 +1,6 @@
 """Simulated training images of both networks, and export in whole numbers."""
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -136,3 +137,12 @@ def test_the_heads_to_learn_peak_at_projected_heads_and_an_occluded_one_is_not_l
     assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == expected
     assert 0 < peaks[17, 21] < 1 and peaks[17, 40] < 1e-6
     assert np.argwhere(visible).tolist() == [[17, 20]]
+
+
+@pytest.mark.parametrize("path", sorted(Path("training").rglob("*.py")), ids=str)
+def test_every_script_of_training_finds_what_it_imports(path: Path) -> None:
+    try:
+        import_module(".".join(path.with_suffix("").parts))
+    except ModuleNotFoundError as error:
+        if error.name not in ("torch", "onnx"):
+            raise

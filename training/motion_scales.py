@@ -17,10 +17,14 @@ from benchmarks._keyframe_corpus import halves, load_examples, load_filler
 from toolkit.retrieval.features.grades import SCALES, grade
 from toolkit.retrieval.features.motion import SIDES
 from toolkit.retrieval.features.places import places_of, spread
-from toolkit.retrieval.features.relational import MIRROR, native_features
+from toolkit.retrieval.features.relational import FEATURES, native_features
 
 LEFT_OUT = "dg"
 """Actor of the reported examples."""
+MEANINGS = [feature.meaning.split() for feature in FEATURES]
+PARTNER = {"left": "right", "right": "left"}
+MIRROR = [MEANINGS.index([PARTNER.get(word, word) for word in meaning]) for meaning in MEANINGS]
+"""Row of each feature's mirror image."""
 
 
 def main() -> None:
